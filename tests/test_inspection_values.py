@@ -4,6 +4,7 @@ values, and what it says of the columns that it leaves out.
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from insgnss.formats import read_gnss, read_imu
 from insgnss.formats.gnss.rounding import floor_of_zeros, is_held
@@ -213,3 +214,34 @@ def test_deviations_printed_as_zero_are_half_of_the_last_digit(tmp_path):
     np.testing.assert_allclose(np.sqrt(fixes.cov_ned[:, 0, 0]), [0.01, 0.005, 0.02, 0.01])
     (note,) = fixes.notes
     assert "sd_n 0 in 1 of 4 fixes taken as 0.005" in note.found
+
+
+# matrices
+
+
+@pytest.mark.parametrize("clock", ["apart", "inside", "none"])
+@pytest.mark.parametrize("upright", [True, False])
+def test_gyros_and_accelerometers_in_two_matrices(tmp_path, clock, upright):
+    """Oracle: the samples that were written, with a vector of stamps, stamps in both matrices, or
+    none; 3 x N as well as N x 3.
+    """
+    time, gyro, force = samples(3000)
+    sensors = {"gyro": gyro, "acc": force}
+    if clock == "inside":
+        sensors = {name: np.column_stack([time, triad]) for name, triad in sensors.items()}
+    if not upright:
+        sensors = {name: triad.T for name, triad in sensors.items()}
+    stamps = {"time": time} if clock == "apart" else {}
+    np.savez(tmp_path / "a.npz", **sensors, **stamps)
+    savemat(tmp_path / "b.mat", sensors | stamps)
+    for name in ("a.npz", "b.mat"):
+        if clock == "none" and name == "b.mat":
+            continue  # MATLAB files hold anything: six columns without a clock are no samples
+        source = found(tmp_path / name)["imu"]
+        rate = source.keys.get("rate_hz")
+        assert (rate is None) == (clock != "none")
+        read = read_imu(source.path, columns=source.keys["columns"], rate_hz=rate)
+        np.testing.assert_array_equal(read.gyro, gyro)
+        np.testing.assert_array_equal(read.accel, force)
+        if rate is None:
+            np.testing.assert_array_equal(read.time, time)

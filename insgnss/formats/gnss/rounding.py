@@ -37,8 +37,8 @@ def floor_of_zeros(sigma: Array) -> float | None:
     None where there are none, where something is negative, and where a zero is no rounded number.
     """
     positive = sigma[sigma > 0.0]
-    if positive.size == 0 or sigma.min() != 0.0:
-        return None
+    if positive.size == 0 or sigma.min() != 0.0 or np.ptp(positive) == 0.0:
+        return None  # one value does not show its last digit
     digit = last_digit(positive)
     return None if digit is None or positive.min() > DOWN_TO * digit else 0.5 * digit
 

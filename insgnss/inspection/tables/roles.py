@@ -13,6 +13,7 @@ which reports what it found and why; the readers never guess. By values
 Positions without names are found in `places`, the codes of a quality in `quality`.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -42,7 +43,7 @@ def imu_roles(grid: Grid) -> Roles | None:
         triad = next(
             (names_ for names_ in spellings if all(name in names for name in names_)), None
         )
-        if triad is not None:
+        if triad is not None and not _goes_on(triad, names):
             named_columns |= {c: names[name] for c, name in zip(canonical, triad, strict=True)}
     if len(named_columns) == 6:
         ticks, how = clocks(grid, 0.5), Roles.how
@@ -68,6 +69,12 @@ def imu_roles(grid: Grid) -> Roles | None:
         week_column(grid),
         how="by their values: gravity is in one triad, not in the other",
     )
+
+
+def _goes_on(triad: tuple[str, ...], names: Mapping[str, int]) -> bool:
+    """Tell whether numbered columns do not end with the third: which are x y z is then unknown."""
+    *_, last = triad
+    return last[-1].isdigit() and f"{last[:-1]}{int(last[-1]) + 1}" in names
 
 
 def has_gravity(grid: Grid, roles: Roles) -> bool:
