@@ -194,7 +194,10 @@ def _units(
         draft.add("imu", "units", units, "; ".join(why))
     sign = recognition.finding("force sign")
     if recognition.accel_sign < 0:
-        mirrored = "exchanged latitude and longitude would look the same: check their order"
+        mirrored = (
+            "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
+            " check them"
+        )
         draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
 
 

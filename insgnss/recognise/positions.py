@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..prepare.fix_path import north_east
 from ..records import Array, Check, GnssFixes
@@ -33,6 +34,9 @@ REVERSED = -0.7  # correlation of heights and vertical velocity that tells the o
 ALIKE = 0.1  # within which two misreadings explain the same
 DEG = np.pi / 180.0
 VELOCITY_UNITS = {"km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "cm/s": 1e-2, "mm/s": 1e-3}
+
+
+Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,21 +93,19 @@ def check_velocity(gnss: GnssFixes) -> Check:
     return Check(NAME, finding, expected)
 
 
-def _explaining(
-    gnss: GnssFixes, pairs: tuple[Array, Array], mean: Array, rows: Array, off: float
-) -> list[str]:
+def _explaining(gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: float) -> list[str]:
     """What to do by the misreadings that explain the difference: the best, and its equals."""
-    tried = [
+    trials = [
         (_off(m.displaced[rows, :2], m.moving[rows, :2]), m.advice)
         for m in _misreadings(gnss, pairs, mean)
     ]
-    least = min(value for value, _ in tried)
+    least = min(value for value, _ in trials)
     if least > min(EXPLAINS, BETTER * off):
         return []
-    return [advice for value, advice in tried if value < least + ALIKE]
+    return [advice for value, advice in trials if value < least + ALIKE]
 
 
-def _misreadings(gnss: GnssFixes, pairs: tuple[Array, Array], mean: Array) -> Iterator[Misreading]:
+def _misreadings(gnss: GnssFixes, pairs: Pairs, mean: Array) -> Iterator[Misreading]:
     """What files are known for, applied to the fixes."""
     exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
     radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
@@ -136,18 +138,18 @@ def _misreadings(gnss: GnssFixes, pairs: tuple[Array, Array], mean: Array) -> It
     )
 
 
-def _pairs(time: Array) -> tuple[Array, Array] | None:
+def _pairs(time: Array) -> Pairs | None:
     """First and last row of displacements over about `SPAN_S`; None with too few fixes."""
     if time.size < LEAST_ROWS:
         return None
     step = float(np.median(np.diff(time)))
     k = max(1, round(SPAN_S / max(step, 1e-3)))
-    first = np.arange(time.size - k)
+    first = np.arange(time.size - k, dtype=np.intp)
     whole = time[first + k] - time[first] < 1.5 * k * step
     return (first[whole], first[whole] + k) if whole.sum() >= LEAST_ROWS else None
 
 
-def _mean_velocity(time: Array, velocity: Array, pairs: tuple[Array, Array]) -> Array:
+def _mean_velocity(time: Array, velocity: Array, pairs: Pairs) -> Array:
     """Mean velocity (m, 3) between the rows of each pair."""
     step = np.diff(time)[:, None]
     way = np.concatenate(
@@ -157,7 +159,7 @@ def _mean_velocity(time: Array, velocity: Array, pairs: tuple[Array, Array]) -> 
     return np.asarray((way[last] - way[first]) / (time[last] - time[first])[:, None])
 
 
-def _displaced(gnss: GnssFixes, pairs: tuple[Array, Array]) -> Array:
+def _displaced(gnss: GnssFixes, pairs: Pairs) -> Array:
     """Displacement by time (m, 3), m/s, north, east, down."""
     first, last = pairs
     p = np.column_stack([north_east(gnss), -gnss.height])

@@ -135,17 +135,19 @@ def with_floors_of_zeros(
     Only zeros of standard deviations whose other values reach down to the last digit are rounded
     (`rounding`).
     """
-    floored, found = dict(cols), []
+    floored, findings = dict(cols), []
     for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA):
         if name in cols and (floor := floor_of_zeros(cols[name])) is not None:
             zero = cols[name] == 0.0
             floored[name] = np.where(zero, floor, cols[name])
-            found.append(f"{name} 0 in {int(zero.sum())} of {zero.size} fixes taken as {floor:g}")
-    if not found:
+            findings.append(
+                f"{name} 0 in {int(zero.sum())} of {zero.size} fixes taken as {floor:g}"
+            )
+    if not findings:
         return cols, ()
     expected = "positive standard deviations"
     advice = "they were printed with too few digits; half of the last one is the least they can be"
-    return floored, (note("GNSS rows", "; ".join(found), expected, advice),)
+    return floored, (note("GNSS rows", "; ".join(findings), expected, advice),)
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:

@@ -237,8 +237,10 @@ def clock_of_dates(
     if index.get("tow") not in table.dates:
         return units, ()
     advice = "give a clock of its own where they are of another time scale, or time_offset_s"
-    told = note(name, "dates for stamps were taken for UTC", "the time scale of the stamps", advice)
-    return {"time": DATES_UNIT, **units}, (told,)
+    date_note = note(
+        name, "dates for stamps were taken for UTC", "the time scale of the stamps", advice
+    )
+    return {"time": DATES_UNIT, **units}, (date_note,)
 
 
 def clock_of(cols: Mapping[str, Array]) -> Array:

@@ -38,7 +38,7 @@ def seconds_of_dates(texts: Sequence[str]) -> Array | None:
         year, month, day, hour, minute, second, sign, digits = match.groups()
         whole.append(f"{year}-{month:0>2}-{day:0>2}T{hour:0>2}:{minute:0>2}:{second:0>2}")
         if digits is not None:
-            unit = next(part for size, part in PARTS_S.items() if len(digits) <= size)
+            unit = next(factor for size, factor in PARTS_S.items() if len(digits) <= size)
             parts[i] = float(f"0.{digits}") if sign in ".," else int(digits) * unit
     try:
         stamps = np.array(whole, dtype="datetime64[s]")

@@ -230,7 +230,7 @@ def _take_dates(
     buf: NDArray[np.uint8], layout: Layout, values: Array, columns: Iterable[int]
 ) -> frozenset[int]:
     """Put seconds since 1970 into the columns of `values` that hold dates; return these columns."""
-    found = []
+    of_dates = []
     rows: list[list[str]] | None = None
     for k in columns:
         if rows is None:
@@ -239,8 +239,8 @@ def _take_dates(
             continue
         if (seconds := seconds_of_dates([row[k] for row in rows])) is not None:
             values[:, k] = seconds
-            found.append(k)
-    return frozenset(found)
+            of_dates.append(k)
+    return frozenset(of_dates)
 
 
 def _data_lines(buf: NDArray[np.uint8], layout: Layout) -> list[str]:

@@ -73,9 +73,9 @@ def gnss_by_values(grid: Grid) -> Roles | None:
     """Find positions and what else a receiver gives by the values alone; None without any."""
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set())
     for clock, unit in ticks.items():  # a latitude along which one flies evenly runs like a clock
-        place = _place(grid, clock, tick(unit))
-        if place is not None:
-            columns, units = place
+        position = _position(grid, clock, tick(unit))
+        if position is not None:
+            columns, units = position
             others = {
                 k: unit for k, unit in ticks.items() if k != clock and k not in columns.values()
             }
@@ -90,7 +90,9 @@ def gnss_by_values(grid: Grid) -> Roles | None:
     return None
 
 
-def _place(grid: Grid, clock: int, factor: float) -> tuple[dict[str, int], dict[str, str]] | None:
+def _position(
+    grid: Grid, clock: int, factor: float
+) -> tuple[dict[str, int], dict[str, str]] | None:
     """Columns of a position that moves, its velocity and sigmas, and their units.
 
     `clock` is the column of time, `factor` its factor to seconds. Of several positions that is

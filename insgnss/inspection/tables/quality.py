@@ -53,11 +53,11 @@ def _fits(size: dict[int, float]) -> bool:
 
 def quality_by_values(grid: Grid, taken: set[int], sigma: Array) -> tuple[int, str] | None:
     """Find the one column of a table without names that is a quality, and whose codes it has."""
-    found = []
+    matches = []
     for k in range(grid.values.shape[1]):
         column = grid.values[:, k]
         if k in taken or np.ptp(column) == 0.0 or (column != np.round(column)).any():
             continue
         if (codes := codes_of(column, sigma)) is not None:
-            found.append((k, codes))
-    return found[0] if len(found) == 1 else None
+            matches.append((k, codes))
+    return matches[0] if len(matches) == 1 else None

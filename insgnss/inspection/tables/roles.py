@@ -254,10 +254,10 @@ def fixes_by_values(grid: Grid) -> Roles | None:
     roles = gnss_by_values(grid)
     if roles is None or "sd_n" not in roles.columns:
         return roles
-    taken = {*roles.columns.values(), *roles.clocks, roles.week}
-    found = quality_by_values(grid, taken, grid.values[:, roles.columns["sd_n"]])
-    if found is None:
+    taken = {*roles.columns.values(), *roles.clocks, *weeks(grid)}
+    match = quality_by_values(grid, taken, grid.values[:, roles.columns["sd_n"]])
+    if match is None:
         return roles
-    k, codes = found
+    k, codes = match
     units = roles.units | ({"quality": codes} if codes == "nmea" else {})
     return replace(roles, columns=roles.columns | {"q": k}, units=units)

@@ -77,7 +77,9 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
     if fixes is not None and fixes.clocks and not solution:
         taken.append((_gnss, fixes))
     left = _left_out(table, finite, [roles for _, roles in taken])
-    sources = [replace(make(path, table, roles), columns_left_out=left) for make, roles in taken]
+    sources = [
+        replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
+    ]
     events = sources or _events(path, table)
     if (
         not events
