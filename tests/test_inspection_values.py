@@ -186,6 +186,7 @@ def test_a_hovering_copter_holds_no_fix_until_the_next(tmp_path):
     assert np.mean((np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)) > 0.5
     roles = gnss_roles(Grid(np.column_stack([t, lat, lon, h]), ("time", "lat", "lon", "alt")))
     assert roles.repeat_column is None
+    assert not is_held((lat, lon), (np.full(t.size, 500.0),))
     record = np.zeros(t.size, dtype=[(name, float) for name in ("tow", *FIX)])
     for name, column in zip(("tow", *FIX), (t, lat, lon, h), strict=True):
         record[name] = column

@@ -6,7 +6,7 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, read_imu
 from insgnss.formats.text.dates import seconds_of_dates
-from insgnss.formats.text.stamps import spread_evenly
+from insgnss.formats.text.stamps import spread_evenly, unrepeated
 
 
 def wandering(rate_hz, n=20000, drift=2e-6):
@@ -32,12 +32,37 @@ def test_rounded_stamps_are_spread_evenly(rate_hz, rounded):
     assert "rounded to 1 ms" in note.found
 
 
+def test_rows_that_share_a_rounded_stamp_are_all_kept(tmp_path):
+    """Oracle: 100 Hz in stamps of 10 ms, one row in a hundred stamped a digit late or early."""
+    rng = np.random.default_rng(4)
+    time = np.round(20.0 + 0.01 * np.arange(6000), 2)
+    stamps = time.copy()
+    stamps[50::200] += 0.01
+    stamps[150::200] -= 0.01
+    table = np.column_stack([np.round(stamps, 2), rng.normal(size=(6000, 6))])
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, table, fmt=["%.2f", *["%.6f"] * 6])
+    imu = read_imu(path)
+    np.testing.assert_allclose(imu.time, time, atol=1e-9)
+    assert "60 stamps repeat beside one that is skipped" in imu.notes[0].found
+
+
+def test_rows_that_contradict_each_other_are_no_rounded_stamps():
+    """Oracle: repeated stamps without a skipped one beside them, or far from it, stay."""
+    stamps = np.round(20.0 + 0.01 * np.arange(6000), 2)
+    for rows in (stamps, np.delete(stamps, 3000)):
+        again = np.insert(rows, 4500, rows[4500])
+        assert unrepeated(again)[0] is again
+        assert spread_evenly(again)[0] is again
+
+
 def test_stamps_of_an_uneven_sensor_and_even_ones_stay():
     """Oracle: the stamps as they are: jitter is no rounding, and steps of 10 ms need nothing."""
     rng = np.random.default_rng(3)
     uneven = np.cumsum(rng.uniform(0.017, 0.023, 5000))
-    late = wandering(100.0) + np.abs(rng.normal(0.0, 1.5e-3, 20000))
-    for stamps in (np.round(uneven, 3), np.unique(np.round(late, 3)), 0.01 * np.arange(5000)):
+    late = np.unique(np.round(wandering(100.0) + np.abs(rng.normal(0.0, 1.5e-3, 20000)), 3))
+    jittery = np.round(wandering(99.7) + 0.6e-3 * np.sin(np.arange(20000) / 9.0), 3)
+    for stamps in (np.round(uneven, 3), late, jittery, 0.01 * np.arange(5000)):
         spread, notes = spread_evenly(stamps)
         assert spread is stamps
         assert notes == ()

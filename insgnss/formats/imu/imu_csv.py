@@ -28,7 +28,7 @@ from ..text.columns import (
 )
 from ..text.headers import Kinds, kinds_like, settled_units
 from ..text.order import Lines, note, open_end, put_in_order
-from ..text.stamps import spread_evenly
+from ..text.stamps import spread_evenly, unrepeated
 from ..text.text import Source, read_table
 from ..text.units import check_units, imu_kinds, usual_unit
 
@@ -246,6 +246,7 @@ def imu_from_columns(
         time = np.arange(n) / scales.rate_hz
     else:
         time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    time, repeat_notes = unrepeated(time)
     rows, order_notes = put_in_order(
         lines,
         time,
@@ -256,7 +257,7 @@ def imu_from_columns(
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
     time, stamp_notes = spread_evenly(time)
-    notes = (*notes, *order_notes, *stamp_notes)
+    notes = (*notes, *repeat_notes, *order_notes, *stamp_notes)
     return ImuSamples(time, gyro, accel, quantity, gps_week, source, notes, scales.units)
 
 

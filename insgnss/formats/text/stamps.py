@@ -9,6 +9,9 @@ knows the instants to a few hundredths of the last digit,
 
 and where the rounding explains every stamp, these instants take the place of the stamps. Where it
 does not, because a sensor samples unevenly or a logger stamps late, they stay as they are.
+
+Stamps whose digit is the interval itself, 10 ms at 100 Hz, skip one instant and repeat the next
+where the sensor is a little late: all rows are there, and the stamp between is put where it was.
 """
 
 import numpy as np
@@ -25,6 +28,7 @@ WINDOW_S, LEAST = (
     20.0,
     40,
 )  # of a line: longer than the beat of most rates with a millisecond; fewest stamps that are spread
+PAIRED = 0.95  # of the repeated stamps: those beside a skipped one
 EVEN = 0.98  # of the steps: fewer are of a sensor that samples unevenly, or of a broken recording
 EXPLAINED = 0.6  # of the digit: what rounding and the line leave at most
 ODD = 1e-3  # share of the stamps that may lie beyond
@@ -36,14 +40,14 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Check, ...]]:
     Parameters
     ----------
     time : ndarray, shape (n,), s
-        Increasing.
+        In the order of the file.
     """
     if time.size < LEAST:
         return time, ()
     step = np.diff(time)
     usual = float(np.median(step))
     digit = _last_digit(time - np.floor(time[0]))
-    if not COARSE * usual < digit < TOO_COARSE * usual:
+    if (step <= 0.0).any() or not COARSE * usual < digit < TOO_COARSE * usual:
         return time, ()
     near = np.abs(step - usual) < 1.5 * digit
     interval = float(np.mean(step[near]))
@@ -61,6 +65,28 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Check, ...]]:
     rate = f"an even {1.0 / interval:.6g} Hz"
     finding = f"stamps rounded to {1e3 * digit:g} ms at {rate} were spread evenly"
     advice = "log more digits where the logger can; all stamps may be late by half of that digit"
+    return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
+
+
+def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
+    """Return stamps (n,), s, without repetitions beside a skipped stamp, and the note on them.
+
+    They stay as they are where more repeat than that explains.
+    """
+    step = np.diff(time)
+    repeats = np.flatnonzero(step == 0.0)
+    if time.size < LEAST or not repeats.size:
+        return time, ()
+    usual = float(np.median(step))
+    skips = np.abs(np.pad(step, 1) - 2.0 * usual) < 0.5 * usual  # at i + 1 that of step i
+    late, early = skips[repeats], skips[repeats + 2]
+    if usual <= 0.0 or np.mean(late | early) < PAIRED:
+        return time, ()
+    out = time.copy()
+    out[repeats[late]] -= usual
+    out[repeats[early & ~late] + 1] += usual
+    finding = f"{int((late | early).sum())} stamps repeat beside one that is skipped"
+    advice = "they were put there: log more digits where the logger can"
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
