@@ -724,6 +724,9 @@ def _inspected(*parts):
         (("apm_skywalker_x8", "SwissLog1.mat"), "forward right down", -0.22, 0.06),
         (("hipnuc_car",), "right forward up", -0.15, 0.15),
         (("tilt_rtk_walk",), "forward right down", 0.0, 0.03),
+        (("apm_quad106",), "forward right down", -0.19, 0.1),
+        (("hipnuc_car_2", "data20220303.mat"), "right forward up", -0.145, 0.05),
+        (("hipnuc_car_2", "data20220416.mat"), "right forward up", -0.145, 0.05),
     ],
 )
 def test_recordings_are_recognised(parts, axes, offset, width):

@@ -141,7 +141,7 @@ def _imu(
     units: dict[str, str],
 ) -> None:
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
-    draft.add("imu", "file", source.path, f"{source.what}: {rate}")
+    draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
     for key in ("variable", "rate_hz"):
         if key in source.keys:
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
@@ -194,7 +194,10 @@ def _units(
         draft.add("imu", "units", units, "; ".join(why))
     sign = recognition.finding("force sign")
     if recognition.accel_sign < 0:
-        mirrored = "exchanged latitude and longitude would look the same: check their order"
+        mirrored = (
+            "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
+            " check them"
+        )
         draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
 
 
@@ -473,9 +476,8 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
 
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
-    draft.add(
-        "gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz"
-    )
+    rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
+    draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
     for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
@@ -544,6 +546,12 @@ def _filter(draft: Draft, recognition: "Recognition | None") -> None:
     draft.add(
         "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
     )
+
+
+def left_out(source: Source) -> str:
+    """Name the columns of a source's table that nothing takes; empty where all are taken."""
+    columns = source.columns_left_out
+    return f"; columns left out: {', '.join(columns)}" if columns else ""
 
 
 def _evidence(finding: Any) -> str:

@@ -26,6 +26,7 @@ from .text import document, summary
 
 if TYPE_CHECKING:
     from ..recognise.recognition import Recognition
+    from ..recognise.turns import Forces
 
 DATA_KEYS = (
     "columns",
@@ -273,6 +274,19 @@ def _name(paths: Sequence[Path]) -> str:
     return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
 
 
+def _forces(recognition: "Recognition | None") -> "Forces | None":
+    """What the forces show of the records as recognised; None where they show no clock."""
+    from ..recognise.turns import Forces
+
+    if recognition is None or not recognition.finding("time offset").confidence:
+        return None
+    names = ("gyro unit", "gyro triad", "time offset")
+    sure = min(recognition.finding(name).confidence for name in names)
+    aligned = recognition.finding("gyro triad").value == "aligned"
+    clock = recognition.finding("time offset").confidence
+    return Forces(0.0, clock, sure if aligned else 0.0)
+
+
 def _inspection(
     name: str,
     sources: tuple[Source, ...],
@@ -315,7 +329,9 @@ def _inspection(
     if stamped is not None:
         checks += [
             *stamped.notes,
-            *check_recording(imu, parse_axes(axes.words), stamped, events, None),
+            *check_recording(
+                imu, parse_axes(axes.words), stamped, events, None, _forces(recognition)
+            ),
         ]
         checks += assumed_rate(sources[0])
     if recognition is not None:

@@ -44,6 +44,8 @@ class Source:
         Of the format's convention.
     site : tuple of float, or None
         Latitude deg, longitude deg, height m that the file gives for a stationary sensor.
+    columns_left_out : tuple of str
+        Columns of its table that no input takes, with the reason of some.
     """
 
     role: Role
@@ -57,6 +59,7 @@ class Source:
     free_height: bool = False
     axes: str = ""
     site: tuple[float, float, float] | None = None
+    columns_left_out: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:

@@ -21,6 +21,9 @@ def summary(result: "InspectionData") -> str:
     lines = [result.name]
     for source in result.sources:
         lines.append(f"  {source.role:<6}  {source.title}: {source.what}")
+        if source.columns_left_out:
+            columns = f"columns left out: {', '.join(source.columns_left_out)}"
+            lines += [f"          {line}" for line in textwrap.wrap(columns, EVIDENCE_WIDTH)]
     lines += [
         "",
         *([f"no motion to compare: {result.unrecognised}"] if result.unrecognised else []),
@@ -135,7 +138,13 @@ def document(result: "InspectionData") -> dict[str, Any]:
     return {
         "name": result.name,
         "sources": [
-            {"role": x.role, "file": str(x.path), "what": x.what, "keys": _plain(x.keys)}
+            {
+                "role": x.role,
+                "file": str(x.path),
+                "what": x.what,
+                "keys": _plain(x.keys),
+                "columns_left_out": list(x.columns_left_out),
+            }
             for x in result.sources
         ],
         "findings": finding_documents(result.findings),

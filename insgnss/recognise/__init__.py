@@ -37,6 +37,9 @@ velocity v, north + i east, follows the heading h of an axis, by regression with
 
     v = c h + wind,   |c| the speed, arg c the angle of forward against the axis               (R.9)
 
+Positions against the velocities beside them, and what misreading explains a difference, is (R.11)
+(`positions`).
+
 A confidence is the probability 1 / (1 + exp(-x)) for the logarithm x of a likelihood ratio, zero
 where x is below `verdict.TELLING` (R.10).
 """

@@ -12,7 +12,8 @@ from ..prepare.fix_path import north_east
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
-from .turns import STEP_S, check_events, check_turns, quantity_guess
+from .positions import check_velocity
+from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
 FAR_M = 50e3
@@ -42,6 +43,7 @@ NAMES = (
     "GNSS rate",
     "GNSS speed",
     "GNSS position",
+    "GNSS velocity",
     "tangent plane origin",
     "turn rate, gyro against GNSS course",
     "camera events",
@@ -85,6 +87,7 @@ def check_recording(
     gnss: GnssFixes,
     events: CameraEvents | None,
     origin: Array | None,
+    forces: Forces | None = None,
 ) -> list[Check]:
     """Make all checks that need no navigation solution.
 
@@ -97,6 +100,8 @@ def check_recording(
     events : CameraEvents or None
     origin : ndarray, shape (3,), rad, rad, m, or None
         Origin of the tangent plane.
+    forces : Forces, optional
+        What the forces show, where it is known already.
 
     Returns
     -------
@@ -104,12 +109,13 @@ def check_recording(
         In the order of `NAMES`.
     """
     dt = nominal_interval(imu.time)
-    checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
+    checks = [] if gnss.velocity_ned is None else [check_velocity(gnss)]
+    checks += [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
         checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
-        checks.append(check_turns(time, rate, force, gnss, imu, dt))
+        checks.append(check_turns(time, rate, force, gnss, imu, dt, forces))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
     if events is not None:
@@ -369,15 +375,12 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     )
     lat, lon, height = np.degrees(gnss.lat[0]), np.degrees(gnss.lon[0]), float(gnss.height[0])
     finding = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
-    if (
-        np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi
-        and np.abs(np.degrees(gnss.lon)).max() <= np.pi
-    ):
-        advice = (
-            'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or'
-            " are zeros"
-        )
-        return Check(name, finding, expected, "contradiction", advice)
+    largest = np.degrees([np.abs(gnss.lat).max(), np.abs(gnss.lon).max()])
+    if (largest <= np.pi).all():  # nothing but sea, in either order of radians read as degrees
+        advice = 'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }'
+        if largest[0] > 0.5 * np.pi:
+            advice += ", latitude and longitude exchanged,"
+        return Check(name, finding, expected, "contradiction", f"{advice} or are zeros")
     beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
     if beyond.size:
         outlying = (

@@ -509,7 +509,7 @@ def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
     advice = (
         f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
-        " longitude are exchanged"
+        " longitude are exchanged, or one of them has the wrong sign"
     )
     return Check(name, statement, expected, verdict, advice)
 

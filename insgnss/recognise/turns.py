@@ -11,6 +11,8 @@ but small 18 s earlier or later, the events are not in the time scale of the fix
 takes images everywhere does not show that, and no camera shows errors of a second.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..prepare.fix_path import north_east, sound_fixes
@@ -30,7 +32,10 @@ STRANGERS = (
     "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
     " s apart)?"
 )
-SURE, AT_ONCE_S = 0.99, 0.5
+NOSE = "its nose does not follow its course, so the turns do not show the clock"
+SURE, CLOCK_SURE, AT_ONCE_S = 0.99, 0.9, 0.5
+# s from the best lag, and times that it must leave less unexplained than any so far from it
+RIVAL_S, DISTINCT = 5.0, 1.3
 ALIKE, UNLIKE = (
     0.6,
     0.3,
@@ -114,10 +119,38 @@ def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
     return dt, 'imu.quantity = "increments"'
 
 
+@dataclass(frozen=True)
+class Forces:
+    """What the forces that the IMU felt say of the record, against the motion that GNSS saw.
+
+    Parameters
+    ----------
+    offset_s : float, s
+        To be added to the GNSS stamps.
+    sure_of_clock : float
+        Confidence of the offset; 0 where the forces do not show it.
+    sure_of_all : float
+        Of unit, sense and clock together; 0 where one of them is not as the records have it.
+    """
+
+    offset_s: float = 0.0
+    sure_of_clock: float = 0.0
+    sure_of_all: float = 0.0
+
+
 def check_turns(
-    time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float
+    time: Array,
+    rate: Array,
+    force: Array,
+    gnss: GnssFixes,
+    imu: ImuSamples,
+    dt: float,
+    forces: Forces | None = None,
 ) -> Check:
     """Check gyro unit, handedness and clock against the turns of the course.
+
+    The check never contradicts what the forces show: there it abstains. A course is not a heading,
+    and turns that repeat themselves fit at several lags.
 
     Parameters
     ----------
@@ -130,6 +163,8 @@ def check_turns(
     imu : ImuSamples
     dt : float, s
         Interval of the IMU.
+    forces : Forces, optional
+        Where it is known already; else it is found where the turns contradict the records.
 
     Returns
     -------
@@ -149,24 +184,30 @@ def check_turns(
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
     if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
         return Check(name, "no turns at speed to compare", expected, "note")
-    lag, best, here = _best_lag(gyro, course_rate, moving)
+    lag, best, here, rival = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
     finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
     verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
-    if verdict == "contradiction" and (agreed := _forces_agree(imu, gnss)):
-        return Check(
-            name,
-            f"{finding}; {agreed}",
-            expected,
-            "note",
-            "its nose does not follow its course, so the turns do not show the clock",
-        )
+    if not advice:
+        return Check(name, finding, expected, verdict, advice)
+    of_clock = advice == STRANGERS or "time_offset_s" in advice
+    forces = forces or _forces(imu, gnss)
+    agree = forces.sure_of_all >= SURE and abs(forces.offset_s) <= AT_ONCE_S
+    if agree and (verdict == "contradiction" or of_clock):
+        finding += f"; but the forces agree at {forces.offset_s:+.3f} s"
+        return Check(name, finding, expected, "note", NOSE)
+    if of_clock and forces.sure_of_clock >= CLOCK_SURE and abs(forces.offset_s - lag) > AT_ONCE_S:
+        finding += f"; but the forces show {forces.offset_s:+.3f} s"
+        return Check(name, finding, expected, "note", NOSE)
+    if "time_offset_s" in advice and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
+        finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
+        return Check(name, finding, expected, "note", "the turns repeat themselves: no clock shows")
     return Check(name, finding, expected, verdict, advice)
 
 
-def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
-    """Say that the forces show units, senses and clock to be right; empty where they do not.
+def _forces(imu: ImuSamples, gnss: GnssFixes) -> Forces:
+    """What the forces show.
 
     A multirotor's course is not its heading. What it feels when it changes its velocity shows all
     the same whether the records fit.
@@ -174,18 +215,14 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
     from .recognition import recognise_liveliest
 
     recognition = recognise_liveliest(imu, gnss)
-    clock, sure = (
-        recognition.finding("time offset"),
-        min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
-    )
+    clock = recognition.finding("time offset").confidence
+    sure = min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad"))
     right = (
         recognition.finding("gyro triad").value == "aligned"
         and abs(np.log(recognition.gyro_factor)) < 1e-6
         and recognition.accel_sign > 0
     )
-    if sure < SURE or not right or abs(recognition.time_offset_s) > AT_ONCE_S:
-        return ""
-    return f"but the forces agree at {clock.value}"
+    return Forces(recognition.time_offset_s, clock, min(sure, clock) if right else 0.0)
 
 
 def _judge_turns(
@@ -260,8 +297,10 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     return rate, moving & (np.abs(rate) < FASTEST_TURN)
 
 
-def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
-    """Lag (s, positive: gyro late), correlation there and at no lag.
+def _best_lag(
+    gyro: Array, course_rate: Array, moving: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Lag (s, positive: gyro late), correlation there, at no lag, and at best far from both.
 
     The sign is that of the correlation of largest size.
     """
@@ -275,7 +314,9 @@ def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[floa
         if use.sum() > 50 and np.std(a[use]) > 0.0:
             value[i] = np.corrcoef(a[use], b[use])[0, 1]
     best = int(np.argmax(np.abs(value)))
-    return float(lags[best] * STEP_S), float(value[best]), float(value[most])
+    far = np.abs(lags - lags[best]) * STEP_S > RIVAL_S
+    rival = float(np.abs(value[far]).max(initial=0.0))
+    return float(lags[best] * STEP_S), float(value[best]), float(value[most]), rival
 
 
 def _smooth(x: Array, width: int) -> Array:

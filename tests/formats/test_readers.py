@@ -681,7 +681,7 @@ def test_matlab_struct_and_matrix(tmp_path: Path) -> None:
     got = read_gnss(path, repeat_column="GPS_TOW", **spec)
     assert_allclose(got.time, t[[2, 4]], rtol=0, atol=1e-9)
     assert_allclose(np.degrees(got.lat), [46, 46.1])
-    with pytest.raises(InputError, match="more than half of the positions repeat"):
+    with pytest.raises(InputError, match="more than half of the rows repeat"):
         read_gnss(path, **spec)
     with pytest.raises(InputError, match=r"no flight_data.zeit; there are time, p, q"):
         read_imu(path, columns={"tow": "zeit"}, variable="flight_data")

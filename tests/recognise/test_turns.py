@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from insgnss.recognise.plausibility import check_heading
-from insgnss.recognise.turns import _forces_agree, _judge_turns, check_events
+from insgnss.recognise.turns import Forces, _forces, _judge_turns, check_events, check_turns
+from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 
@@ -62,9 +63,65 @@ def test_an_unclear_lag_at_the_edge_is_no_clock_error(flown):
 def test_forces_speak_for_a_drone_whose_nose_does_not_follow_its_course():
     """Oracle: the simulator's records fit; with fixes 4 s late, or in the mirror, they do not."""
     flown = simulate_flight("ign8", 4.0, seed=3, imu=ImuOptions(rate_hz=50.0), start_in_air=True)
-    assert _forces_agree(flown.imu, flown.gnss)
-    assert not _forces_agree(flown.imu, replace(flown.gnss, time=flown.gnss.time + 4.0))
-    assert not _forces_agree(replace(flown.imu, gyro=-flown.imu.gyro), flown.gnss)
+    found = _forces(flown.imu, flown.gnss)
+    assert found.sure_of_all > 0.99
+    assert abs(found.offset_s) < 0.05
+    late = _forces(flown.imu, replace(flown.gnss, time=flown.gnss.time + 4.0))
+    assert late.offset_s == pytest.approx(-4.0, abs=0.05)
+    assert _forces(replace(flown.imu, gyro=-flown.imu.gyro), flown.gnss).sure_of_all == 0.0
+
+
+def turning(gyro, course_rate):
+    """Records of 5 minutes whose course turns with one rate and whose gyro with another, rad/s."""
+    t = np.arange(0.0, 300.0, 0.05)
+    course = np.cumsum(course_rate(t)) * 0.05
+    north, east = 8.0 * 0.05 * np.cumsum([np.cos(course), np.sin(course)], axis=1)
+    lat = 0.8 + north[::4] / 6.36e6
+    cov = np.broadcast_to(1e-4 * np.eye(3), (lat.size, 3, 3))
+    lon = 0.1 + east[::4] / (6.38e6 * np.cos(0.8))
+    gnss = GnssFixes(t[::4], lat, lon, np.full(lat.size, 50.0), cov, None, None, None, 2200, "g")
+    rate = np.column_stack([0.0 * t, 0.0 * t, gyro(t)])
+    force = np.tile([0.0, 0.0, -9.8], (t.size, 1))
+    imu = ImuSamples(t, rate, force, "mean_rate", 2200, "i")
+    return lambda forces: check_turns(t, rate, force, gnss, imu, 0.05, forces)
+
+
+def drawn(seed, width=100):
+    """A smooth random rate of turn."""
+    noise = np.random.default_rng(seed).normal(size=8000)
+    smooth = np.convolve(noise, np.hanning(width), mode="same")
+    smooth *= 0.25 / np.std(smooth)
+    return lambda t: np.interp(t, 0.05 * np.arange(-1000, 7000), smooth)
+
+
+def test_turns_never_contradict_what_the_forces_show():
+    """Oracle: a nose that turns as the course did 20 s ago; where the forces show 0.1 s, or 0.25 s
+    and nothing else for certain, no clock is advised; where they show nothing, or the same, it is.
+    """
+    rate = drawn(8)
+    check = turning(lambda t: rate(t - 20.0), rate)
+    for forces in (Forces(0.1, 0.999, 0.999), Forces(0.25, 0.95, 0.0)):
+        found = check(forces)
+        assert found.verdict == "note"
+        assert "but the forces" in found.found
+        assert "time_offset_s" not in found.advice
+    for forces in (Forces(), Forces(20.0, 0.999, 0.999)):
+        found = check(forces)
+        assert found.verdict == "contradiction"
+        assert "add +20.0 s to gnss.time_offset_s" in found.advice
+
+
+def test_turns_that_repeat_themselves_show_no_clock():
+    """Oracle: a course that turns to and fro every 12 s, and a gyro a quarter of that later: the
+    same at 3 and at 15 s.
+    """
+
+    def rate(t):
+        return 0.2 * np.sin(2.0 * np.pi * t / 12.0)
+
+    found = turning(lambda t: rate(t - 3.0), rate)(Forces())
+    assert found.verdict == "note"
+    assert "repeat themselves" in found.advice
 
 
 def test_a_nose_across_a_single_course_tells_nothing_of_the_axes():

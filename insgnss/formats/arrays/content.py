@@ -23,6 +23,7 @@ from ...base.errors import InputError, UsageError
 Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
+FEW_ROWS, LONG = 16, 20  # rows, and columns for each: such are no samples, but channels
 _INDEXED = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
 
 
@@ -32,6 +33,17 @@ class Matrix:
 
     values: NDArray[Any]
     labels: tuple[str, ...] = ()
+
+
+def matrix_of(array: NDArray[Any]) -> Matrix | NDArray[Any]:
+    """Return a matrix with a row for each sample; one of a single row or column as a vector.
+
+    A few long rows (3 x N) are the columns of a table that was written the other way round.
+    """
+    if min(array.shape) == 1:
+        return array.reshape(-1)
+    rows, columns = array.shape
+    return Matrix(array.T if rows <= FEW_ROWS and columns >= LONG * rows else array)
 
 
 @dataclass(frozen=True)

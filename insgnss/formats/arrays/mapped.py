@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...records import GnssFixes, ImuSamples, Quantity
-from ..gnss.fixes import fixes_from_columns
+from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
 from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from ..gnss.rounding import is_held
 from ..imu.imu_csv import ALIASES as IMU_ALIASES
 from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
 from ..text.order import Lines, NumberedRows, Picked
@@ -24,7 +25,7 @@ from .content import Content, take_columns
 Array = NDArray[np.float64]
 Columns = Mapping[str, str] | Sequence[str]
 
-REPEATED_LIMIT = 0.5
+OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SIGMA, "sd_ne")
 
 
 def _taken(
@@ -123,7 +124,7 @@ def gnss_of_content(
         As in `content.take_columns`.
     repeat_column : str, optional
         Path (or canonical name) of the quantity that changes with each new fix; without it every
-        row is a fix, which is refused where more than half of them repeat the one before.
+        row is a fix, which is refused where the rows repeat each fix until the next (`rounding`).
     sigma_m, sigma_velocity : array_like, optional
         Standard deviations north, east, down, m and m/s, where no columns hold them.
     units : mapping, optional
@@ -168,12 +169,11 @@ def gnss_of_content(
                 " to what changes with each fix, or None"
             )
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
-    elif (
-        table["tow"].size > 1
-        and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0))
-        > REPEATED_LIMIT
+    elif is_held(
+        [table["lat"], table["lon"]],
+        [column for name, column in table.items() if name in OF_A_FIX],
     ):
-        finding = "more than half of the positions repeat the one before"
+        finding = "more than half of the rows repeat the fix before"
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(

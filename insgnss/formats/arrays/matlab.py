@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
-from .content import Content, Matrix
+from .content import Content, Matrix, matrix_of
 from .matfile import Damaged, read_mat
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def _plain(node: Any) -> Any:
         return {name: _plain(value) for name, value in node.items()}
     if not isinstance(node, np.ndarray) or node.ndim != 2:
         return node
-    return Matrix(node) if min(node.shape) > 1 and node.dtype != object else node.reshape(-1)
+    return matrix_of(node) if node.size and node.dtype != object else node.reshape(-1)
 
 
 def _labelled(content: dict[str, Any]) -> dict[str, Any]:
@@ -86,11 +86,8 @@ def _hdf5(path: Source) -> dict[str, Any]:
                 [plain(file[ref], depth + 1) for ref in node[()].reshape(-1)], dtype=object
             )
         values = node[()].T  # MATLAB stores columns first
-        return (
-            Matrix(values)
-            if values.ndim == 2 and min(values.shape) > 1
-            else np.asarray(values).reshape(-1)
-        )
+        whole = values.ndim == 2 and values.size
+        return matrix_of(values) if whole else np.asarray(values).reshape(-1)
 
     try:
         with h5py.File(str(path), "r") as file:

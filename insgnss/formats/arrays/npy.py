@@ -15,7 +15,7 @@ import numpy as np
 from ...base.errors import InputError
 from ..text.layout import printable
 from ..text.text import Source
-from .content import Content, Matrix
+from .content import Content, matrix_of
 
 
 def load_numpy(path: Source) -> Content:
@@ -54,4 +54,4 @@ def load_numpy(path: Source) -> Content:
 def _plain(array: Any) -> Any:
     if array.dtype.names:
         return {printable(name): np.asarray(array[name]).reshape(-1) for name in array.dtype.names}
-    return Matrix(np.asarray(array)) if array.ndim == 2 else np.asarray(array)
+    return matrix_of(np.asarray(array)) if array.ndim == 2 and array.size else np.asarray(array)

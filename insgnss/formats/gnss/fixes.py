@@ -15,7 +15,8 @@ from ...base.errors import InputError, UsageError
 from ...records import Check, GnssFixes
 from ...records.observations import UNKNOWN_MPS
 from ..text.columns import clock_of, gps_time
-from ..text.order import Lines, Picked, put_in_order
+from ..text.order import Lines, Picked, note, put_in_order
+from .rounding import floor_of_zeros
 
 Array = NDArray[np.float64]
 
@@ -105,6 +106,7 @@ def fixes_from_columns(
                 " the columns and their unit"
             )
             raise lines.error_at(row, message)
+    cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
     cov = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
@@ -121,8 +123,31 @@ def fixes_from_columns(
         quality,
         gps_week,
         source,
-        (*notes, *order_notes),
+        (*notes, *order_notes, *floor_notes),
     )
+
+
+def with_floors_of_zeros(
+    cols: Mapping[str, Array],
+) -> tuple[Mapping[str, Array], tuple[Check, ...]]:
+    """Return the columns with half of the last printed digit for rounded zeros, and the note.
+
+    Only zeros of standard deviations whose other values reach down to the last digit are rounded
+    (`rounding`).
+    """
+    floored, findings = dict(cols), []
+    for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA):
+        if name in cols and (floor := floor_of_zeros(cols[name])) is not None:
+            zero = cols[name] == 0.0
+            floored[name] = np.where(zero, floor, cols[name])
+            findings.append(
+                f"{name} 0 in {int(zero.sum())} of {zero.size} fixes taken as {floor:g}"
+            )
+    if not findings:
+        return cols, ()
+    expected = "positive standard deviations"
+    advice = "they were printed with too few digits; half of the last one is the least they can be"
+    return floored, (note("GNSS rows", "; ".join(findings), expected, advice),)
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:

@@ -15,7 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from ...base.files import atomic_write
 from ...records import Check, GnssFixes
 from ..orientation.exported import check_names
-from ..text.columns import FINE, TIME, Aliases, Columns, columns_of, fields_of, sigma_aliases
+from ..text.columns import (
+    FINE,
+    TIME,
+    Aliases,
+    Columns,
+    clock_of_dates,
+    columns_of,
+    fields_of,
+    sigma_aliases,
+)
 from ..text.headers import Kinds, settled_units
 from ..text.order import open_end
 from ..text.text import Source, format_rows, read_table
@@ -142,10 +151,11 @@ def read_gnss_text(
     units = check_units(units, UNIT_KEYS)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns, KINDS)
+    units, date_notes = clock_of_dates(table, index, units, "GNSS rows")
     fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
     scales, unit_notes = fix_scales(str(path), table.layout.header_line, fields, units)
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    notes = (*open_end("GNSS rows", table.complete), *unit_notes)
+    notes = (*open_end("GNSS rows", table.complete), *unit_notes, *date_notes)
     return fixes_from_columns(
         cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
     )

@@ -20,6 +20,7 @@ from ..text.columns import (
     Columns,
     axis_aliases,
     clock_of,
+    clock_of_dates,
     columns_of,
     fields_of,
     gps_time,
@@ -27,6 +28,7 @@ from ..text.columns import (
 )
 from ..text.headers import Kinds, kinds_like, settled_units
 from ..text.order import Lines, note, open_end, put_in_order
+from ..text.stamps import spread_evenly, unrepeated
 from ..text.text import Source, read_table
 from ..text.units import check_units, imu_kinds, usual_unit
 
@@ -139,12 +141,13 @@ def read_imu_csv(
     required = required_columns(rate_hz)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
+    units, date_notes = clock_of_dates(table, index, units, "IMU rows")
     unit_fields = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
     scales, unit_notes = scales_of(
         str(path), table.layout.header_line, unit_fields, units, quantity, rate_hz
     )
     cols = {name: table.values[:, i] for name, i in index.items()}
-    notes = (*open_end("IMU rows", table.complete), *unit_notes)
+    notes = (*open_end("IMU rows", table.complete), *unit_notes, *date_notes)
     if backward := [
         name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)
     ]:
@@ -229,6 +232,8 @@ def imu_from_columns(
 ) -> ImuSamples:
     """Make samples of columns (n,) by canonical name, each stamp once, in order.
 
+    Stamps with too few digits are spread evenly (`text.stamps`).
+
     `notes` come before those of the order.
     """
     n = cols["gx"].size
@@ -241,6 +246,7 @@ def imu_from_columns(
         time = np.arange(n) / scales.rate_hz
     else:
         time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    time, repeat_notes = unrepeated(time)
     rows, order_notes = put_in_order(
         lines,
         time,
@@ -250,9 +256,9 @@ def imu_from_columns(
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
-    return ImuSamples(
-        time, gyro, accel, quantity, gps_week, source, (*notes, *order_notes), scales.units
-    )
+    time, stamp_notes = spread_evenly(time)
+    notes = (*notes, *repeat_notes, *order_notes, *stamp_notes)
+    return ImuSamples(time, gyro, accel, quantity, gps_week, source, notes, scales.units)
 
 
 def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from ...records import Check
+from .dates import UNIT as DATES_UNIT
 from .headers import Kinds, names_of, normalised
 from .layout import Layout, shown
-from .order import Lines
+from .order import Lines, note
 from .text import Table, TextTable
 from .units import UNITS, split_unit, unit_factor
 
@@ -214,6 +216,31 @@ def check_increasing(lines: Lines, time: Array) -> None:
             " file or take out the double line"
         )
         raise lines.error_at(row, message)
+
+
+def clock_of_dates(
+    table: Table, index: Mapping[str, int], units: Mapping[str, str], name: str
+) -> tuple[Mapping[str, str], tuple[Check, ...]]:
+    """Return the units with that of the clock where the column of time holds dates, and the note.
+
+    Parameters
+    ----------
+    table : Table
+        The table.
+    index : mapping
+        Columns by canonical name.
+    units : mapping
+        The caller's units; one of the time stays.
+    name : str
+        Name of the note.
+    """
+    if index.get("tow") not in table.dates:
+        return units, ()
+    advice = "give a clock of its own where they are of another time scale, or time_offset_s"
+    date_note = note(
+        name, "dates for stamps were taken for UTC", "the time scale of the stamps", advice
+    )
+    return {"time": DATES_UNIT, **units}, (date_note,)
 
 
 def clock_of(cols: Mapping[str, Array]) -> Array:

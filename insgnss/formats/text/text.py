@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
     NUMBER,
@@ -50,6 +51,8 @@ class Table:
     bad : mapping
         For each column (from 0) with a field that is no number, the error of the first such field,
         in the order of the file.
+    dates : frozenset
+        Columns that hold dates; their values are seconds since 1970 (`dates`).
     """
 
     path: str
@@ -58,6 +61,7 @@ class Table:
     lines: NDArray[np.int64]
     complete: bool = True
     bad: Mapping[int, InputError] = field(default_factory=dict)
+    dates: frozenset[int] = frozenset()
 
     def refuse_text(self, columns: Iterable[int]) -> None:
         """Raise InputError at the first field in these columns that is no number."""
@@ -215,7 +219,43 @@ def parse(
     if not complete:
         tail = decode(bytes(buf[-8192:])).splitlines()
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
-    return Table(str(path), layout, values[:rows], lines[:rows], complete, refused)
+    values, dates = values[:rows], frozenset[int]()
+    if refused:
+        dates = _take_dates(buf, layout, values, refused)
+        refused = {k: refusal for k, refusal in refused.items() if k not in dates}
+    return Table(str(path), layout, values, lines[:rows], complete, refused, dates)
+
+
+def _take_dates(
+    buf: NDArray[np.uint8], layout: Layout, values: Array, columns: Iterable[int]
+) -> frozenset[int]:
+    """Put seconds since 1970 into the columns of `values` that hold dates; return these columns."""
+    of_dates = []
+    rows: list[list[str]] | None = None
+    for k in columns:
+        if rows is None:
+            rows = [split_fields(text, layout.delimiter) for text in _data_lines(buf, layout)]
+        if len(rows) != len(values) or not rows or not is_date(rows[0][k]):
+            continue
+        if (seconds := seconds_of_dates([row[k] for row in rows])) is not None:
+            values[:, k] = seconds
+            of_dates.append(k)
+    return frozenset(of_dates)
+
+
+def _data_lines(buf: NDArray[np.uint8], layout: Layout) -> list[str]:
+    """Lines from the layout's first data line on that are neither empty nor comments."""
+    texts = decode(bytes(buf[layout.skip_to : -1])).split("\n")
+    return [text for text in texts if text.strip() and not is_comment(text)]
+
+
+def _like_it(buf: NDArray[np.uint8], layout: Layout) -> str:
+    """Say how many data lines have another number of fields, where it is more than one."""
+    texts = _data_lines(buf, layout)
+    odd = sum(len(split_fields(text, layout.delimiter)) != layout.n_fields for text in texts)
+    if odd < 2:
+        return ""
+    return f"; {odd} of {len(texts)} lines have another number of fields than {layout.n_fields}"
 
 
 def _refusal(
@@ -252,8 +292,9 @@ def _refusal(
             f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
         )
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
+        count = _like_it(buf, layout)
         return InputError.at_line(
-            path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}; {advice}"
+            path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}{count}; {advice}"
         )
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)

@@ -15,6 +15,7 @@ from .names import CLOCK_NAMES, WEEK_NAMES, Grid, bare, spellings, squashed
 
 UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
 EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
+TWIN = 1e-3  # of a decade: how near a power of a thousand the ratio of two clocks of one device is
 FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
@@ -80,6 +81,17 @@ def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[i
         if unit is not None:
             units[k] = unit
     return _best_first(grid, units)
+
+
+def is_clock_of(grid: Grid, column: int, clock: int) -> bool:
+    """Tell whether a column runs with a clock, in the same ticks or a thousandth of them."""
+    a, b = grid.values[:, clock], grid.values[:, column]
+    span = float(a[-1] - a[0])
+    ratio = float(b[-1] - b[0]) / span if span else 0.0
+    if ratio <= 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
+        return False
+    off = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
+    return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))
 
 
 def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:

@@ -13,11 +13,18 @@ from typing import Any
 import numpy as np
 
 from ...formats import load_content
+from ...formats.arrays.content import Matrix
 from ...records import Array
 from .clocks import seconds_and_nanoseconds
-from .names import Grid
+from .names import Grid, squashed
 
 FEWEST_ROWS = 20
+SENSOR_STEMS = {
+    "gyro": {"gyro", "gyr", "gyros", "gyroscope", "w", "omega", "angrate", "angularrate", "wb"}
+    | {"angularvelocity", "gyrodata", "imugyro", "gyrorad"},
+    "accel": {"accel", "acc", "accelerometer", "acceleration", "f", "fb", "specificforce"}
+    | {"linearacceleration", "accdata", "acceldata", "imuaccel", "imuacc"},
+}  # squashed names of matrices
 DAY_FIRST, YEAR_FIRST = (
     re.compile(r"\b\d{1,2}-[A-Z][a-z]{2}-\d{4}\b"),
     re.compile(r"\b\d{4}-\d{2}-\d{2}\b"),
@@ -66,6 +73,43 @@ def _content_tables(path: Path, content: Any) -> Iterator[Table]:
         yield Table(
             Grid(np.column_stack(list(columns.values())), names), info.columns, info.name or None
         )
+    yield from _sensors_apart(content)
+
+
+def _sensors_apart(content: Any) -> Iterator[Table]:
+    """Gyros and accelerometers in a matrix each, of x y z or with a clock before them.
+
+    They are one table where they have as many rows and, if they have clocks, the same stamps.
+    """
+    triads: dict[str, tuple[str, Array]] = {}
+    for name, node in content.items():
+        sensor = next((key for key, stems in SENSOR_STEMS.items() if squashed(name) in stems), None)
+        if sensor is not None and isinstance(node, Matrix) and node.values.shape[1] in (3, 4):
+            triads.setdefault(sensor, (name, node.values.astype(np.float64)))
+    if len(triads) != len(SENSOR_STEMS):
+        return
+    (gyro, rates), (accel, forces) = triads["gyro"], triads["accel"]
+    if rates.shape != forces.shape or len(rates) < FEWEST_ROWS:
+        return
+    clock = rates.shape[1] == 4
+    if clock and not (
+        np.array_equal(rates[:, 0], forces[:, 0]) and (np.diff(rates[:, 0]) > 0).all()
+    ):
+        return
+    if not clock and any(np.size(v) == len(rates) for v in content.values() if np.ndim(v) == 1):
+        return  # a vector of stamps makes them a table already
+    first = 1 if clock else 0
+    values = np.column_stack([rates[:, :first], rates[:, first:], forces[:, first:]])
+    names = (
+        *(["time"] if clock else []),
+        *(f"{stem}{c}" for stem in ("gyro", "accel") for c in "xyz"),
+    )
+    fields = tuple(
+        f"{name}[{k + 1}]"
+        for name, from_column in ((gyro, 0), (accel, first))
+        for k in range(from_column, first + 3)
+    )
+    yield Table(Grid(values, names), fields)
 
 
 def _text_tables(path: Path) -> Iterator[Table]:

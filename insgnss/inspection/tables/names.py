@@ -183,7 +183,11 @@ GNSS_NAMES: dict[str, tuple[str, ...]] = {
     ),
     "vu": ("vu", "velu", "vup", "velup", "upvelocity", "velocityup"),
     "speed": ("spd", "speed", "gndspd", "groundspeed", "gspd", "hspeed"),
-    "q": ("q", "quality", "fixquality"),
+    "q": (
+        *("q", "quality", "fixquality", "gpsquality", "qualityindicator", "fix", "fixstatus"),
+        *("fixtype", "gpsfix", "fixmode", "solution", "solutionstatus", "rtkstatus", "posmode"),
+        *("gpsstatus", "status"),
+    ),
     "course": ("gcrs", "course", "coursedeg", "cog", "groundcourse", "gcourse", "track"),
 }
 GNSS_NAMES |= {
@@ -223,6 +227,23 @@ GNSS_NAMES |= {
     "var_n": ("positioncovariance4",),
     "var_u": ("positioncovariance8",),
 }
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Columns by canonical name, the clocks that may stamp them, units, and the reason.
+
+    A clock is a column and its unit. `left` gives, for columns of known names that are left out,
+    the name and the reason.
+    """
+
+    columns: dict[str, int]
+    clocks: dict[int, str] = field(default_factory=dict)
+    week: int | None = None
+    units: dict[str, str] = field(default_factory=dict)
+    repeat_column: int | None = None
+    how: str = "by the names of its columns"
+    left: dict[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,54 +9,30 @@ which reports what it found and why; the readers never guess. By values
     a triad      is three neighbouring columns; that of the accelerometer holds gravity, so its mean
                  is large against its scatter, the gyro's is small: the ratio |mean| / scatter tells
                  the two apart at rest and in flight
-    a position   is a latitude and a longitude beside each other that move no faster than an
-                 aircraft, the height behind them
-    a velocity   is the triad whose values are the differences of the positions (correlation and
-                 slope near one), which also tells its order: north east down, north east up or east
-                 north up
-    sigmas       are triads of small positive numbers behind position and velocity, in the order of
-                 that velocity
+
+Positions without names are found in `places`, the codes of a quality in `quality`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from ...formats import unit_factor
-from ...geodesy.earth import curvature_radii
+from ...formats.gnss.fixes import MOST_QUALITY
+from ...formats.gnss.rounding import floor_of_zeros, is_held
 from ...records import Array
-from .clocks import clocks, clocks_by_values, tick, week_column, weeks
-from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid
+from .clocks import clocks, clocks_by_values, week_column, weeks
+from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid, Roles, squashed
+from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
+from .quality import codes_of, quality_by_values
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
-TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
-MOST_QUALITY = 7  # of RTKLIB's codes
+OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
 STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
-FASTEST_MS, LARGEST_SIGMA = 150.0, 100.0
-FOLLOWS, SLOPE = (
-    0.8,
-    (0.75, 1.3),
-)  # correlation and slope of a velocity against the differences of the positions
-PLACE_BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
 APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
-
-
-@dataclass(frozen=True)
-class Roles:
-    """Columns by canonical name, the clocks that may stamp them, units, and the reason.
-
-    A clock is a column and its unit.
-    """
-
-    columns: dict[str, int]
-    clocks: dict[int, str] = field(default_factory=dict)
-    week: int | None = None
-    units: dict[str, str] = field(default_factory=dict)
-    repeat_column: int | None = None
-    how: str = "by the names of its columns"
+GRAVITY, NEAR = (9.8, 1.0, 1000.0), 0.15  # its size in usual units, and how near a median must be
 
 
 def imu_roles(grid: Grid) -> Roles | None:
@@ -67,7 +43,7 @@ def imu_roles(grid: Grid) -> Roles | None:
         triad = next(
             (names_ for names_ in spellings if all(name in names for name in names_)), None
         )
-        if triad is not None:
+        if triad is not None and not _goes_on(triad, names):
             named_columns |= {c: names[name] for c, name in zip(canonical, triad, strict=True)}
     if len(named_columns) == 6:
         ticks, how = clocks(grid, 0.5), Roles.how
@@ -93,6 +69,19 @@ def imu_roles(grid: Grid) -> Roles | None:
         week_column(grid),
         how="by their values: gravity is in one triad, not in the other",
     )
+
+
+def _goes_on(triad: tuple[str, ...], names: Mapping[str, int]) -> bool:
+    """Tell whether numbered columns do not end with the third: which are x y z is then unknown."""
+    *_, last = triad
+    return last[-1].isdigit() and f"{last[:-1]}{int(last[-1]) + 1}" in names
+
+
+def has_gravity(grid: Grid, roles: Roles) -> bool:
+    """Tell whether the force of samples has the size of gravity in a usual unit."""
+    force = grid.values[:, [roles.columns[c] for c in ACCEL]]
+    size = float(np.median(np.linalg.norm(force, axis=1)))
+    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR for g in GRAVITY)
 
 
 def triads_named(grid: Grid) -> list[str]:
@@ -144,24 +133,21 @@ def gnss_roles(grid: Grid) -> Roles | None:
     }
     if {"lat", "lon", "h"} <= columns.keys():
         return _completed(grid, columns)
-    return None if any(name is not None for name in grid.names) else gnss_by_values(grid)
+    return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
 
 
 def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    up = {"vd", "vu"} & columns.keys()
-    if {"vn", "ve"} <= columns.keys() and up:
-        unused = {"speed", "course"}
-    elif {"speed", "course"} <= columns.keys():
-        unused = {"vn", "ve", "sd_vn", "sd_ve", "sd_vd"}
-    else:
-        unused = {"vn", "ve", "vd", "vu", "speed", "course", "sd_vn", "sd_ve", "sd_vd"}
-    columns = {
-        role: k for role, k in columns.items() if role not in unused | _no_sigmas(grid, columns)
-    }
-    if "q" in columns and not np.isin(grid.values[:, columns["q"]], range(MOST_QUALITY + 1)).all():
-        del columns["q"]
-    units = {"angle": _angle_unit(grid, columns["lat"], columns["lon"])}
+    named = columns
+    left = _not_finite(grid, columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    left |= _unused_velocity(columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    left |= _no_sigmas(grid, columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    units = {"angle": angle_unit(grid, columns["lat"], columns["lon"])}
+    left |= _quality(grid, columns, units)
+    columns = {role: k for role, k in columns.items() if role not in left}
     height = grid.values[:, columns["h"]]
     if (
         units["angle"] == TENTH_MICRODEGREES
@@ -173,167 +159,105 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
         units["course"] = (
             "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
         )  # loggers name it wrongly
-    lat, lon = grid.values[:, columns["lat"]], grid.values[:, columns["lon"]]
-    held = (np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)
     ticks = clocks(grid, 30.0)
-    repeat_column = None
-    if held.size and held.mean() > 0.5:
-        changes = ~held
-        marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == changes) > 0.95]
-        repeat_column = marks[0] if marks else columns["lat"]
-        ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
-    return Roles(columns, ticks, week_column(grid), units, repeat_column)
+    repeat_column = _repeat_column(grid, columns, ticks)
+    ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
+    reasons = {named[role]: f"{role}: {why}" for role, why in left.items() if role in named}
+    return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
 
 
-def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
-    """Unit of latitude and longitude.
+def _repeat_column(grid: Grid, columns: dict[str, int], ticks: dict[int, str]) -> int | None:
+    """Column that changes with each new fix, where rows hold the last one; else None.
 
-    It is found by values that could be neither degrees nor radians, else by the header, else it is
-    radians where all values could be such.
+    It is a clock that stands still with the position where there is one, else the latitude.
     """
-    largest = (np.abs(grid.values[:, lat]).max(), np.abs(grid.values[:, lon]).max())
-    if max(largest) > LARGEST_DEGREES and largest[0] <= 90e7 and largest[1] <= 360e7:
-        return TENTH_MICRODEGREES
-    if header_unit := grid.unit_of(lat, "angle"):
-        return header_unit
-    return "rad" if largest[0] <= 0.5 * np.pi and largest[1] <= np.pi else "deg"
-
-
-def _no_sigmas(grid: Grid, columns: dict[str, int]) -> set[str]:
-    """Roles of standard deviations that are of no use.
-
-    They are not positive, or double where those of north, east and up exist.
-    """
-    bad = {
-        role
-        for role, k in columns.items()
-        if role.startswith(("sd_", "var_")) and not grid.values[:, k].min() > 0.0
-    }
-    if not columns.keys() - bad >= VELOCITY_SIGMAS:
-        bad |= VELOCITY_SIGMAS
-    for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
-        if complete <= columns.keys() - bad:
-            return {role for role in columns if role in POSITION_SIGMAS} - complete | bad
-    return bad | {role for role in columns if role in POSITION_SIGMAS}
-
-
-def gnss_by_values(grid: Grid) -> Roles | None:
-    """Find positions and what else a receiver gives by the values alone; None without any."""
-    ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set())
-    for clock, unit in ticks.items():  # a latitude along which one flies evenly runs like a clock
-        columns = _place_by_values(grid, clock, tick(unit))
-        if columns is not None:
-            others = {
-                k: unit for k, unit in ticks.items() if k != clock and k not in columns.values()
-            }
-            angle = _angle_unit(grid, columns["lat"], columns["lon"])
-            return Roles(
-                columns,
-                {clock: unit} | others,
-                week_column(grid),
-                {"angle": angle},
-                how=PLACE_BY_VALUES,
-            )
-    return None
-
-
-def _place_by_values(grid: Grid, clock: int, factor: float) -> dict[str, int] | None:
-    """Columns of a position that moves, its velocity and sigmas; None without such.
-
-    `clock` is the column of time, `factor` its factor to seconds.
-    """
-    taken, time = {clock, *weeks(grid)}, grid.values[:, clock] * factor
-    firsts = range(grid.values.shape[1] - 2)
-    for lat, lon, height in [
-        *((k, k + 1, k + 2) for k in firsts),
-        *((k + 1, k, k + 2) for k in firsts),
-    ]:
-        if taken & {lat, lon, height}:
-            continue
-        position = {"lat": lat, "lon": lon, "h": height}
-        metres = _metres(grid, position, unit_factor(_angle_unit(grid, lat, lon), "angle"))
-        if metres is not None and _travels(
-            time, metres
-        ):  # latitude first, unless that is no latitude
-            return position | _velocity_and_sigmas(grid.values, time, metres, height + 1)
-    return None
-
-
-def _metres(grid: Grid, position: dict[str, int], factor: float) -> Array | None:
-    """North, east, down (n, 3), m, of the first row; None where the columns are no position."""
-    lat, lon, h = (grid.values[:, position[name]] for name in ("lat", "lon", "h"))
-    lat, lon = lat * factor, lon * factor
-    if (
-        np.abs(lat).max() > 0.5 * np.pi
-        or np.abs(lon).max() > 2.0 * np.pi
-        or h.min() < -1000.0
-        or h.max() > 10000.0
-    ):
+    fix = {role: grid.values[:, k] for role, k in columns.items()}
+    held = (np.diff(fix["lat"]) == 0.0) & (np.diff(fix["lon"]) == 0.0)
+    if not held.size or not held.mean() > 0.5:
         return None
-    M, N = curvature_radii(lat[0])
-    return np.column_stack([(lat - lat[0]) * M, (lon - lon[0]) * N * np.cos(lat[0]), h[0] - h])
+    marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~held) > 0.95]
+    if marks and len(ticks) > 1:
+        return marks[0]
+    others = [column for role, column in fix.items() if role not in ("lat", "lon")]
+    return columns["lat"] if is_held((fix["lat"], fix["lon"]), others) else None
 
 
-def _travels(time: Array, metres: Array) -> bool:
-    """Whether the position changes, and but for a few rows never faster than an aircraft."""
-    step = np.maximum(np.diff(time), 1e-3)
-    speed = np.linalg.norm(np.diff(metres[:, :2], axis=0), axis=1) / step
-    whole = (metres == np.round(metres)).all()
-    return bool(
-        np.mean(speed < FASTEST_MS) > 0.98
-        and np.ptp(metres[:, 0]) > 0.0
-        and np.ptp(metres[:, 1]) > 0.0
-        and not whole
-    )
+def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
+    """Columns of a velocity that are of no use beside the others, with the reason."""
+    up = {"vd", "vu"} & columns.keys()
+    triad, polar, sigmas = {"vn", "ve"}, {"speed", "course"}, VELOCITY_SIGMAS
+    if triad <= columns.keys() and up:
+        unused = dict.fromkeys(polar, "vn ve and the vertical are taken")
+    elif polar <= columns.keys():
+        unused = dict.fromkeys(triad | sigmas, "speed and course are taken")
+    else:
+        unused = dict.fromkeys(
+            triad | polar | sigmas | {"vd", "vu"},
+            "no whole velocity: it needs vn ve and vd or vu, or speed and course",
+        )
+    return {role: why for role, why in unused.items() if role in columns}
 
 
-_ORDERS = {
-    ("vn", "ve", "vd"): (0, 1, 2, 1.0),
-    ("vn", "ve", "vu"): (0, 1, 2, -1.0),
-    ("ve", "vn", "vu"): (1, 0, 2, -1.0),
-}
+def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+    """Columns that a fix can do without and that are no number in some rows, with the reason."""
+    return {
+        role: f"no number in {count} of {len(grid.values)} rows"
+        for role, k in columns.items()
+        if role not in ("lat", "lon", "h")
+        and (count := int((~np.isfinite(grid.values[:, k])).sum()))
+    }
 
 
-def _velocity_and_sigmas(values: Array, time: Array, metres: Array, first: int) -> dict[str, int]:
-    """Columns of velocity and of standard deviations behind the position, as far as found."""
-    step = np.maximum(np.diff(time), 1e-3)
-    seen = np.diff(metres, axis=0) / step[:, None]
-    usable = (np.linalg.norm(seen, axis=1) < FASTEST_MS) & (step < 5.0 * np.median(step))
-    for k in range(first, values.shape[1] - 2):
-        for names, (a, b, c, sign) in _ORDERS.items():
-            stated = 0.5 * (values[1:, k : k + 3] + values[:-1, k : k + 3])[usable]
-            pairs = [(stated[:, 0], seen[usable, a]), (stated[:, 1], seen[usable, b])]
-            if not all(_follows(x, y) for x, y in pairs):
-                continue
-            vertical = seen[usable, c] * sign
-            if np.ptp(stated[:, 2]) > 0.0 and np.dot(stated[:, 2], vertical) < 0.0:
-                continue
-            velocity = dict(zip(names, range(k, k + 3), strict=True))
-            axes = [name[1:] if name != "vd" else "u" for name in names]
-            of_place, of_speed = (k + 3, k + 6) if k < first + 3 else (first, k + 3)
-            speeds = [f"v{axis if axis != 'u' else 'd'}" for axis in axes]
-            return (
-                velocity
-                | _sigmas(values, axes, "sd_", of_place)
-                | _sigmas(values, speeds, "sd_", of_speed)
-            )
-    return _sigmas(values, ("n", "e", "u"), "sd_", first)
+def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+    """Standard deviations that are of no use, with the reason.
+
+    They are not positive, or double where those of north, east and up exist. Zeros that are rounded
+    numbers are of use.
+    """
+    bad = {}
+    for role, k in columns.items():
+        column = grid.values[:, k]
+        if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
+            continue
+        if role.startswith("var_") or floor_of_zeros(column) is None:
+            bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
+    here = {role for role in columns if role in VELOCITY_SIGMAS}
+    if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
+        bad = dict.fromkeys(here, "not all three are of use") | bad
+    of_place = {role for role in columns if role in POSITION_SIGMAS}
+    for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
+        if complete <= columns.keys() - bad.keys():
+            return dict.fromkeys(of_place - complete, "others are taken") | bad
+    return dict.fromkeys(of_place, "not all three are of use") | bad
 
 
-def _sigmas(values: Array, axes: Sequence[str], head: str, first: int) -> dict[str, int]:
-    """Three columns of standard deviations from `first` on, where they can be such."""
-    if (
-        first + 3 > values.shape[1]
-        or values[:, first : first + 3].min() <= 0.0
-        or values[:, first : first + 3].max() > LARGEST_SIGMA
-    ):
+def _quality(grid: Grid, columns: dict[str, int], units: dict[str, str]) -> dict[str, str]:
+    """Set the unit of the quality where its codes are not RTKLIB's; or why it is left out."""
+    if "q" not in columns:
         return {}
-    return {f"{head}{axis}": first + i for i, axis in enumerate(axes)}
+    column, name = grid.values[:, columns["q"]], grid.names[columns["q"]] or ""
+    if not np.isin(column, range(MOST_QUALITY + 1)).all():
+        return {"q": f"no codes of a quality, up to {column.max():g}"}
+    sigma = next(
+        (grid.values[:, columns[r]] for r in ("sd_n", "sd_ne", "var_n") if r in columns), None
+    )
+    codes = None if sigma is None else codes_of(column, sigma)
+    if codes == "nmea":
+        units["quality"] = codes
+    elif codes is None and squashed(name) not in OF_QUALITY:
+        return {"q": "a quality whose codes nothing tells; RTKLIB's and NMEA's are opposites"}
+    return {}
 
 
-def _follows(stated: Array, seen: Array) -> bool:
-    """Whether two series are the same but for noise."""
-    if stated.size < 20 or np.std(stated) == 0.0 or np.std(seen) == 0.0:
-        return False
-    slope = float(np.dot(stated, seen) / np.dot(stated, stated))
-    return bool(np.corrcoef(stated, seen)[0, 1] > FOLLOWS and SLOPE[0] < slope < SLOPE[1])
+def fixes_by_values(grid: Grid) -> Roles | None:
+    """Find positions by the values, and a quality by the standard deviations beside them."""
+    roles = gnss_by_values(grid)
+    if roles is None or "sd_n" not in roles.columns:
+        return roles
+    taken = {*roles.columns.values(), *roles.clocks, *weeks(grid)}
+    match = quality_by_values(grid, taken, grid.values[:, roles.columns["sd_n"]])
+    if match is None:
+        return roles
+    k, codes = match
+    units = roles.units | ({"quality": codes} if codes == "nmea" else {})
+    return replace(roles, columns=roles.columns | {"q": k}, units=units)

@@ -20,14 +20,14 @@ from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
-from .names import Grid
+from .names import Grid, Roles
 from .roles import (
     ACCEL,
     GYRO,
     POSITION_SIGMAS,
-    Roles,
-    gnss_by_values,
+    fixes_by_values,
     gnss_roles,
+    has_gravity,
     imu_roles,
     triads_named,
 )
@@ -42,6 +42,10 @@ UNIT_REASONS = {
     "deg": "values beyond what a course in rad can be",
     "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
 }
+NMEA_CODES = (
+    "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
+    " float"
+)
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
@@ -49,32 +53,33 @@ GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
 
 def sources_of_table(path: Path, table: Table) -> list[Source]:
-    """Return IMU, fixes or exposures in one table."""
+    """Return IMU, fixes or exposures in one table, each with the columns that nothing took."""
     grid = table.grid
-    sources: list[Source] = []
     named = any(name is not None for name in grid.names)
     finite = np.isfinite(grid.values).all(axis=0)
-    if not finite.all() and not named:
-        return _events(path, table)
-    fixes = gnss_roles(grid) if len(grid.values) >= FEWEST_ROWS else None
-    samples = (
-        imu_roles(grid) if len(grid.values) >= FEWEST_ROWS and (named or fixes is None) else None
-    )
-    if (
-        named
-        and fixes is None
-        and samples is None
-        and finite.all()
-        and len(grid.values) >= FEWEST_ROWS
-    ):
-        fixes = gnss_by_values(grid)
+    long = len(grid.values) >= FEWEST_ROWS
+    fixes = gnss_roles(_whole(grid, finite)) if long else None
+    samples = imu_roles(_whole(grid, finite)) if long else None
+    if named and fixes is None and samples is None and long:
+        fixes = fixes_by_values(_whole(grid, finite))
+    if not named and fixes is not None and samples is not None:
+        moves = {"vn", "speed"} & fixes.columns.keys()
+        if has_gravity(grid, samples) and not moves:
+            fixes = None
+        else:
+            samples = None
     solution = samples is None and any(ATTITUDE.fullmatch(name) for name in grid.named)
+    taken: list[tuple[Any, Roles]] = []
     if samples is not None and (
         samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)
     ):
-        sources.append(_imu(path, table, samples))
+        taken.append((_imu, samples))
     if fixes is not None and fixes.clocks and not solution:
-        sources.append(_gnss(path, table, fixes))
+        taken.append((_gnss, fixes))
+    left = _left_out(table, finite, [roles for _, roles in taken])
+    sources = [
+        replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
+    ]
     events = sources or _events(path, table)
     if (
         not events
@@ -84,6 +89,39 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
     ):
         raise InputError.at_line(path, None, why)
     return events
+
+
+def _whole(grid: Grid, finite: Any) -> Grid:
+    """Return the table with zeros for columns without a name that are no number in some rows.
+
+    A column of zeros is taken for nothing.
+    """
+    unnamed = [name is None for name in grid.names]
+    empty = np.flatnonzero(~finite & unnamed)
+    if not empty.size:
+        return grid
+    values = grid.values.copy()
+    values[:, empty] = 0.0
+    return replace(grid, values=values)
+
+
+def _left_out(table: Table, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+    """Name the columns that no input takes, with the reason where there is a particular one."""
+    grid = table.grid
+    used: set[int | None] = set(grid.nanos.values())
+    reasons: dict[int, str] = {}
+    for roles in taken:
+        first, *others = roles.clocks or (None,)
+        used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
+        reasons |= dict.fromkeys(others, "another clock") | roles.left
+    texts = []
+    for k in range(len(grid.names)):
+        if k in used:
+            continue
+        name = table.fields[k] or f"[{k + 1}]"
+        reason = reasons.get(k) or ("" if finite[k] else "no number in some rows")
+        texts.append(f"{name} ({reason})" if reason else name)
+    return tuple(texts)
 
 
 def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
@@ -203,7 +241,11 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         why: dict[str, str] = {}
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(keys, why, table.grid, clock, unit)
+        if "quality" in roles.units:
+            _unit(keys, why, "quality", roles.units["quality"], NMEA_CODES)
         for key, value in roles.units.items():
+            if key not in UNIT_COLUMNS:
+                continue
             header_unit = table.grid.unit_of(
                 roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle"
             )
