@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import curvature_radii
-from ..prepare.fix_path import north_east
+from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
@@ -27,7 +27,10 @@ LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 FORCE = (
     8.8,
     11.0,
-)  # m/s^2, the median of a flight's specific force: gravity, and what turns and climbs add to it
+)  # m/s^2, the median of a flight's specific force: gravity, and what climbs and gusts add to it
+# what a turn adds to it, 1 / cos(bank), is taken off above: up to 70 deg of bank
+MOST_LOAD = 3.0
+SPEED_S = 2.0  # over which the speed is taken
 LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
 # of the samples: more readings beyond any sensor are no spikes, but another unit or column
 MANY = 0.01
@@ -106,7 +109,8 @@ def check_recording(
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
-        checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
+        load = _load(time, rate, gnss)
+        checks += [_force_norm(rate, force, load, imu, dt), _down_axis(force, C_b_imu)]
         checks.append(check_turns(time, rate, force, gnss, imu, dt))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
@@ -256,11 +260,37 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
     return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro @ C_b_imu.T, accel @ C_b_imu.T
 
 
-def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
+def _load(time: Array, rate: Array, gnss: GnssFixes) -> Array:
+    """The most that turns make of gravity, (k,): the root of 1 + (turn rate speed / g)^2.
+
+    In a level turn with bank phi that is 1 / cos(phi); it is more where a vehicle turns its nose
+    and not its course.
+    """
+    sound = sound_fixes(gnss)
+    if sound.sum() < 2:
+        return np.ones(time.size)
+    ahead, behind = (
+        np.column_stack(
+            [
+                np.interp(time + shift, gnss.time[sound], column)
+                for column in north_east(gnss)[sound].T
+            ]
+        )
+        for shift in (0.5 * SPEED_S, -0.5 * SPEED_S)
+    )
+    across = np.linalg.norm(rate, axis=1) * np.linalg.norm(ahead - behind, axis=1) / SPEED_S
+    load = np.sqrt(1.0 + (across / STANDARD_GRAVITY) ** 2)
+    return np.asarray(np.minimum(load, MOST_LOAD))
+
+
+def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: float) -> Check:
     name, expected = "specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2"
-    norm = float(np.median(np.linalg.norm(force, axis=1)))
+    norms = np.linalg.norm(force, axis=1)
+    norm, level = float(np.median(norms)), float(np.median(norms / load))
     finding = f"median norm {norm:.4g} m/s^2"
-    if FORCE[0] <= norm <= FORCE[1]:
+    if norm > FORCE[1]:
+        finding += f", {level:.4g} m/s^2 without what turns at that speed add"
+    if norm >= FORCE[0] and level <= FORCE[1]:
         return Check(name, finding, expected)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
         return Check(

@@ -9,7 +9,9 @@ import pytest
 
 from insgnss.recognise.plausibility import check_heading
 from insgnss.recognise.turns import _forces_agree, _judge_turns, check_events
-from insgnss.simulation.scenario import ImuOptions, simulate_flight
+from insgnss.simulation.manoeuvres import multirotor
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
+from insgnss.simulation.scenario import ImuOptions, observe, simulate_flight
 
 
 @pytest.fixture(scope="module", params=["ign8", "ign6x1"])
@@ -76,3 +78,13 @@ def test_a_nose_across_a_single_course_tells_nothing_of_the_axes():
         course = np.where(time < 200, 0.5, 0.5 + other)
         velocity = 12.0 * np.column_stack([np.cos(course), np.sin(course), np.zeros(400)])
         assert check_heading(course + 0.5 * np.pi, velocity, np.eye(3)).verdict == verdict
+
+
+@pytest.mark.parametrize("seed", [20, 25, 27])
+def test_exposures_every_few_seconds_on_short_legs_are_in_no_other_time_scale(seed):
+    """Oracle: the simulator's own events, every 5 s on legs of a quarter of a minute: 18 s away
+    they would lie four times straighter, and so they would a few seconds away.
+    """
+    flight = multirotor(3.2, "sideways", seed=seed)
+    sim = observe(flight, 22, imu=ImuOptions(50.0), gnss=GnssOptions(2.0), truth_hz=1.0)
+    assert check_events(sim.events, sim.gnss).verdict == "ok"
