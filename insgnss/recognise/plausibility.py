@@ -12,6 +12,7 @@ from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .propulsion import propulsion
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
@@ -119,12 +120,16 @@ def check_recording(
     return sorted(checks, key=lambda check: NAMES.index(check.name))
 
 
-def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
+def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     """Check the smoothed heading against the course over ground while fast.
+
+    A vehicle that leans to change its speed (`propulsion`) need not fly nose first.
 
     Parameters
     ----------
-    heading : ndarray, shape (n,), rad
+    time : ndarray, shape (n,), s
+    C_nb : ndarray, shape (n, 3, 3)
+        Body into north, east, down.
     velocity_ned : ndarray, shape (n, 3), m/s
     C_b_imu : ndarray, shape (3, 3)
         IMU axes to body, as the flight file has it.
@@ -139,7 +144,7 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     if fast.sum() < 50:
         return Check(name, f"never faster than {FAST_MS:.0f} m/s", expected)
     course = np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
-    off = heading[fast] - course
+    off = np.arctan2(C_nb[fast, 1, 0], C_nb[fast, 0, 0]) - course
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
     median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
@@ -151,6 +156,15 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
             expected,
             "note" if abs(median) > 30.0 else "ok",
         )
+    ahead = np.array([np.cos(np.radians(median)), -np.sin(np.radians(median)), 0.0])
+    if abs(median) > 60.0 and _leans(time, C_nb, velocity_ned, ahead):
+        return Check(
+            name,
+            f"{finding}; it leans to change its speed, as a multirotor, which may fly sideways or"
+            " backwards",
+            expected,
+            "note",
+        )
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
         c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]
@@ -161,6 +175,14 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
         )
         return Check(name, finding, expected, "contradiction", advice)
     return Check(name, finding, expected, "note" if abs(median) > 30.0 else "ok")
+
+
+def _leans(time: Array, C_nb: Array, velocity_ned: Array, ahead: Array) -> bool:
+    """Whether the trajectory leans to change its speed along the body's axis `ahead` (3,)."""
+    if time.size < 3:
+        return False
+    force = np.gradient(velocity_ned, time, axis=0) - [0.0, 0.0, STANDARD_GRAVITY]
+    return propulsion(time, C_nb, force, ahead).leans
 
 
 def _imu_rate(imu: ImuSamples, dt: float) -> Check:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.recognise.plausibility import check_heading
 from insgnss.recognise.turns import _forces_agree, _judge_turns, check_events
 from insgnss.simulation.manoeuvres import multirotor
@@ -77,7 +78,9 @@ def test_a_nose_across_a_single_course_tells_nothing_of_the_axes():
     for other, verdict in ((0.0, "note"), (2.5, "contradiction")):
         course = np.where(time < 200, 0.5, 0.5 + other)
         velocity = 12.0 * np.column_stack([np.cos(course), np.sin(course), np.zeros(400)])
-        assert check_heading(course + 0.5 * np.pi, velocity, np.eye(3)).verdict == verdict
+        nose = course + 0.5 * np.pi
+        C_nb = rotation_from_rpy(np.column_stack([0.0 * nose, 0.0 * nose, nose]))
+        assert check_heading(time * 1.0, C_nb, velocity, np.eye(3)).verdict == verdict
 
 
 @pytest.mark.parametrize("seed", [20, 25, 27])
