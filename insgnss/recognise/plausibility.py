@@ -17,6 +17,7 @@ from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
 FAR_M = 50e3
+NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all the time
 FAST_MS = 8.0
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 ONE_COURSE = 0.95
@@ -450,13 +451,10 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     if constant:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            f"{coordinate} must change; check gnss.columns",
-        )
+        advice = f"{coordinate} must change; check gnss.columns"
+        if np.ptp(north_east(gnss), axis=0).max() < NEAR_M:  # it stands, and has too few digits
+            return Check(name, finding, expected, "note", advice)
+        return Check(name, finding, expected, "contradiction", advice)
     return Check(name, finding, expected)
 
 

@@ -40,6 +40,8 @@ BETTER = 0.15  # by which the correlation at another time must exceed that at no
 # cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
 # and correlations about its mean tell nothing
 STEADY = 0.95
+# correlation of the course rates of every other fix with those of the rest: below, they are noise
+RELIABLE = 0.7
 RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
 LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
 LEAST_ROWS, LEAST_TURN = (
@@ -185,7 +187,18 @@ def check_turns(
             "note",
             "its nose does not follow its course, so the turns do not show the clock",
         )
+    if verdict == "contradiction" and not _reliable(gnss, grid, width):
+        return Check(
+            name, finding, expected, "note", "the fixes are too poor, or too few, to show turns"
+        )
     return Check(name, finding, expected, verdict, advice)
+
+
+def _reliable(gnss: GnssFixes, grid: Array, width: int) -> bool:
+    """Whether every other fix shows the same turns as the rest."""
+    (one, here), (other, there) = (_course_rate(gnss[first::2], grid, width) for first in (0, 1))
+    both = here & there
+    return both.sum() > 50 and float(np.corrcoef(one[both], other[both])[0, 1]) > RELIABLE
 
 
 def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:

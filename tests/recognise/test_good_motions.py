@@ -131,6 +131,17 @@ class TestNoses:
             insgnss.estimate(sim.imu, sim.gnss, mounting=sim.mounting, noise="consumer")
 
 
+def test_a_hover_in_one_rounded_place_is_no_dead_column():
+    """Oracle: within a metre a latitude of five decimals is always the same; on a kilometre's way
+    it is not.
+    """
+    sim = observe(multirotor(0.75, "hover", seed=3), 3, imu=ImuOptions(50.0), truth_hz=1.0)
+    same = replace(sim.gnss, lat=np.full_like(sim.gnss.lat, np.radians(46.57)))
+    assert "GNSS position" not in contradictions(sim.imu, same)
+    away = replace(same, lon=same.lon + np.linspace(0.0, 1e-4, same.lon.size))
+    assert "latitude must change" in contradictions(sim.imu, away)["GNSS position"]
+
+
 def heading_check(motion, C_turn):
     """The check of a true trajectory at 1 Hz whose body axes are turned."""
     time = np.arange(motion.start, motion.end)

@@ -15,6 +15,7 @@ from ...records import GnssFixes, ImuSamples, Quantity
 from ..gnss.fixes import fixes_from_columns
 from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
 from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from ..gnss.repeated import holds_fixes
 from ..imu.imu_csv import ALIASES as IMU_ALIASES
 from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
 from ..text.order import Lines, NumberedRows, Picked
@@ -23,8 +24,6 @@ from .content import Content, take_columns
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, str] | Sequence[str]
-
-REPEATED_LIMIT = 0.5
 
 
 def _taken(
@@ -168,11 +167,7 @@ def gnss_of_content(
                 " to what changes with each fix, or None"
             )
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
-    elif (
-        table["tow"].size > 1
-        and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0))
-        > REPEATED_LIMIT
-    ):
+    elif holds_fixes(table["lat"], table["lon"]):
         finding = "more than half of the positions repeat the one before"
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...formats import unit_factor
+from ...formats.gnss.repeated import holds_fixes
 from ...geodesy.earth import curvature_radii
 from ...records import Array
 from .clocks import clocks, clocks_by_values, tick, week_column, weeks
@@ -174,13 +175,15 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
             "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
         )  # loggers name it wrongly
     lat, lon = grid.values[:, columns["lat"]], grid.values[:, columns["lon"]]
-    held = (np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)
+    changes = (np.diff(lat) != 0.0) | (np.diff(lon) != 0.0)
     ticks = clocks(grid, 30.0)
     repeat_column = None
-    if held.size and held.mean() > 0.5:
-        changes = ~held
+    if changes.size and changes.mean() < 0.5:
         marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == changes) > 0.95]
-        repeat_column = marks[0] if marks else columns["lat"]
+        if marks:
+            repeat_column = marks[0]
+        elif holds_fixes(lat, lon):
+            repeat_column = columns["lat"]
         ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
     return Roles(columns, ticks, week_column(grid), units, repeat_column)
 
