@@ -11,9 +11,9 @@ and no fix tells which of the levels is right: the flight file's, by what lasts 
 the odd ones, whichever are shorter in all, are withheld (looked at, and not used), and the flight
 is filtered again; this is a remedy where no reset is left, and where the step out of each spell
 takes back the step into it (noise does not). Where the fixes do not step but wander, what is
-rejected one after the other makes a spell, on the same terms. Spells that are too long to be carried
-by the IMU alone, `LONGEST_S`, are used as they are; in them the covariance of the position is
-enlarged by the step d itself,
+rejected one after the other makes a spell, on the same terms. Spells that are too long to be
+carried by the IMU alone, `LONGEST_S`, are used as they are; in them the covariance of the position
+is enlarged by the step d itself,
 
     P + d d'                                                                                   (S.1)
 
@@ -248,7 +248,7 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withh
     )
     return Check(
         "incorrect fixes",
-        f"fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
+        "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
         f" {listed}"
         f"{more}; {done}",
         "one level throughout",

@@ -238,11 +238,11 @@ def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
     Check
         The check of `recognise.plausibility.check_heading`.
     """
-    from ..geodesy.rotation import rpy_from_rotation
     from ..recognise import plausibility
 
-    heading = rpy_from_rotation(trajectory.C_nb)[:, 2]
-    return plausibility.check_heading(heading, trajectory.velocity_ned, flight.imu.C_b_imu)
+    return plausibility.check_heading(
+        trajectory.time, trajectory.C_nb, trajectory.velocity_ned, flight.imu.C_b_imu
+    )
 
 
 def check_segments(

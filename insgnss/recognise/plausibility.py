@@ -8,15 +8,17 @@ import numpy as np
 
 from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import curvature_radii
-from ..prepare.fix_path import north_east
+from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .positions import check_velocity
+from .propulsion import propulsion
 from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
 FAR_M = 50e3
+NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all the time
 FAST_MS = 8.0
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 ONE_COURSE = 0.95
@@ -28,7 +30,10 @@ LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 FORCE = (
     8.8,
     11.0,
-)  # m/s^2, the median of a flight's specific force: gravity, and what turns and climbs add to it
+)  # m/s^2, the median of a flight's specific force: gravity, and what climbs and gusts add to it
+# what a turn adds to it, 1 / cos(bank), is taken off above: up to 70 deg of bank
+MOST_LOAD = 3.0
+SPEED_S = 2.0  # over which the speed is taken
 LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
 # of the samples: more readings beyond any sensor are no spikes, but another unit or column
 MANY = 0.01
@@ -114,7 +119,8 @@ def check_recording(
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
-        checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
+        load = _load(time, rate, gnss)
+        checks += [_force_norm(rate, force, load, imu, dt), _down_axis(force, C_b_imu)]
         checks.append(check_turns(time, rate, force, gnss, imu, dt, forces))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
@@ -123,12 +129,16 @@ def check_recording(
     return sorted(checks, key=lambda check: NAMES.index(check.name))
 
 
-def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
+def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     """Check the smoothed heading against the course over ground while fast.
+
+    A vehicle that leans to change its speed (`propulsion`) need not fly nose first.
 
     Parameters
     ----------
-    heading : ndarray, shape (n,), rad
+    time : ndarray, shape (n,), s
+    C_nb : ndarray, shape (n, 3, 3)
+        Body into north, east, down.
     velocity_ned : ndarray, shape (n, 3), m/s
     C_b_imu : ndarray, shape (3, 3)
         IMU axes to body, as the flight file has it.
@@ -143,7 +153,7 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     if fast.sum() < 50:
         return Check(name, f"never faster than {FAST_MS:.0f} m/s", expected)
     course = np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
-    off = heading[fast] - course
+    off = np.arctan2(C_nb[fast, 1, 0], C_nb[fast, 0, 0]) - course
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
     median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
@@ -155,6 +165,15 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
             expected,
             "note" if abs(median) > 30.0 else "ok",
         )
+    ahead = np.array([np.cos(np.radians(median)), -np.sin(np.radians(median)), 0.0])
+    if abs(median) > 60.0 and _leans(time, C_nb, velocity_ned, ahead):
+        return Check(
+            name,
+            f"{finding}; it leans to change its speed, as a multirotor, which may fly sideways or"
+            " backwards",
+            expected,
+            "note",
+        )
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
         c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]
@@ -165,6 +184,14 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
         )
         return Check(name, finding, expected, "contradiction", advice)
     return Check(name, finding, expected, "note" if abs(median) > 30.0 else "ok")
+
+
+def _leans(time: Array, C_nb: Array, velocity_ned: Array, ahead: Array) -> bool:
+    """Whether the trajectory leans to change its speed along the body's axis `ahead` (3,)."""
+    if time.size < 3:
+        return False
+    force = np.gradient(velocity_ned, time, axis=0) - [0.0, 0.0, STANDARD_GRAVITY]
+    return propulsion(time, C_nb, force, ahead).leans
 
 
 def _imu_rate(imu: ImuSamples, dt: float) -> Check:
@@ -264,11 +291,37 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
     return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro @ C_b_imu.T, accel @ C_b_imu.T
 
 
-def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
+def _load(time: Array, rate: Array, gnss: GnssFixes) -> Array:
+    """The most that turns make of gravity, (k,): the root of 1 + (turn rate speed / g)^2.
+
+    In a level turn with bank phi that is 1 / cos(phi); it is more where a vehicle turns its nose
+    and not its course.
+    """
+    sound = sound_fixes(gnss)
+    if sound.sum() < 2:
+        return np.ones(time.size)
+    ahead, behind = (
+        np.column_stack(
+            [
+                np.interp(time + shift, gnss.time[sound], column)
+                for column in north_east(gnss)[sound].T
+            ]
+        )
+        for shift in (0.5 * SPEED_S, -0.5 * SPEED_S)
+    )
+    across = np.linalg.norm(rate, axis=1) * np.linalg.norm(ahead - behind, axis=1) / SPEED_S
+    load = np.sqrt(1.0 + (across / STANDARD_GRAVITY) ** 2)
+    return np.asarray(np.minimum(load, MOST_LOAD))
+
+
+def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: float) -> Check:
     name, expected = "specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2"
-    norm = float(np.median(np.linalg.norm(force, axis=1)))
+    norms = np.linalg.norm(force, axis=1)
+    norm, level = float(np.median(norms)), float(np.median(norms / load))
     finding = f"median norm {norm:.4g} m/s^2"
-    if FORCE[0] <= norm <= FORCE[1]:
+    if norm > FORCE[1]:
+        finding += f", {level:.4g} m/s^2 without what turns at that speed add"
+    if norm >= FORCE[0] and level <= FORCE[1]:
         return Check(name, finding, expected)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
         return Check(
@@ -403,13 +456,10 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     if constant:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            f"{coordinate} must change; check gnss.columns",
-        )
+        advice = f"{coordinate} must change; check gnss.columns"
+        if np.ptp(north_east(gnss), axis=0).max() < NEAR_M:  # it stands, and has too few digits
+            return Check(name, finding, expected, "note", advice)
+        return Check(name, finding, expected, "contradiction", advice)
     return Check(name, finding, expected)
 
 

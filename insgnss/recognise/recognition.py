@@ -13,6 +13,7 @@ from ..prepare.fix_path import liveliest, sound_fixes
 from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
 from .findings import MOST, NAMES, Finding
+from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, orientations, relate
 from .signal import ImuGrid, dead_channel, imu_grid
 from .units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
@@ -231,7 +232,9 @@ def _recognised(
     vertical = down(pose)
     of_down = of_vertical(vertical, of_force.confidence)
     ahead = forward(pose, vertical)
-    of_ahead = of_forward(ahead, of_down.confidence)
+    assert relation.fit is not None
+    moved = propulsion(pose.time, pose.C_ns, relation.fit.felt, ahead.direction.axis)
+    of_ahead = of_forward(ahead, moved, of_down.confidence)
     C_b_imu = np.array(
         [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
     )
@@ -482,9 +485,10 @@ def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
             name, statement, claimed, "note", "the data do not determine which axis is forward"
         )
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    return Check(
-        name, statement, claimed, verdict, f'the data look like imu.axes = "{recognition.axes}"'
-    )
+    advice = f'the data look like imu.axes = "{recognition.axes}"'
+    if verdict == "note":
+        advice += ", if it moves nose first"
+    return Check(name, statement, claimed, verdict, advice)
 
 
 def _imu_word(direction: Array) -> str:

@@ -4,7 +4,8 @@ The course rate of GNSS is compared with the rate of turn about the vertical tha
 omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the
 course rate times cos(phi), whatever the axes. Their regression gives the gyro unit, their sign
 shows a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest
-correlation a time offset of the IMU.
+correlation a time offset of the IMU. Who circles all the time has no changes to correlate: there
+the rates themselves are compared, and no time offset is looked for.
 
 A survey takes its images on lines: the course rate at the exposures is small. Where it is large,
 but small 18 s earlier or later, the events are not in the time scale of the fixes. A camera that
@@ -41,6 +42,11 @@ ALIKE, UNLIKE = (
     0.3,
 )  # correlations: from the first on the same turns are seen, below the second none of them
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
+# cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
+# and correlations about its mean tell nothing
+STEADY = 0.95
+# correlation of the course rates of every other fix with those of the rest: below, they are noise
+RELIABLE = 0.7
 RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
 LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
 LEAST_ROWS, LEAST_TURN = (
@@ -48,6 +54,8 @@ LEAST_ROWS, LEAST_TURN = (
     0.02,
 )  # of the grid at speed, and the course rate's standard deviation there, rad/s
 FASTEST_TURN = 1.5  # rad/s, of a course
+# s: no other time scale is that near; exposures that would lie as straight there lie so by chance
+NEARER_S, AS_STRAIGHT = 9.0, 2.0
 LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
@@ -79,7 +87,8 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
         {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)},
     )
     best = min(shifted, key=lambda s: shifted[s])
-    if np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]:
+    straighter = np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]
+    if straighter and not _by_chance(events.time, shifted[best], grid, rate, moving):
         finding += (
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
             f" {np.degrees(shifted[best]):.1f} deg/s"
@@ -93,6 +102,17 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
             " put them on lines",
         )
     return Check(name, finding, expected)
+
+
+def _by_chance(
+    time: Array, straightest: float, grid: Array, rate: Array, moving: np.ndarray
+) -> bool:
+    """Whether the exposures would lie nearly as straight at a shift that is no time scale's.
+
+    So it is where the course winds faster than leap seconds go by.
+    """
+    shifts = np.arange(-NEARER_S, NEARER_S + 0.5)
+    return any(_turning(time + s, grid, rate, moving) < AS_STRAIGHT * straightest for s in shifts)
 
 
 def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
@@ -185,9 +205,14 @@ def check_turns(
     if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
         return Check(name, "no turns at speed to compare", expected, "note")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
-    ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
+    common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
+    ratio = common / squares
+    steady = abs(common) > STEADY * np.sqrt(squares * float(np.sum(gyro[moving] ** 2)))
     finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
+    if steady and abs(here) < ALIKE:
+        here = best = float(np.sign(ratio))
+        lag, finding = 0.0, f"ratio {ratio:.3g}, a turn that never changes"
     verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
     if not advice:
         return Check(name, finding, expected, verdict, advice)
@@ -203,7 +228,18 @@ def check_turns(
     if "time_offset_s" in advice and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
         finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
         return Check(name, finding, expected, "note", "the turns repeat themselves: no clock shows")
+    if verdict == "contradiction" and not _reliable(gnss, grid, width):
+        return Check(
+            name, finding, expected, "note", "the fixes are too poor, or too few, to show turns"
+        )
     return Check(name, finding, expected, verdict, advice)
+
+
+def _reliable(gnss: GnssFixes, grid: Array, width: int) -> bool:
+    """Whether every other fix shows the same turns as the rest."""
+    (one, here), (other, there) = (_course_rate(gnss[first::2], grid, width) for first in (0, 1))
+    both = here & there
+    return both.sum() > 50 and float(np.corrcoef(one[both], other[both])[0, 1]) > RELIABLE
 
 
 def _forces(imu: ImuSamples, gnss: GnssFixes) -> Forces:

@@ -13,6 +13,7 @@ from ..records import Array
 from .axes import Direction, Forward
 from .findings import MOST, Finding
 from .fit import CAUTION
+from .propulsion import Propulsion
 from .relation import Relation
 from .units import ForceUnit, gyro_unit
 
@@ -167,14 +168,21 @@ def of_vertical(vertical: Direction, also: float) -> Finding:
     )
 
 
-def of_forward(ahead: Forward, also: float) -> Finding:
-    """Return the finding which axis points forward; `also` is the confidence of its basis."""
-    sure = ahead.direction.confidence * (SLOW if ahead.speed < SLOW_MS else NOSE_FIRST) * also
+def of_forward(ahead: Forward, moved: Propulsion, also: float) -> Finding:
+    """Return the finding which axis points forward; `also` is the confidence of its basis.
+
+    The axis of motion of who leans to change its speed (`propulsion`) need not be that of its nose.
+    """
+    free = ahead.speed < SLOW_MS or moved.nose_is_free(ahead.speed)
+    sure = ahead.direction.confidence * (SLOW if free else NOSE_FIRST) * also
     evidence = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
     evidence += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
     evidence += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
     if ahead.speed < SLOW_MS:
         evidence += "; so slow that forward depends on how it was held"
+    elif free:
+        seen = "leans to change its speed, as" if moved.leans else "may be"
+        evidence += f"; {seen} a multirotor, which may fly sideways or backwards"
     return Finding(
         "forward axis",
         f"{ahead.direction.word} forward" if sure > 0.5 else "unknown",

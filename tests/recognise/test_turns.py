@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.recognise.plausibility import check_heading
 from insgnss.recognise.turns import Forces, _forces, _judge_turns, check_events, check_turns
 from insgnss.records import GnssFixes, ImuSamples
-from insgnss.simulation.scenario import ImuOptions, simulate_flight
+from insgnss.simulation.manoeuvres import multirotor
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
+from insgnss.simulation.scenario import ImuOptions, observe, simulate_flight
 
 
 @pytest.fixture(scope="module", params=["ign8", "ign6x1"])
@@ -132,4 +135,16 @@ def test_a_nose_across_a_single_course_tells_nothing_of_the_axes():
     for other, verdict in ((0.0, "note"), (2.5, "contradiction")):
         course = np.where(time < 200, 0.5, 0.5 + other)
         velocity = 12.0 * np.column_stack([np.cos(course), np.sin(course), np.zeros(400)])
-        assert check_heading(course + 0.5 * np.pi, velocity, np.eye(3)).verdict == verdict
+        nose = course + 0.5 * np.pi
+        C_nb = rotation_from_rpy(np.column_stack([0.0 * nose, 0.0 * nose, nose]))
+        assert check_heading(time * 1.0, C_nb, velocity, np.eye(3)).verdict == verdict
+
+
+@pytest.mark.parametrize("seed", [20, 25, 27])
+def test_exposures_every_few_seconds_on_short_legs_are_in_no_other_time_scale(seed):
+    """Oracle: the simulator's own events, every 5 s on legs of a quarter of a minute: 18 s away
+    they would lie four times straighter, and so they would a few seconds away.
+    """
+    flight = multirotor(3.2, "sideways", seed=seed)
+    sim = observe(flight, 22, imu=ImuOptions(50.0), gnss=GnssOptions(2.0), truth_hz=1.0)
+    assert check_events(sim.events, sim.gnss).verdict == "ok"
