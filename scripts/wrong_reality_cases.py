@@ -235,7 +235,12 @@ NOTHING = Case("nothing wrong", harmless=True)
 CASES = (
     NOTHING,
     *(
-        Case(f"lever arm {way} {100 * size:g} cm off", lever(axis, size), LEVER, size < 0.015)
+        Case(
+            f"lever arm {way} {100 * size:g} cm off",
+            lever(axis, size),
+            f"{LEVER}(:| {way})",
+            size < 0.015,
+        )
         for axis, way in enumerate(("forward", "right", "down"))
         for size in (0.01, 0.02, 0.05, 0.1, 0.3)
     ),
