@@ -8,6 +8,7 @@ explained by both standard deviations. Where it is not, the filter would follow 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..prepare.fix_path import north_east
 from ..records import Array, Check, GnssFixes
@@ -34,7 +35,7 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
     codes, counts = np.unique(gnss.quality, return_counts=True)
     usual = int(codes[np.argmax(counts)])
     path = gnss.quality == usual
-    place = np.column_stack([north_east(gnss), -gnss.height])
+    position = np.column_stack([north_east(gnss), -gnss.height])
     variance = np.diagonal(gnss.cov_ned, axis1=1, axis2=2)
     apart = {}
     for code in (int(c) for c in codes if c != usual):
@@ -43,7 +44,7 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
             continue
         off, expected = (
             _off(gnss.time, values, path, rows, sign)
-            for values, sign in ((place, -1.0), (variance, 1.0))
+            for values, sign in ((position, -1.0), (variance, 1.0))
         )
         ratio = max(_ratio(off[:, :2], expected[:, :2]), _ratio(off[:, 2:], expected[:, 2:]))
         if ratio > NOTED:
@@ -86,7 +87,9 @@ def _beside(time: Array, path: Array) -> Array:
     return np.asarray(inside & (time - path[k - 1] < BESIDE_S) & (path[k] - time < BESIDE_S))
 
 
-def _off(time: Array, values: Array, path: Array, rows: Array, sign: float) -> Array:
+def _off(
+    time: Array, values: Array, path: NDArray[np.bool_], rows: NDArray[np.intp], sign: float
+) -> Array:
     """`values` (n, 3) of the rows plus `sign` times those of the path there."""
     there = [np.interp(time[rows], time[path], values[path, c]) for c in range(3)]
     return np.asarray(values[rows] + sign * np.column_stack(there))
