@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..base.tables import Columns
     from ..records import GnssFixes
 
-QUALITIES = ("float", "sbas", "dgps", "single", "ppp")
+QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
 
 QUALITY_SIGMA_M: dict[str, Triple] = {

@@ -9,7 +9,7 @@ marginalised. The data alone know of them
     I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
 
 A hypothesis gives them a priori the variances diag(V): a suspected one that of the `WIDE` sigmas of
-`candidates` or, where that explains more, of `FAR` times them; one that the flight file states with
+`candidates` or, where that explains more, of `FACTORS` times them; one that the flight file states with
 a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
 
     A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
@@ -44,7 +44,8 @@ from .candidates import FAR, with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 2.5  # a-priori sigmas of scale factors and misalignments
-TAKEN = 2.0  # log evidence from which a hypothesis becomes states: a chance of a hundredth
+TAKEN = 1.0  # log evidence from which a hypothesis becomes states
+FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
@@ -65,7 +66,7 @@ class Hypothesis:
     value, sigma : Array
         (k,) what it estimates of them, and the standard deviations.
     factor : float
-        Of the a-priori sigmas of the fixes' constants, 1 or `candidates.FAR`.
+        Of the a-priori sigmas of the fixes' constants, one of `FACTORS`.
     """
 
     groups: tuple[str, ...]
@@ -124,7 +125,7 @@ class ConstantsEvidence:
         for size in range(1, MOST_TOGETHER + 1):
             for suspected in combinations(groups, size):
                 own = np.flatnonzero([group in suspected for group in self.group])
-                evaluated = ((self._evaluate(suspected, f), f) for f in (1.0, FAR))
+                evaluated = ((self._evaluate(suspected, f), f) for f in FACTORS)
                 (cost, estimate, cov), factor = max(evaluated, key=lambda one: one[0][0])
                 of_imu = own[~self.of_fixes[own]]
                 if np.abs(estimate[of_imu]).max(initial=0.0) > PLAUSIBLE:
@@ -195,7 +196,8 @@ class ConstantsEvidence:
         """Return F, e and cov e of (D.2), in units of `wide`."""
         is_suspected = np.array([group in suspected for group in self.group])
         own = np.where(self.of_fixes, factor / FAR, 1.0)
-        W = np.where(is_suspected, own, self.stated / self.wide)
+        stated = self.stated / self.wide
+        W = np.where(is_suspected, np.maximum(own, stated), stated)
         A = np.eye(W.size) + W[:, None] * self.information * W
         cov = W[:, None] * np.linalg.inv(A) * W
         estimate = cov @ self.vector

@@ -38,6 +38,7 @@ FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
+EXPLAINED = 0.25  # of its log evidence, that a remedy gains in `misfit` at least
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
 
 SecondPass = Literal["auto", "on", "off"]
@@ -204,13 +205,15 @@ def _with_constants(
 ) -> _State | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
-    model = with_constants(here.model, suspected.groups, suspected.factor)
+    rivals = constants.rivals(suspected)
+    # what is not told apart is estimated together, and so in the covariance
+    groups = tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
+    model = with_constants(here.model, groups, suspected.factor)
     solution = _solved(search, posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
-    if misfit(here.solution) - misfit(solution) < suspected.evidence:
+    if misfit(here.solution) - misfit(solution) < EXPLAINED * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
-    rivals = constants.rivals(suspected)
     checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
     attempted = here.attempted | set(suspected.groups)

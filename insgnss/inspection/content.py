@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..prepare.gaps import nominal_interval
+from ..recognise.streams import classes_apart
 from ..records import Check, GnssFixes, ImuSamples
 from .alone import Alone
 from .draft import NOISE_FILE, Draft
@@ -481,6 +482,10 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
     for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
+    if apart := classes_apart(gnss):
+        floors = {quality.name.lower(): sigma for quality, (_, sigma, _) in apart.items()}
+        why = "; ".join(finding for finding, _, _ in apart.values())
+        draft.add("gnss", "quality_sigma_m", floors, f"{why}: what they are worth")
     if source.free_height:
         why = (
             "heights may be above the geoid; the geoid's height above the ellipsoid would then go"

@@ -299,7 +299,9 @@ def _inspection(
     week: tuple[int, str] | None,
 ) -> Inspection:
     from ..prepare.axes import parse_axes
+    from ..prepare.fix_quality import with_floors
     from ..recognise.plausibility import check_recording
+    from ..recognise.streams import classes_apart
     from .alone import Alone, by_gravity, rest_findings
     from .content import (
         assumed_rate,
@@ -327,6 +329,8 @@ def _inspection(
     )
     checks = list(raw.notes)
     if stamped is not None:
+        apart = classes_apart(stamped)
+        stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in apart.items()})
         checks += [
             *stamped.notes,
             *check_recording(

@@ -45,6 +45,6 @@ def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> Gns
     if not changed:
         return gnss
     statement = f"standard deviations raised: {', '.join(changed)}"
-    codes = "of RTKLIB's codes 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP"
+    codes = "of RTKLIB's codes 1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP"
     note = Check("GNSS quality", statement, codes, "note", "gnss.quality_sigma_m sets them")
     return replace(gnss, cov_ned=cov, notes=(*gnss.notes, note))

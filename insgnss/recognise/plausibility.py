@@ -14,6 +14,7 @@ from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .positions import check_velocity
 from .propulsion import propulsion
+from .streams import check_classes
 from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
@@ -115,6 +116,7 @@ def check_recording(
     """
     dt = nominal_interval(imu.time)
     checks = [] if gnss.velocity_ned is None else [check_velocity(gnss)]
+    checks += check_classes(gnss)
     checks += [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * STEP_S:
