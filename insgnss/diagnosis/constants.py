@@ -9,8 +9,8 @@ marginalised. The data alone know of them
     I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
 
 A hypothesis gives them a priori the variances diag(V): a suspected one that of the `WIDE` sigmas of
-`candidates` or, where that explains more, of `FACTORS` times them; one that the flight file states with
-a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
+`candidates` or, where that explains more, of `FACTORS` times them; one that the flight file states
+with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
 
     A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
     F(V) = b' e / 2 - log det A / 2                                                            (D.2)
@@ -43,7 +43,7 @@ from ..records import Array
 from .candidates import FAR, with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
-PLAUSIBLE = 2.5  # a-priori sigmas of scale factors and misalignments
+PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 TAKEN = 1.0  # log evidence from which a hypothesis becomes states
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")

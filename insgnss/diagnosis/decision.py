@@ -37,8 +37,11 @@ from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_var
 FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
+SLOW_PARAMETERS = 1  # correlation time
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
-EXPLAINED = 0.25  # of its log evidence, that a remedy gains in `misfit` at least
+# of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
+# left open costs it: twice the logarithm of what the flight reduces its sigma by
+EXPLAINED, OPEN = 0.25, 5.0
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
 
 SecondPass = Literal["auto", "on", "off"]
@@ -212,7 +215,8 @@ def _with_constants(
     solution = _solved(search, posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
-    if misfit(here.solution) - misfit(solution) < EXPLAINED * suspected.evidence:
+    gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
+    if gain < EXPLAINED * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
@@ -249,8 +253,15 @@ def _time_correlated(
 ) -> Candidate | None:
     """Return the time-correlated GNSS error; None where the innovations show none."""
     fixes = here.model.fixes
-    if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
+    if fixes.gm_sigma is not None:
         return None
+    if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
+        slow = variances.slow_error(search.of_fixes(here.model), fixes)
+        if slow is None:
+            return None
+        model = replace(here.model, fixes=slow)
+        evidence = variances.evidence_of(search.layout(model), SLOW_PARAMETERS)
+        return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
     search.progress("the innovations are not white: errors of the fixes")
     errors = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
     if errors is None:
@@ -338,6 +349,45 @@ def explain_failure(
     rivals = constants.rivals(suspected)
     checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def rescue(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Solution, Check] | None:
+    """Look for the larger noise with which a flight has a solution that has none without.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    problem, start : EstimationProblem, InitialState
+        The problem that has no solution with the requested errors, and its initial state.
+
+    Returns
+    -------
+    tuple of Solution and Check, or None
+        The solution with larger variances, and what says so; None where they are no remedy.
+    """
+    if not search.variances:
+        return None
+    model = ErrorModel(search.requested_errors)
+    check, solution = None, None
+    try:
+        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
+        for _ in range(ROUNDS):
+            winner = VarianceSearch(shown, search.progress).strongest()
+            larger = None if winner is None else with_variances(model, winner)
+            if winner is None or larger is None:
+                return None
+            model, check = larger, variance_check(winner)
+            solution = _solved(search, (problem, start), model)
+            if solution is not None and _follows(solution):
+                return solution, check
+            again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
+            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
+    except DataError:
+        return None
+    return None
 
 
 def _left(

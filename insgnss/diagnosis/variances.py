@@ -30,10 +30,10 @@ import numpy as np
 
 from ..calibrate.innovation_noise import Search
 from ..calibrate.likelihood import LinearSegment, available, evaluate, linear_segment
-from ..navigation.layout import StateLayout
+from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.solution import Solution
 from ..records import Array
-from .candidates import ErrorModel
+from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
 from .evidence import liveliest_part
 
 FAMILIES = {
@@ -44,6 +44,9 @@ FAMILIES = {
 OF_IMU = ("IMU white noise", "IMU bias noise")
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
+# gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
+LEAST_SLOW, DOUBTFUL = 8.0, 2.0
+SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
 
 
@@ -120,6 +123,40 @@ class VarianceSearch:
         hypotheses = [self._hypothesis(family) for family in self.promising()]
         best = max(hypotheses, key=lambda one: one.evidence, default=None)
         return best if best is not None and best.evidence > 0.0 else None
+
+    def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
+        """Find an error of the fixes that is too slow, or too small, for the search of its shares.
+
+        Of the size that the fixes claim, or half of it, beside their white error: one number, the
+        correlation time, is looked for on a grid by the likelihood of the part.
+
+        Parameters
+        ----------
+        layout_factory : LayoutFactory
+            The error states as a function of those of the fixes.
+        errors : FixErrors
+            The errors of the fixes that are estimated already.
+
+        Returns
+        -------
+        FixErrors or None
+            `errors` with the time-correlated one; None where it gains less than `LEAST_SLOW`.
+        """
+
+        def gain(share: float, time_s: float) -> float:
+            model = with_time_correlated_error(errors, 1.0, share, time_s)
+            other = evaluate([_linearised(self.part, layout_factory(model))], np.zeros(1))
+            return float(self.nothing.cost - other.cost)
+
+        if gain(*SLOW_FIRST) < 0.5 * LEAST_SLOW:
+            return None
+        gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
+        best = max(gains, key=lambda one: gains[one])
+        if gains[best] < LEAST_SLOW:
+            return None
+        # the largest that is as good: the fixes tell c^2 / T better than c
+        share, time_s = max(one for one in gains if gains[one] > gains[best] - DOUBTFUL)
+        return with_time_correlated_error(errors, 1.0, share, time_s)
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
         """Return the log evidence (V.2) of the same flight with other states of its fixes.

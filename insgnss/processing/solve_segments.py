@@ -14,7 +14,7 @@ from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..diagnosis.candidates import with_layout
 from ..diagnosis.code_errors import code_errors, code_message
-from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
+from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure, rescue
 from ..diagnosis.incorrect_fixes import (
     Spell,
     incorrect_check,
@@ -181,6 +181,7 @@ def _solve(
     )
     step("align")
     spells: tuple[Spell, ...] = ()
+    noisy: tuple[Check, ...] = ()
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
@@ -198,16 +199,22 @@ def _solve(
         _refuse_what_explains(flight, recording, prepared, search, error)
         step("once more with an open gate")
         opened = _with_open_gate(flight, prepared, step)
-        if opened is None:
-            raise
-        prepared, start, how, solution = opened
+        if opened is not None:
+            prepared, start, how, solution = opened
+        else:
+            step("larger noise")
+            rescued = _rescued(flight, prepared, search)
+            if rescued is None:
+                raise
+            start, how, solution, noisy = rescued
     biases = _missing_biases(flight, recording, prepared, solution, step)
     if biases is not None and biases.name not in flight.accept:
         remark = f'; accept = ["{biases.name}"] in the flight file overrules'
         raise refusal(flight, biases, remark)
     checks = () if biases is None else (biases,)
     history: tuple[str, ...] = (how,)
-    if flight.gnss.stationary is None:
+    checks = (*checks, *noisy)
+    if flight.gnss.stationary is None and not noisy:
         diagnosis = diagnose(search, start, solution)
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
@@ -251,6 +258,21 @@ def _with_open_gate(
     prepared = replace(prepared, problem=gated, requested_errors=errors)
     how = f"{how}; solved with an open gate first, which was closed about that solution"
     return prepared, start, how, solution
+
+
+def _rescued(
+    flight: Flight, prepared: PreparedSegment, search: ErrorModelSearch
+) -> tuple[InitialState, str, Solution, tuple[Check, ...]] | None:
+    """Solve with larger noise of the IMU or the fixes, where that follows the fixes."""
+    try:
+        start, how = _align(flight, replace(prepared.problem, gate=np.inf))
+    except DataError:
+        return None
+    rescued = rescue(search, prepared.problem, start)
+    if rescued is None:
+        return None
+    solution, check = rescued
+    return start, f"{how}; {check.name}: {check.found}", solution, (check,)
 
 
 def _with_code_errors(
