@@ -85,6 +85,7 @@ def read_recording(flight: Flight) -> Recording:
     """
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
+    from ..prepare.dead_band import with_dead_bands
     from ..prepare.fix_quality import with_floors
     from ..prepare.fix_rounding import with_rounding
     from ..prepare.stationarity import stationary_periods
@@ -111,7 +112,8 @@ def read_recording(flight: Flight) -> Recording:
     if flight.imu.further:
         imu, noise, more = combine_imus(flight, imu, noise)
         C_b_imu = np.eye(3)
-    more += ppk.checks if ppk else ()
+    noise, bands = with_dead_bands(imu, C_b_imu, noise)
+    more += [*bands, *(ppk.checks if ppk else ())]
     records = [r for r in (imu, gnss, events, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, events, C_b_imu, noise, more)
     checks += [note for record in records for note in record.notes]
