@@ -66,7 +66,7 @@ MOTIONS = (
 )
 RATES_HZ, FIX_RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0), (1.0, 2.0, 5.0, 10.0, 20.0)
 MODELS = ("navchip", "tactical", "consumer")
-SMALLEST_M, LARGEST_M, CODE_M = 0.005, 2.0, 0.5
+SMALLEST_M, LARGEST_M, FLOOR_M = 0.005, 2.0, 4.0 / 3.0
 WHITE, CODE_WHITE, CODE_TIME_S = 0.4, 0.3, 600.0  # share of stated, and of code; s
 CORRELATIONS = ("white", "white", "stated", "quality")  # quality: of code-class fixes alone
 
@@ -138,7 +138,7 @@ def drawn(number: int) -> Draw:
     rng = np.random.default_rng([number, 64])
     sigma = float(np.exp(rng.uniform(np.log(SMALLEST_M), np.log(LARGEST_M))))
     errors = str(rng.choice(CORRELATIONS))
-    if errors == "quality" and sigma < CODE_M:
+    if errors == "quality" and sigma < FLOOR_M:  # below it the package's floors raise them
         errors = "stated"
     C = orientations()
     return Draw(
@@ -379,6 +379,11 @@ def main() -> None:
         PAGE.write_text(page(runs), encoding="utf-8", newline="\n")
     bad = [one for one in runs if one.refused or np.abs(one.z).max() >= WORST]
     assert not bad, f"{len(bad)} of {len(runs)} flights refused or beyond {WORST:g} sigmas"
+    if len(solved) >= FLIGHTS:  # fewer say little of the scatter from flight to flight
+        s = statistics(solved)
+        within = (s.low < s.q) & (s.q < s.high)
+        off = [name for name, good in zip(NAMES, within, strict=True) if not good]
+        assert not off, f"mean squares beyond their bounds: {', '.join(off)}"
 
 
 if __name__ == "__main__":
