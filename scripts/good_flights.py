@@ -60,6 +60,7 @@ from insgnss.simulation.sensors import ImuOptions
 PAGE = Path(__file__).parents[1] / "benchmarks" / "good_flights.md"
 NAMES = ("N", "E", "D", "v N", "v E", "v D", "psi N", "psi E", "psi D")
 FLIGHTS, ERROR_RATE, WORST = 64, 0.01, 5.0
+SEPARATOR = " // "  # of headline and notes
 MOTIONS = (
     *("block", "corridor", "circles 30", "circles 45"),
     *("sideways", "backward", "hover", "car", "walk"),
@@ -242,7 +243,7 @@ def run(number: int) -> Run:
         return Run(draw, f"{type(error).__name__} in {where.name}: {error}")
     error, sigma = compared(sim, result)
     noted = [f"{c.name}: {c.found}" for c in result.checks if c.verdict != "ok"]
-    said = " / ".join([result.report["headline"], *noted])
+    said = SEPARATOR.join([result.report["headline"], *noted])
     rms, seconds = np.sqrt(np.mean(error**2, axis=0)), time.perf_counter() - began
     return Run(draw, "", error / sigma, rms, said, seconds)
 
@@ -330,7 +331,7 @@ def page(runs: Sequence[Run]) -> str:
             by_flight.append(f"| {one.draw} | refused | | | | {reason} |")
             continue
         q = one.q.reshape(3, 3).mean(axis=1)
-        noted = ", ".join(part.split(":")[0] for part in one.said.split(" / ")[1:])
+        noted = ", ".join(part.split(":")[0] for part in one.said.split(SEPARATOR)[1:])
         by_flight.append(
             f"| {one.draw} | {q[0]:.2f} / {q[1]:.2f} / {q[2]:.2f} | {np.abs(one.z).max():.1f} |"
             f" {100 * np.linalg.norm(one.rms[:3]):.2g} cm | {np.degrees(one.rms[8]):.2g} deg |"

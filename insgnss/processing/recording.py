@@ -85,11 +85,11 @@ def read_recording(flight: Flight) -> Recording:
     """
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
-    from ..prepare.dead_band import with_dead_bands
     from ..prepare.fix_quality import with_floors
     from ..prepare.fix_rounding import with_rounding
     from ..prepare.stationarity import stationary_periods
     from ..stochastic.model import load_noise_model
+    from .dead_band import with_dead_bands
 
     barometer = None
     try:

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..prepare.gaps import nominal_interval
 from ..records import Array, Check, ImuSamples
 from ..stochastic.model import GaussMarkov, NoiseModel
-from .gaps import nominal_interval
 
 OFTEN = 0.1  # share of the samples that show one number
 PROBED = 200_000
@@ -41,18 +41,18 @@ class DeadBand:
         The smallest change that its readings show.
     share : float
         Of its samples inside.
-    lasting_s : float, s
+    duration_s : float, s
         How long a reading inside goes on being inside (D.1).
     """
 
     half_width: float
     share: float
-    lasting_s: float
+    duration_s: float
 
     @property
     def process(self) -> GaussMarkov:
         """The error as a process (D.1)."""
-        return GaussMarkov.from_sigma(self.lasting_s, self.half_width / np.sqrt(3.0))
+        return GaussMarkov.from_sigma(self.duration_s, self.half_width / np.sqrt(3.0))
 
 
 def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
@@ -102,26 +102,26 @@ def with_dead_bands(
     """
     interval = nominal_interval(imu.time)
     scale = 1.0 / interval if imu.quantity == "increments" else 1.0
-    gyro, found = list(noise.gyro), []
+    gyro, named = list(noise.gyro), []
     for k, column in enumerate(imu.gyro.T):
         band = dead_band_of(column * scale, interval)
         if band is None:
             continue
         axis = int(np.argmax(np.abs(C_b_imu[:, k])))
         sigma = band.half_width / np.sqrt(3.0)
-        if 2.0 * sigma**2 * band.lasting_s < COUNTS * gyro[axis].white_noise ** 2:
+        if 2.0 * sigma**2 * band.duration_s < COUNTS * gyro[axis].white_noise ** 2:
             continue
         processes = (*gyro[axis].gauss_markov, band.process)
         gyro[axis] = replace(gyro[axis], gauss_markov=processes)
-        found.append(
+        named.append(
             f"{'xyz'[k]} (one number in {100.0 * band.share:.0f} % of the samples, next to it"
-            f" {np.degrees(band.half_width):.2g} deg/s, for {band.lasting_s:.2g} s)"
+            f" {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
         )
-    if not found:
+    if not named:
         return noise, []
     note = Check(
         "IMU noise",
-        f"dead band or coarse resolution of gyro {', '.join(found)}; an error of that size and"
+        f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
         " length was added to the noise model",
         "readings that follow every slow turn",
         "note",
