@@ -7,7 +7,8 @@ import pytest
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.processing.dead_band import dead_band_of, with_dead_bands
+from insgnss.prepare.dead_band import dead_band_of
+from insgnss.processing.recording import with_dead_bands
 from insgnss.simulation.ground import drive
 from insgnss.simulation.scenario import ImuOptions, observe
 from insgnss.simulation.sensors import axes_matrix
@@ -27,7 +28,7 @@ def test_band_of_a_slow_turn():
     assert band.half_width == pytest.approx(0.01, rel=0.02)
     assert band.duration_s == pytest.approx(20.0 * np.arcsin(0.2) / np.pi, rel=0.02)
     assert band.share == pytest.approx(2.0 * np.arcsin(0.2) / np.pi, abs=0.01)
-    assert band.process.sigma == pytest.approx(0.01 / np.sqrt(3.0), rel=0.02)
+    assert band.sigma == pytest.approx(0.01 / np.sqrt(3.0), rel=0.02)
     assert dead_band_of(rate, DT) is None
     assert dead_band_of(np.round(rate, 4), DT) is None
 

@@ -16,13 +16,12 @@ the half of it that lies ahead. A stand makes it long, and so it must be: the gy
 and not their bias, which an update of zero rate would take for the bias itself.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..prepare.gaps import nominal_interval
-from ..records import Array, Check, ImuSamples
-from ..stochastic.model import GaussMarkov, NoiseModel
+from ..records import Array, ImuSamples
+from .gaps import nominal_interval
 
 OFTEN = 0.1  # share of the samples that show one number
 PROBED = 200_000
@@ -50,9 +49,32 @@ class DeadBand:
     duration_s: float
 
     @property
-    def process(self) -> GaussMarkov:
-        """The error as a process (D.1)."""
-        return GaussMarkov.from_sigma(self.duration_s, self.half_width / np.sqrt(3.0))
+    def sigma(self) -> float:
+        """Standard deviation of the error (D.1), rad/s."""
+        return float(self.half_width / np.sqrt(3.0))
+
+    def counts(self, white_noise: float) -> bool:
+        """Whether the error counts beside a root power spectral density in rad/s/sqrt(Hz)."""
+        return 2.0 * self.sigma**2 * self.duration_s > COUNTS * white_noise**2
+
+
+def dead_bands(imu: ImuSamples) -> dict[int, DeadBand]:
+    """Find the bands of an IMU's gyros.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        In the sensor's own axes.
+
+    Returns
+    -------
+    dict of int to DeadBand
+        By the number of the gyro.
+    """
+    interval = nominal_interval(imu.time)
+    scale = 1.0 / interval if imu.quantity == "increments" else 1.0
+    bands = (dead_band_of(column * scale, interval) for column in imu.gyro.T)
+    return {k: band for k, band in enumerate(bands) if band is not None}
 
 
 def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
@@ -79,52 +101,3 @@ def dead_band_of(column: Array, interval_s: float) -> DeadBand | None:
     lengths = np.diff(edges)[inside[edges[:-1]]] * interval_s
     lengths = np.minimum(lengths, LONGEST_S)
     return DeadBand(half_width, share, float(np.sum(lengths**2) / np.sum(lengths)))
-
-
-def with_dead_bands(
-    imu: ImuSamples, C_b_imu: Array, noise: NoiseModel
-) -> tuple[NoiseModel, list[Check]]:
-    """Add the errors of dead bands to a noise model.
-
-    Parameters
-    ----------
-    imu : ImuSamples
-        In the sensor's own axes.
-    C_b_imu : ndarray, shape (3, 3)
-        IMU axes to body.
-    noise : NoiseModel
-        Of the body's axes.
-
-    Returns
-    -------
-    tuple of NoiseModel, list of Check
-        The model, and a note that names the gyros; the same model and none without a band.
-    """
-    interval = nominal_interval(imu.time)
-    scale = 1.0 / interval if imu.quantity == "increments" else 1.0
-    gyro, named = list(noise.gyro), []
-    for k, column in enumerate(imu.gyro.T):
-        band = dead_band_of(column * scale, interval)
-        if band is None:
-            continue
-        axis = int(np.argmax(np.abs(C_b_imu[:, k])))
-        sigma = band.half_width / np.sqrt(3.0)
-        if 2.0 * sigma**2 * band.duration_s < COUNTS * gyro[axis].white_noise ** 2:
-            continue
-        processes = (*gyro[axis].gauss_markov, band.process)
-        gyro[axis] = replace(gyro[axis], gauss_markov=processes)
-        named.append(
-            f"{'xyz'[k]} (one number in {100.0 * band.share:.0f} % of the samples, next to it"
-            f" {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
-        )
-    if not named:
-        return noise, []
-    note = Check(
-        "IMU noise",
-        f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
-        " length was added to the noise model",
-        "readings that follow every slow turn",
-        "note",
-        "let the device write its raw rates with all digits: heading is worse by what they hide",
-    )
-    return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
