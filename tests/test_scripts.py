@@ -131,3 +131,14 @@ def test_wrong_reality() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 runs: covered 0, culprit 3," in done.stdout
+
+
+@pytest.mark.slow
+def test_good_flights() -> None:
+    """Oracle: the simulated truth, in the script's own assertion: circles at 30 and 45 deg of bank
+    and multirotors that fly sideways and backwards, accepted and within 5 sigma.
+    """
+    command = [sys.executable, str(SCRIPTS / "good_flights.py"), "--first", "2", "--flights", "4"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("worst") == 4 + 9  # flights, and axes

@@ -112,7 +112,8 @@ def read_recording(flight: Flight) -> Recording:
     if flight.imu.further:
         imu, noise, more = combine_imus(flight, imu, noise)
         C_b_imu = np.eye(3)
-    more += ppk.checks if ppk else ()
+    noise, bands = with_dead_bands(imu, C_b_imu, noise)
+    more += [*bands, *(ppk.checks if ppk else ())]
     records = [r for r in (imu, gnss, events, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, events, C_b_imu, noise, more)
     checks += [note for record in records for note in record.notes]
@@ -148,6 +149,52 @@ def read_recording(flight: Flight) -> Recording:
         ppk,
         barometer,
     )
+
+
+def with_dead_bands(
+    imu: ImuSamples, C_b_imu: Array, noise: "NoiseModel"
+) -> "tuple[NoiseModel, list[Check]]":
+    """Add the errors of gyros with a dead band to their noise model, with a note that names them.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        In the sensor's own axes.
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body.
+    noise : NoiseModel
+        Of the body's axes.
+
+    Returns
+    -------
+    tuple of NoiseModel, list of Check
+        The same model and no note where no band counts.
+    """
+    from ..prepare.dead_band import dead_bands
+    from ..stochastic.model import GaussMarkov
+
+    gyro, named = list(noise.gyro), []
+    for k, band in dead_bands(imu).items():
+        axis = int(np.argmax(np.abs(C_b_imu[:, k])))
+        if not band.counts(gyro[axis].white_noise):
+            continue
+        error = GaussMarkov.from_sigma(band.duration_s, band.sigma)
+        gyro[axis] = replace(gyro[axis], gauss_markov=(*gyro[axis].gauss_markov, error))
+        named.append(
+            f"{'xyz'[k]} (one number in {100.0 * band.share:.0f} % of the samples, next to it"
+            f" {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
+        )
+    if not named:
+        return noise, []
+    note = Check(
+        "IMU noise",
+        f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
+        " length was added to the noise model",
+        "readings that follow every slow turn",
+        "note",
+        "let the device write its raw rates with all digits: heading is worse by what they hide",
+    )
+    return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
 
 
 def _with_time_offsets(

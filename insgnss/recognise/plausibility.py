@@ -459,7 +459,8 @@ def _gnss_position(gnss: GnssFixes) -> Check:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
         advice = f"{coordinate} must change; check gnss.columns"
-        if np.ptp(north_east(gnss), axis=0).max() < NEAR_M:  # it stands, and has too few digits
+        near = np.ptp(north_east(gnss), axis=0).max() < NEAR_M
+        if near and len(constant) < len(columns):  # it hovers, and has too few digits
             return Check(name, finding, expected, "note", advice)
         return Check(name, finding, expected, "contradiction", advice)
     return Check(name, finding, expected)
