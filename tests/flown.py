@@ -63,8 +63,8 @@ def fly(
     **changes: object,
 ) -> Flown:
     """A flight of short lines with turns, started in the air; `extra` : s after the start, further
-    epochs without measurement; `events_s` : likewise, in place of the camera's; `delay` : s, and s/s
-    since the first fix, by which the receiver's stamps of fixes and events are early.
+    epochs without measurement; `events_s` : likewise, in place of the camera's; `delay` : s, and
+    s/s since the first fix, by which the receiver's stamps of fixes and events are early.
     """
     options = {"start_in_air": True, "line_length_m": 120.0, **changes}
     gnss = gnss or GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05) if velocity else None)

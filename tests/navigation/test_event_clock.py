@@ -38,7 +38,7 @@ def in_frame(flown: Flown, path: Trajectory) -> tuple[np.ndarray, np.ndarray]:
 
 
 def normalised(flown: Flown, path: Trajectory, delay: tuple[float, float]) -> np.ndarray:
-    """Squares of the nine errors over their covariance, (k,), at the true instants of the events."""
+    """Squares of the nine errors over their covariance, (k,), at the true instants of events."""
     motion, stamps = flown.sim.flight.motion, flown.problem.inc.marks[flown.event_epochs]
     true = stamps + delay[0] + delay[1] * (stamps - flown.problem.inc.marks[0])
     truth = np.hstack(
@@ -151,8 +151,8 @@ def test_without_a_time_offset_among_the_states_nothing_moves():
 
 @pytest.mark.slow
 def test_errors_over_many_flights_are_as_large_as_the_covariance_says():
-    """Oracle: chi-square of 12 flights of nine errors, 99 % bounds; offsets and rates are drawn from
-    their sigmas.
+    """Oracle: chi-square of 12 flights of nine errors, 99 % bounds; offsets and rates are drawn
+    from their sigmas.
 
     One event a flight, so that they are independent. As events of the IMU's clock with exact
     stamps they would exceed the bounds.
