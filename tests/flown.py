@@ -58,10 +58,13 @@ def fly(
     extra: np.ndarray | None = None,
     gate: float = 0.0,
     gnss: GnssOptions | None = None,
+    events_s: np.ndarray | None = None,
+    delay: tuple[float, float] = (0.0, 0.0),
     **changes: object,
 ) -> Flown:
     """A flight of short lines with turns, started in the air; `extra` : s after the start, further
-    epochs without measurement.
+    epochs without measurement; `events_s` : likewise, in place of the camera's; `delay` : s, and
+    s/s since the first fix, by which the receiver's stamps of fixes and events are early.
     """
     options = {"start_in_air": True, "line_length_m": 120.0, **changes}
     gnss = gnss or GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05) if velocity else None)
@@ -73,8 +76,17 @@ def fly(
         gnss=gnss,
         **options,
     )
-    imu, events = sim.imu, sim.events
-    fixes = cut_fixes(sim.gnss, imu.time[0], imu.time[-1])
+    imu = sim.imu
+    exposed = sim.events
+    if events_s is not None:
+        names = tuple(str(k) for k in range(events_s.size))
+        exposed = replace(exposed, images=names, time=sim.flight.motion.start + events_s)
+    first, (offset, rate) = sim.gnss.time[0], delay
+    fixes, events = (
+        replace(record, time=record.time - offset - rate * (record.time - first))
+        for record in (sim.gnss, exposed)
+    )
+    fixes = cut_fixes(fixes, imu.time[0], imu.time[-1])
     more = np.zeros(0) if extra is None else sim.flight.motion.start + extra
     marks, (at_fix, at_event, at_extra) = merge_marks(fixes.time, events.time, more)
     inc = body_increments(imu, np.eye(3), marks)

@@ -722,6 +722,7 @@ def test_raw_observations_have_the_documented_defaults(load):
     camera = load(RAW + "[camera]\n").camera
     assert camera.match == ImageMatch(None, None, (), ())
     assert camera.rover_events == RoverEvents("", False)
+    assert (camera.time_offset_s, camera.clock) == (0.0, "auto")
 
 
 def test_options_of_raw_observations_are_taken(load, tmp_path):
@@ -732,7 +733,7 @@ def test_options_of_raw_observations_are_taken(load, tmp_path):
         " pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n[gnss.covariance]\nppm ="
         " 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003,"
         ' 0.004]\n[camera]\nimages = "my_noise.toml"\nimage_ending = ".tif"\nskip_events = [2,'
-        ' 5]\nskip_images = ["a.tif"]\nevents_containing = "cam"\ninvalid_events = true\n'
+        ' 5]\nskip_images = ["a.tif"]\nevents_containing = "cam"\ninvalid_events = true\nclock = "imu"\n'
     )
     raw = flight.gnss.raw
     assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (
@@ -751,6 +752,7 @@ def test_options_of_raw_observations_are_taken(load, tmp_path):
     )
     assert flight.camera.match == ImageMatch(tmp_path / "my_noise.toml", ".tif", (2, 5), ("a.tif",))
     assert flight.camera.rover_events == RoverEvents("cam", True)
+    assert flight.camera.clock == "imu"
     assert not load(RAW + "wet_delay = false\n").gnss.raw.wet_delay
     for off in ("wet_delay", "ionosphere"):  # the other one takes the air
         assert load(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from .gnss_options import BY_HEADER
 from .schema import check, option, take_record
@@ -103,6 +103,14 @@ class CameraInput:
         unit="s",
         cli="--camera-delay",
         metavar="S",
+    )
+    clock: Literal["auto", "imu", "receiver"] = option(
+        "auto",
+        'whose clock stamps the events, which are moved with its offset: "receiver": that of the '
+        'fixes, with gnss.time_offset_s and what is estimated of the time offset; "imu": that of '
+        'the samples, with imu.time_offset_s; "auto": "receiver" for events of the rover\'s RINEX, '
+        "and of a .MRK beside gnss.rover or a .pos of RTKLIB, else the stamps are those of the "
+        "IMU's clock as they stand",
     )
     match: ImageMatch = field(default_factory=ImageMatch)
     rover_events: RoverEvents = field(default_factory=RoverEvents)

@@ -238,15 +238,52 @@ def trajectory(
         Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
         with covariances of the errors in the same axes.
     """
+    nav, cov = solution.nav[index], solution.P[:, NAV, NAV][index]
+    cross = solution.event_cross[1:] if events else None
+    return local_trajectory(solution, index, solution.time[index], nav, cov, cross, gps_week)
+
+
+def local_trajectory(
+    solution: Solution,
+    index: np.ndarray,
+    time: Array,
+    nav: Array,
+    cov: Array,
+    cross: Array | None,
+    gps_week: int,
+) -> Trajectory:
+    """Return states and covariances of the local frame as a trajectory in axes at the point.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight that they are of.
+    index : ndarray
+        (k,) the epochs of which the body rates are taken.
+    time : Array
+        (k,) s, GPST.
+    nav : Array
+        (k, 10) position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    cov : Array
+        (k, 9, 9) covariances of their errors in l.
+    cross : Array or None
+        (k - 1, 9, 9) covariances of the errors of neighbours in l.
+    gps_week : int
+        The week that the times belong to.
+
+    Returns
+    -------
+    Trajectory
+        As `trajectory` does.
+    """
     frame = solution.problem.frame
-    nav = solution.nav[index]
     lat, lon, height = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
     C_lb = rotation_from_quaternion(nav[:, QUAT])
-    cov = rotate_blocks(C_nl, solution.P[:, NAV, NAV][index], C_nl)
-    cross = rotate_blocks(C_nl[:-1], solution.event_cross[1:], C_nl[1:]) if events else None
+    cov = rotate_blocks(C_nl, cov, C_nl)
+    cross = None if cross is None else rotate_blocks(C_nl[:-1], cross, C_nl[1:])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
-    time, C_nb = solution.time[index], C_nl @ C_lb
+    C_nb = C_nl @ C_lb
     acceleration = None
     if index.size > 1:
         acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))

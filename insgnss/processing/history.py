@@ -8,6 +8,7 @@ from .. import __version__
 from ..config.flight_file import Flight
 from ..diagnosis.estimated import state_verdicts
 from ..navigation.codes import BAROMETER, COVARIANCE_RESET, POSITION, USED, VELOCITY_CONSTRAINT
+from ..navigation.event_clock import event_delay
 from ..records import Check
 from .recording import Recording
 from .segment import Segment
@@ -56,6 +57,7 @@ def run_history(
         *_aids(segments),
         *([recording.turn_on] if recording.turn_on else []),
         *_estimates(segments),
+        *_events(flight, recording, segments),
         f"{gap_count} IMU gaps bridged; heights ellipsoidal (WGS84)",
         "lever arm IMU to camera and bore-sight applied",
         *(f"contradiction overruled by the flight file: {c.name}: {c.found}" for c in overruled),
@@ -86,6 +88,31 @@ def _aids(segments: Sequence[Segment]) -> Iterator[str]:
         offered, rejected = offered_and_rejected(segments, kind)
         if offered:
             yield f"{name}: {offered} offered, {offered - rejected} used"
+
+
+def _events(flight: Flight, recording: Recording, segments: Sequence[Segment]) -> Iterator[str]:
+    """Say whose clock stamps the exposures, and by how much they were moved with it."""
+    camera = flight.camera
+    if recording.events is None or camera is None:
+        return
+    how = f"camera.clock = {camera.clock}"
+    if recording.event_clock == "imu":
+        own = flight.imu.time_offset_s
+        moved = ", stamps as they stand" if camera.clock == "auto" else f", moved by {own:+.4f} s"
+        yield f"camera events of the IMU's clock ({how}){moved if own else ''}"
+        return
+    known = flight.gnss.time_offset_s
+    moves = [
+        known + segment.time_offset_s + event_delay(segment.solution)
+        for segment in segments
+        if segment.at_event.size
+    ]
+    if moves:
+        ms = 1e3 * np.concatenate(moves)
+        yield (
+            f"camera events of the receiver's clock ({how}), moved with the fixes by"
+            f" {ms.min():+.3f} to {ms.max():+.3f} ms"
+        )
 
 
 def _estimates(segments: Sequence[Segment]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -100,6 +100,38 @@ def read_files(
         ppk = solve_raw_gnss(raw, flight.gnss.covariance, of_rover if events is None else False)
         return imu, ppk.fixes, ppk.events if events is None else events, ppk
     return imu, _read_fixes(flight.gnss, flight.gps_week, imu), events, None
+
+
+def event_clock(flight: Flight) -> Literal["imu", "receiver"]:
+    """Tell whose clock stamps the camera events (`camera.clock`).
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    {"imu", "receiver"}
+        "receiver" where the flight file says so, or leaves it open and the receiver of the fixes
+        wrote the events itself: in the rover's RINEX, or in a .MRK beside raw observations or
+        positions of RTKLIB, which keep the stamps of the receiver; a log or a stream has its own.
+    """
+    from ..formats import sniff_events, sniff_gnss
+
+    camera, gnss = flight.camera, flight.gnss
+    if camera is None:
+        return "imu"
+    if camera.clock != "auto":
+        return camera.clock
+    if camera.events is None:
+        return "receiver"
+    if not isinstance(camera.events, Path) or sniff_events(camera.events) != "mrk":
+        return "imu"
+    of_receiver = gnss.raw is not None or (
+        isinstance(gnss.file, Path) and sniff_gnss(gnss.file) == "rtklib_pos"
+    )
+    return "receiver" if of_receiver else "imu"
 
 
 def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:

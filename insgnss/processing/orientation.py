@@ -9,6 +9,7 @@ from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
 from ..navigation.dense import dense_trajectory
+from ..navigation.event_clock import receiver_events
 from ..navigation.solution import trajectory
 from ..orient.exterior import exterior_orientation
 from ..prepare.clock import take_events
@@ -51,6 +52,9 @@ def orient_images(
 ) -> ExteriorOrientation | None:
     """Orient the images within the segments.
 
+    Their times are those of the trajectory: an exposure that the receiver stamped is given the
+    instant in the IMU's clock.
+
     Parameters
     ----------
     flight : Flight
@@ -81,18 +85,22 @@ def orient_images(
             f"{events.source}: no image lies in a segment that could be solved; see the gaps of "
             "`insgnss inspect`"
         )
+    of_receiver = recording.event_clock == "receiver"
     exposed = Trajectory.joined(
         [
-            trajectory(segment.solution, segment.solution.event_epochs, week, events=True)
+            receiver_events(segment.solution, week)
+            if of_receiver
+            else trajectory(segment.solution, segment.solution.event_epochs, week, events=True)
             for segment in segments
             if segment.at_event.size
         ]
     )
     refuse_unobservable(flight, exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
-    eo = exterior_orientation(
-        exposed, take_events(events, oriented), flight.mounting, plane, history
-    )
+    taken = take_events(events, oriented)
+    if of_receiver:
+        taken = replace(taken, time=exposed.time)
+    eo = exterior_orientation(exposed, taken, flight.mounting, plane, history)
     return replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch)
 
 

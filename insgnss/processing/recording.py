@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..config.flight_file import Flight
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
 from .checks import check_mounting, check_stationary, refuse_unreachable_crs
-from .input_files import combine_imus, read_barometer_file, read_files
+from .input_files import combine_imus, event_clock, read_barometer_file, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
@@ -49,6 +49,8 @@ class Recording:
         The PPK solution of raw observations.
     barometer : BarometerHeights or None
         The heights of a barometer, where there is one.
+    event_clock : {"imu", "receiver"}
+        Whose clock stamps the exposures; the receiver's is that of the fixes.
     """
 
     imu: ImuSamples
@@ -63,6 +65,25 @@ class Recording:
     recognition: "Recognition | None" = None
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
+    event_clock: Literal["imu", "receiver"] = "imu"
+
+    def moved(self, offset_s: float) -> "Recording":
+        """Return the recording with the stamps of the fixes, and of events of their clock, moved.
+
+        Parameters
+        ----------
+        offset_s : float
+            What is added to the stamps, s.
+
+        Returns
+        -------
+        Recording
+            The same otherwise.
+        """
+        gnss, events = replace(self.gnss, time=self.gnss.time + offset_s), self.events
+        if events is not None and self.event_clock == "receiver":
+            events = replace(events, time=events.time + offset_s)
+        return replace(self, gnss=gnss, events=events)
 
 
 def read_recording(flight: Flight) -> Recording:
@@ -97,7 +118,8 @@ def read_recording(flight: Flight) -> Recording:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    gnss, events = _with_time_offsets(flight, gnss, events)
+    clock = event_clock(flight)
+    gnss, events = _with_time_offsets(flight, gnss, events, clock)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
     refuse_unreachable_crs(flight, gnss)
     if barometer is not None:
@@ -115,7 +137,7 @@ def read_recording(flight: Flight) -> Recording:
     noise, bands = with_dead_bands(imu, C_b_imu, noise)
     more += [*bands, *(ppk.checks if ppk else ())]
     records = [r for r in (imu, gnss, events, barometer) if r is not None]
-    checks = _checks(flight, imu, gnss, events, C_b_imu, noise, more)
+    checks = _checks(flight, imu, gnss, events, clock, C_b_imu, noise, more)
     checks += [note for record in records for note in record.notes]
     if events is not None:
         all_events = events
@@ -148,6 +170,7 @@ def read_recording(flight: Flight) -> Recording:
         recognition,
         ppk,
         barometer,
+        clock,
     )
 
 
@@ -198,13 +221,22 @@ def with_dead_bands(
 
 
 def _with_time_offsets(
-    flight: Flight, gnss: GnssFixes, events: CameraEvents | None
+    flight: Flight, gnss: GnssFixes, events: CameraEvents | None, clock: str
 ) -> tuple[GnssFixes, CameraEvents | None]:
-    """Add the time offsets of the flight file to the stamps of fixes and exposures."""
+    """Add the time offsets of the flight file to the stamps of fixes and exposures.
+
+    Exposures move with the clock that the flight file says they are of; samples moved already.
+    """
     if flight.gnss.time_offset_s:
         gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
-    if events is not None and flight.camera is not None and flight.camera.time_offset_s:
-        events = replace(events, time=events.time + flight.camera.time_offset_s)
+    if events is not None and flight.camera is not None:
+        offset = flight.camera.time_offset_s
+        if clock == "receiver":
+            offset += flight.gnss.time_offset_s
+        elif flight.camera.clock == "imu":
+            offset += flight.imu.time_offset_s
+        if offset:
+            events = replace(events, time=events.time + offset)
     return gnss, events
 
 
@@ -213,6 +245,7 @@ def _checks(
     imu: ImuSamples,
     gnss: GnssFixes,
     events: CameraEvents | None,
+    clock: str,
     C_b_imu: Array,
     noise: "NoiseModel",
     more: list[Check],
@@ -223,7 +256,8 @@ def _checks(
 
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
-    checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, check_mounting(flight)]
+    found = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
+    checks = [*found, *more, check_mounting(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
     return [*checks, *noise_misfit(noise)]

@@ -117,8 +117,8 @@ def solve_segment(
 ) -> Segment:
     """Solve one segment, from the recording to the smoothed states.
 
-    A large estimated time offset goes into the stamps of the fixes, and the segment is solved
-    again.
+    A large estimated time offset goes into the stamps of the fixes, and of camera events of their
+    clock, and the segment is solved again.
 
     Parameters
     ----------
@@ -151,9 +151,7 @@ def solve_segment(
             break
         moved_s += offset
         step(f"the fixes moved by {moved_s:+.4f} s")
-        fixes = replace(recording.gnss, time=recording.gnss.time + moved_s)
-        moved = replace(recording, gnss=fixes)
-        solved = _solve(flight, moved, span, frame, step, -moved_s)
+        solved = _solve(flight, recording.moved(moved_s), span, frame, step, -moved_s)
         solved = replace(solved, time_offset_s=moved_s)
     return solved
 

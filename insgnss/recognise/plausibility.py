@@ -94,6 +94,7 @@ def check_recording(
     events: CameraEvents | None,
     origin: Array | None,
     forces: Forces | None = None,
+    event_clock: str = "",
 ) -> list[Check]:
     """Make all checks that need no navigation solution.
 
@@ -108,6 +109,8 @@ def check_recording(
         Origin of the tangent plane.
     forces : Forces, optional
         What the forces show, where it is known already.
+    event_clock : {"imu", "receiver", ""}
+        Whose clock stamps the events; "" where nobody said it.
 
     Returns
     -------
@@ -127,7 +130,7 @@ def check_recording(
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
     if events is not None:
-        checks.append(check_events(events, gnss))
+        checks.append(check_events(events, gnss, event_clock))
     return sorted(checks, key=lambda check: NAMES.index(check.name))
 
 

@@ -64,17 +64,31 @@ TURNING, STRAIGHTER = (
     4.0,
 )  # rad/s at the exposures, and how many times less it must be at the other time
 ENOUGH_IMAGES = 20
+# whose clock stamps the exposures, in words
+CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
 
 
-def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
+def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Check:
     """Check count and spacing of the exposures, and their time scale.
 
     The exposures contradict the fixes where they would lie on straighter lines in another time
     scale.
+
+    Parameters
+    ----------
+    events : CameraEvents
+    gnss : GnssFixes
+    clock : {"imu", "receiver", ""}
+        Whose clock stamps the exposures, as the finding says; "" where nobody said it.
+
+    Returns
+    -------
+    Check
     """
     name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
     step = np.diff(events.time)
     finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    finding += CLOCKS[clock]
     if step.size:
         finding += f", shortest interval {step.min():.2f} s"
     grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)

@@ -25,7 +25,7 @@ from insgnss.processing.checks import (
     refuse_unobservable,
     refuse_unreachable_crs,
 )
-from insgnss.processing.input_files import stationary_fixes
+from insgnss.processing.input_files import event_clock, stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
 from insgnss.processing.segment_checks import check_motion
@@ -186,8 +186,16 @@ def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:
     assert _origin(given, fixes) == (0.8, 0.1, 400.0)  # type: ignore[arg-type]
 
 
-def test_time_offsets_are_added_to_the_stamps_of_their_sensor(tmp_path: Path) -> None:
-    """Oracle: the stamps, by hand; data_specs/flight_file.md, "added to the stamps"."""
+@pytest.mark.parametrize(
+    ("clock", "own_s", "of"),
+    [("auto", 0.0, "IMU's"), ("imu", 0.125, "IMU's"), ("receiver", 0.25, "receiver's")],
+)
+def test_time_offsets_are_added_to_the_stamps_of_their_sensor(
+    tmp_path: Path, clock: str, own_s: float, of: str
+) -> None:
+    """Oracle: the stamps, by hand; data_specs/flight_file.md, "added to the stamps"; events move
+    with the clock that they are said to be of, and where fixes are moved later, with these.
+    """
     time = 1000.0 + 0.02 * np.arange(1001)
     rows = "".join(f"{t:.2f},0,0,0,0,0,-9.8\n" for t in time)
     (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n" + rows)
@@ -197,10 +205,49 @@ def test_time_offsets_are_added_to_the_stamps_of_their_sensor(tmp_path: Path) ->
     (tmp_path / "flight.toml").write_text(
         'gps_week = 2008\n[imu]\nfile = "imu.csv"\ntime_offset_s = 0.125\n'
         '[gnss]\nfile = "gnss.txt"\ntime_offset_s = 0.25\n'
-        '[camera]\nevents = "events.txt"\ntime_offset_s = -0.0625\n'
+        f'[camera]\nevents = "events.txt"\ntime_offset_s = -0.0625\nclock = "{clock}"\n'
     )
     recording = read_recording(load_flight(tmp_path / "flight.toml"))
     assert recording.imu.time[0] == pytest.approx(1000.125, abs=1e-9)
     assert recording.gnss.time[0] == pytest.approx(1001.25, abs=1e-9)
     assert recording.events is not None
-    assert recording.events.time[0] == pytest.approx(1004.9375, abs=1e-9)
+    assert recording.events.time[0] == pytest.approx(1004.9375 + own_s, abs=1e-9)
+    (check,) = [check for check in recording.checks if check.name == "camera events"]
+    assert f"of the {of} clock" in check.found
+    again = recording.moved(0.5)
+    assert again.gnss.time[0] == pytest.approx(1001.75, abs=1e-9)
+    assert again.events is not None
+    further = 0.5 if clock == "receiver" else 0.0
+    assert again.events.time[0] - recording.events.time[0] == pytest.approx(further, abs=1e-9)
+
+
+def test_events_that_the_receiver_wrote_are_of_its_clock(tmp_path: Path) -> None:
+    """Oracle: what each file is: a rover's RINEX and a .MRK beside it or beside positions of RTKLIB
+    keep the receiver's stamps; a log, a text and arrays may have any.
+    """
+    head = b"%  GPST   latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)\n"
+    files = {
+        "a.MRK": b"1\t5.0\t[2024]\t0,N\t0,E\t0,V\t1.0,Lat\t2.0,Lon\t3.0,Ellh\n",
+        "a.pos": head,
+        "a.txt": b"a.tif 5.0\n",
+        "fixes.txt": b"5.0 46.5 6.5 400.0 0.02 0.02 0.03\n",
+        "a.nmea": b"$GNGGA,1\n",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    raw = SimpleNamespace()
+
+    def clock(events: str | None, fixes: str | None, said: str = "auto") -> str:
+        camera = SimpleNamespace(events=events and tmp_path / events, clock=said)
+        gnss = SimpleNamespace(
+            file=None if fixes is None else tmp_path / fixes, raw=raw if fixes is None else None
+        )
+        return event_clock(SimpleNamespace(camera=camera, gnss=gnss))  # type: ignore[arg-type]
+
+    assert {clock(None, None), clock("a.MRK", None), clock("a.MRK", "a.pos")} == {"receiver"}
+    others = [("a.txt", None), ("a.txt", "a.pos"), ("a.MRK", "fixes.txt"), ("a.MRK", "a.nmea")]
+    assert {clock(*pair) for pair in others} == {"imu"}
+    assert (clock("a.txt", "fixes.txt", "receiver"), clock(None, None, "imu")) == (
+        "receiver",
+        "imu",
+    )

@@ -38,6 +38,13 @@ def test_events_on_lines_are_believed(flown):
         )
 
 
+def test_the_finding_says_whose_clock_stamps_the_exposures(flown):
+    """Oracle: what it was told."""
+    said = [check_events(flown.events, flown.gnss, clock).found for clock in ("imu", "receiver")]
+    assert ["IMU's clock" in said[0], "receiver's clock" in said[1]] == [True, True]
+    assert "clock" not in check_events(flown.events, flown.gnss).found
+
+
 def test_a_few_images_or_a_short_flight_tell_nothing(flown):
     """Oracle: a chance of a few images in a turn is no proof."""
     few = replace(flown.events, images=flown.events.images[:10], time=flown.events.time[:10] + 18.0)
