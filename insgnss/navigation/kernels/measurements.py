@@ -400,7 +400,15 @@ def barometer_rows(nav, x, model, earth, z, triple):
 
 @njit(cache=True)
 def scale_of(R, factor):
-    """Multiply a covariance (3, 3) by factors of its standard deviations (3,), in place."""
+    """Scale a covariance, in place.
+
+    Parameters
+    ----------
+    R : ndarray
+        (3, 3) the covariance.
+    factor : ndarray
+        (3,) of its standard deviations.
+    """
     for i in range(3):
         for j in range(3):
             R[i, j] *= factor[i] * factor[j]
