@@ -121,8 +121,8 @@ def export(
         form.write(framed, path, **options)
     notes = _notes(form, projection, framed)
     if projection is None and eo.datum is not None:
-        at = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
-        notes = (f"coordinates are of the datum of the positions, {eo.datum}{at}", *notes)
+        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+        notes = (f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}", *notes)
     if projection is None and form.frames[0] == PROJECTED and target.frame is None:
         notes = (
             f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)",

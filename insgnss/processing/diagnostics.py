@@ -131,4 +131,5 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         states=state_verdicts(solution, segment.time_offset_s, segment.stated),
         segments=((float(time[0]), float(time[-1])),),
         time_correlated=time_correlated_errors(solution),
+        residuals=segment.residuals,
     )

@@ -42,7 +42,7 @@ from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .segment import Segment
-from .segment_checks import check_barometer, check_images, check_motion
+from .segment_checks import check_barometer, check_images, check_motion, check_residuals
 from .solve_segments import solve_segments
 
 
@@ -177,6 +177,7 @@ def _solve(
         refuse_outside(recording.events, *span)
     segments, gaps = solve_segments(flight, recording, step)
     checks = [check for segment in segments for check in segment.checks]
+    checks += check_residuals(flight, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
     refuse_contradictions(flight, checks)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from ..calibrate.residuals import mean_residuals
 from ..navigation.solution import Solution
-from ..records import Check, GnssFixes
+from ..records import Check, GnssFixes, MeanResidual
 
 
 @dataclass(frozen=True)
@@ -42,3 +44,8 @@ class Segment:
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def residuals(self) -> tuple[MeanResidual, ...]:
+        """Fixes minus solution, minute by minute."""
+        return mean_residuals(self.solution)

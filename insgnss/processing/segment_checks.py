@@ -1,14 +1,17 @@
-"""The checks of the solved segments: the vehicle's motion, a barometer's heights, and the images
-that they leave out.
+"""The checks of the solved segments: fixes against the solution, the vehicle's motion, the heights
+of a barometer, and the images that they leave out.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from ..calibrate.residuals import worst_piece
 from ..config.flight_file import Flight
 from ..navigation.codes import BAROMETER, NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
 from ..records import Check
+from ..report.rules.wording import AXES, millimetres
+from ..report.statistics import residual_limit
 from .recording import Recording
 from .segment import Segment
 
@@ -17,6 +20,43 @@ MOST_REJECTED = 0.5
 
 MOST_NAMED = 5
 """Images that a check names."""
+
+
+def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+    """Check the fixes against the smoothed solution, minute by minute.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "fixes minus solution", a note where the mean of a minute is beyond what the
+        sigmas of solution and fixes allow it; nothing where no fix was used, or where the fixes are
+        a given place.
+    """
+    pieces = [piece for segment in segments for piece in segment.residuals]
+    if flight.gnss.stationary is not None or not pieces:
+        return []
+    limit = residual_limit(3 * len(pieces))
+    worst, axis, sigmas = worst_piece(pieces)
+    bad = sigmas > limit
+    return [
+        Check(
+            "fixes minus solution",
+            f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
+            f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
+            f"at most {limit:.1f} sigma in each of {len(pieces)} pieces",
+            "note" if bad else "ok",
+            "the solution leaves its fixes there: do not rely on positions or sigmas"
+            if bad
+            else "",
+        )
+    ]
 
 
 def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:

@@ -22,7 +22,7 @@ from .rows import Rows
 from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
-from .verdicts import Check, StateVerdict, TimeCorrelatedError, Verdict
+from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError, Verdict
 
 __all__ = [
     "QUANTITIES",
@@ -39,6 +39,7 @@ __all__ = [
     "Increments",
     "Innovations",
     "MapFrame",
+    "MeanResidual",
     "Quantity",
     "Rows",
     "StateVerdict",

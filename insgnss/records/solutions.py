@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._checked import Array, frozen, increasing
 from .rows import Rows
 from .series import ImuBiases, Innovations
-from .verdicts import Check, StateVerdict, TimeCorrelatedError
+from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -332,6 +332,8 @@ class Diagnostics:
         First and last instant, s, of each segment that was solved by itself.
     time_correlated : tuple of TimeCorrelatedError
         Time-correlated (Gauss-Markov) GNSS errors that were estimated.
+    residuals : tuple of MeanResidual
+        Fixes minus smoothed solution, minute by minute.
     """
 
     time: Array
@@ -364,6 +366,7 @@ class Diagnostics:
     states: tuple[StateVerdict, ...] = ()
     segments: tuple[tuple[float, float], ...] = ()
     time_correlated: tuple[TimeCorrelatedError, ...] = ()
+    residuals: tuple[MeanResidual, ...] = ()
 
     @property
     def biases(self) -> ImuBiases:
@@ -400,7 +403,7 @@ class Diagnostics:
         values: dict[str, Any] = {}
         for f in fields(cls):
             given = [getattr(segment, f.name) for segment in segments]
-            if f.name in ("gaps", "checks", "segments"):
+            if f.name in ("gaps", "checks", "segments", "residuals"):
                 values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
             elif any(isinstance(x, np.ndarray) for x in given):
                 values[f.name] = np.concatenate([x for x in given if x is not None])

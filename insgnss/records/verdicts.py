@@ -1,5 +1,5 @@
-"""What is found of a recording or a run besides its numbers: checks, states and errors with a
-verdict.
+"""What is found of a recording or a run besides its numbers: checks, states, residuals and errors
+with a verdict.
 """
 
 from dataclasses import dataclass
@@ -80,3 +80,26 @@ class TimeCorrelatedError:
     sigma_m: tuple[float, ...]
     share: tuple[float, ...]
     white: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MeanResidual:
+    """The mean of fixes minus smoothed solution over a piece of time, in north, east and down.
+
+    Parameters
+    ----------
+    begin_s, end_s : float
+        Times of its first and of its last fix, s, GPST.
+    fixes : int
+        How many fixes the mean is of.
+    mean_m : tuple of float
+        (3,) the mean, m, weighted with what the fixes claim.
+    sigma_m : tuple of float
+        (3,) what the claims of solution and fixes allow it, a standard deviation, m.
+    """
+
+    begin_s: float
+    end_s: float
+    fixes: int
+    mean_m: tuple[float, ...]
+    sigma_m: tuple[float, ...]

@@ -114,7 +114,7 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
         yield base64.b64encode(picture.png).decode("ascii")
         yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
     if not summary["standing"]:
-        yield from (_innovations(summary), _rejected(summary), _gaps(summary))
+        yield from (_innovations(summary), _residuals(summary), _rejected(summary), _gaps(summary))
     yield from (segments_and_stationary_periods(summary), _checks(summary), _made_from(summary))
     yield "</main>\n</body>\n</html>\n"
 
@@ -122,12 +122,14 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
 def _mood(summary: Mapping[str, Any]) -> str:
     """Return good, doubtful or bad.
 
-    It is bad for a contradiction, no fix used, or innovations far above their sigmas.
+    It is bad for a contradiction, no fix used, innovations far above their sigmas, or a solution
+    that leaves its own fixes.
     """
-    position = summary["consistency"]["position"]
+    position, residuals = summary["consistency"]["position"], summary["residuals"]
     if (
         any(check["verdict"] == "contradiction" for check in summary["checks"])
         or not summary["counts"]["fixes_used"]
+        or (residuals is not None and residuals["beyond"])
     ):
         return "bad"
     if (
@@ -168,6 +170,38 @@ def _innovations(s: Mapping[str, Any]) -> str:
         f"lag-1 correlation (99 %: ±{i['lag1_bound_99']:.3f})",
     )
     return "<h2>Innovations in numbers</h2>\n" + table(rows, head, numbers=True)
+
+
+def _residuals(s: Mapping[str, Any]) -> str:
+    """Table of the means of fixes minus solution; what is beyond its limit is marked."""
+    r = s["residuals"]
+    if r is None:
+        return ""
+    rows = [
+        (
+            f"{piece['begin_s']:.1f} – {piece['end_s']:.1f}",
+            str(piece["fixes"]),
+            *(
+                _against(mean, sigma, r["limit"])
+                for mean, sigma in zip(piece["mean_mm"], piece["sigma_mm"], strict=True)
+            ),
+        )
+        for piece in r["pieces"]
+    ]
+    listed = table(rows, ("TOW, s", "fixes", "north", "east", "down"), numbers=True)
+    caption = (
+        '<p class="soft">Mean of the used fixes minus the smoothed solution, ± one sigma of what'
+        " the solution and its fixes claim; no error model changes it. An honest flight stays"
+        f" within {r['limit']:.1f} sigma.</p>\n"
+    )
+    if len(rows) > 20:
+        listed = folded(f"{len(rows)} pieces, {r['beyond']} beyond the limit", listed)
+    return "<h2>Fixes minus solution</h2>\n" + caption + listed
+
+
+def _against(mean: float, sigma: float, limit: float) -> str:
+    text = f"{millimetres(mean)} ± {millimetres(sigma)}"
+    return f'<span class="contradiction">{text}</span>' if abs(mean) > limit * sigma else text
 
 
 def _checks(s: Mapping[str, Any]) -> str:

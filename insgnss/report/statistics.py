@@ -131,6 +131,26 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
 
 
+def residual_limit(n: int) -> float:
+    """Return the bound that the largest of `n` honest normalised values exceeds once in 10 000.
+
+    The values may be correlated (Bonferroni).
+
+    Parameters
+    ----------
+    n : int
+        How many values there are.
+
+    Returns
+    -------
+    float
+        The bound, in sigmas.
+    """
+    from scipy.special import ndtri
+
+    return float(-ndtri(0.5 * BEYOND_BOUND / n))
+
+
 def rms_bound(x: Array, sigma: Array) -> Array:
     """Bound of `normalised_rms` by column that an honest one exceeds in one of ten thousand.
 

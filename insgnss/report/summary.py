@@ -16,8 +16,8 @@ from ..records import Diagnostics, ExteriorOrientation, StateVerdict
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .rules.verdict import headline, limits, verdict
-from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
-from .statistics import consistency, innovation_figures, normalised_rms, rms_bound
+from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
+from .statistics import consistency, innovation_figures, normalised_rms, residual_limit, rms_bound
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
             "position": consistency(d.nis, d.used),
             **_aided_consistency(d),
         },
+        "residuals": _residuals(d),
         "separation": _separation(d),
         "biases": _biases(d),
         "rejected": _rejected(d),
@@ -221,6 +222,40 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
         },
         "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
         "bound": {"position": bound[0:3], "velocity": bound[3:6], "attitude": bound[6:9]},
+    }
+
+
+def _residuals(d: Diagnostics) -> dict[str, Any] | None:
+    """Fixes minus solution of each piece of time, the worst of them, and the limit of all."""
+    if not d.residuals:
+        return None
+    mean, sigma = (
+        np.array([getattr(r, key) for r in d.residuals]) for key in ("mean_m", "sigma_m")
+    )
+    ratio, limit = np.abs(mean) / sigma, residual_limit(mean.size)
+    k, axis = (int(i) for i in np.unravel_index(int(np.argmax(ratio)), ratio.shape))
+    return {
+        "axes": NED,
+        "limit": limit,
+        "beyond": int((ratio > limit).any(axis=1).sum()),
+        "worst": {
+            "begin_s": d.residuals[k].begin_s,
+            "end_s": d.residuals[k].end_s,
+            "axis": AXES[axis],
+            "mean_mm": 1e3 * mean[k, axis],
+            "sigma_mm": 1e3 * sigma[k, axis],
+            "sigmas": ratio[k, axis],
+        },
+        "pieces": [
+            {
+                "begin_s": r.begin_s,
+                "end_s": r.end_s,
+                "fixes": r.fixes,
+                "mean_mm": 1e3 * m,
+                "sigma_mm": 1e3 * s,
+            }
+            for r, m, s in zip(d.residuals, mean, sigma, strict=True)
+        ],
     }
 
 

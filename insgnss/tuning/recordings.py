@@ -99,7 +99,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     _refuse(path, span, options.accept)
     progress(f"wavelet variances of {path.name}")
     triads = {"gyro": span.gyro, "accel": span.accel}
-    curves, told = _variances(triads, span, options.robust)
+    curves, method_notes = _variances(triads, span, options.robust)
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
     return StaticRecording(
@@ -108,7 +108,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
         blocks,
         span.begin_s,
         span.length_s,
-        (*span.checks, *told),
+        (*span.checks, *method_notes),
         span.disturbances,
     )
 

@@ -178,17 +178,17 @@ def envelope(axis: AxisNoise, fit: Fit) -> tuple[str, ...]:
         Where the model falls short of the fit at a scale: it would promise less noise than was
         found.
     """
-    found = departures(axis, fit)
-    if not found:
+    excesses = departures(axis, fit)
+    if not excesses:
         return ()
-    least = min(found, key=lambda d: d.ratio)
+    least = min(excesses, key=lambda d: d.ratio)
     if least.ratio < 1.0:
         raise DataError(
             f"the noise model would have {least.ratio:.3g} times the deviation of the"
             f" {fit.composition} that was fitted, at {least.scale_s:.3g} s, which is beyond its"
             " confidence: it is not written; name a model with fewer processes (--model)"
         )
-    most, scales = max(found, key=lambda d: d.ratio), [d.scale_s for d in found]
+    most, scales = max(excesses, key=lambda d: d.ratio), [d.scale_s for d in excesses]
     return (
         f"the model is an upper envelope of the {fit.composition} that was fitted: its deviation is"
         f" up to {most.ratio:.3g} times that of the fit, at {most.scale_s:.3g} s"

@@ -11,7 +11,7 @@ import pytest
 
 import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
-from insgnss.records import Check, StateVerdict, TimeCorrelatedError
+from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 from insgnss.report.figures.run import Picture
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
@@ -219,3 +219,18 @@ def test_missing_directory_is_told(tmp_path: Path, diagnostics, eo, summary) -> 
     """Oracle: the exit code of a wrong use."""
     with pytest.raises(UsageError, match="does not exist"):
         write_report_json(summary(diagnostics(), eo()), tmp_path / "none" / "report.json")
+
+
+def test_fixes_minus_solution_are_listed_and_the_odd_ones_marked(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; of two pieces one is 0.4 m of 0.02 m off."""
+    pieces = tuple(
+        MeanResidual(0.0 + 60 * k, 59.0 + 60 * k, 600, (0.001, down, -0.002), (0.01, 0.02, 0.03))
+        for k, down in enumerate((0.003, 0.4))
+    )
+    d = diagnostics(residuals=pieces)
+    text = "".join(page(summary(d, eo()), ()))
+    section = text.split("<h2>Fixes minus solution</h2>")[1].split("<h2>")[0]
+    assert section.count("<tr>") == 3
+    assert re.findall('class="contradiction">([^<]*)<', section) == ["400 mm ± 20.0 mm"]
+    assert 'class="headline bad"' in text
+    assert "Fixes minus solution" not in "".join(page(summary(diagnostics(), eo()), ()))

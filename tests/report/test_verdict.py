@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.records import Check, StateVerdict, TimeCorrelatedError
+from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
 from insgnss.report.summary import run_summary
 
@@ -243,3 +243,46 @@ def test_weak_attitude_heights_and_gyros_are_said(diagnostics) -> None:
     assert "a level accelerometer's bias of 3.5 mg" in said(s, "tilt")["text"]
     assert "3.0 x the horizontal sigmas (9.0 mm against 3.0 mm)" in said(s, "heights")["text"]
     assert "90 deg/h only at the end, 1.5 deg a minute" in said(s, "gyro bias")["text"]
+
+
+def away(sigmas: float, pieces: int = 15) -> tuple[MeanResidual, ...]:
+    """Residuals of a quarter of their sigma, of the fifth minute `sigmas` times that, downward."""
+    return tuple(
+        MeanResidual(
+            START + 60.0 * k,
+            START + 60.0 * k + 59.0,
+            600,
+            (0.0025, -0.0025, 0.02 * sigmas if k == 4 else 0.005),
+            (0.01, 0.01, 0.02),
+        )
+        for k in range(pieces)
+    )
+
+
+def test_a_solution_that_leaves_its_fixes_stands_first(diagnostics, eo) -> None:
+    """Oracle: by hand; 0.16 m of 0.02 m in one of 15 minutes, whose bound is 4.74 sigma (normal
+    quantile of 1e-4 / 90); everything else is that of a good flight.
+    """
+    s = run(diagnostics(residuals=away(8.0)), eo())
+    begins = (
+        "fixes minus solution: 160 mm down in the mean of TOW 205440.0 to 205499.0 s, 8.0 times"
+        " what the sigmas of both allow it (limit 4.7; beyond it 1 of 15 pieces)"
+    )
+    assert s["headline"].startswith(begins)
+    assert s["headline"].endswith("contradict them (1200 of 1200 fixes used)")
+    assert s["verdict"][0].startswith(begins)
+    r = s["residuals"]
+    assert (r["beyond"], r["worst"]["sigma_mm"], len(r["pieces"])) == (1, pytest.approx(20.0), 15)
+    assert r["limit"] == pytest.approx(4.74, abs=0.02)
+    assert r["pieces"][4]["mean_mm"] == pytest.approx([2.5, -2.5, 160.0])
+
+
+def test_residuals_within_their_bound_say_nothing(diagnostics, eo) -> None:
+    """Oracle: by hand; 4.5 sigma in one of 15 minutes is less than chance allows; of one minute
+    alone it is more.
+    """
+    s = run(diagnostics(residuals=away(4.5)), eo())
+    assert s["verdict"] == [NOTHING_STANDS_OUT]
+    assert "fixes minus solution" not in s["headline"]
+    alone = run(diagnostics(residuals=away(4.5)[4:5]), eo())
+    assert alone["headline"].startswith("fixes minus solution")

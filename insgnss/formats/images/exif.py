@@ -12,7 +12,7 @@ from typing import BinaryIO
 from .jpeg import exif_of
 from .tiff_tags import Tiff
 
-MAKE, ORIGINAL, FRACTION = 0x010F, 0x9003, 0x9291
+CAMERA_MAKE, ORIGINAL, FRACTION = 0x010F, 0x9003, 0x9291
 
 
 def time_taken(stream: BinaryIO, who: str) -> datetime:
@@ -44,7 +44,7 @@ def camera_maker(stream: BinaryIO, who: str) -> str:
         Its tags are broken.
     """
     tiff = _tags(stream, who)
-    maker = b"" if tiff is None else tiff.bytes_of(tiff.first, MAKE) or b""
+    maker = b"" if tiff is None else tiff.bytes_of(tiff.first, CAMERA_MAKE) or b""
     return maker.decode("ascii", "replace").strip("\0 ")
 
 

@@ -218,8 +218,8 @@ def calibrate(
             satellites,
             model,
         )
-    believed = confirmed(fixes.time, kind == FIXED, separation, apart, model)
-    if (island := (kind == FIXED) & ~believed).any():
+    supported = confirmed(fixes.time, kind == FIXED, separation, apart, model)
+    if (island := (kind == FIXED) & ~supported).any():
         kind = classes(
             fixes.time,
             np.where(fixed & (apart | outlier | island), FLOAT_QUALITY, quality),
@@ -228,8 +228,8 @@ def calibrate(
         )
     rejected = fixed & (kind != FIXED)
     if separation is not None:
-        known = rejected & ~outlier & np.isfinite(separation.ned).all(axis=1)
-        doubtful[known] = separation.ned[known]
+        separated = rejected & ~outlier & np.isfinite(separation.ned).all(axis=1)
+        doubtful[separated] = separation.ned[separated]
     kind = degraded(fixes.time, kind, model)
     cov = (
         scaled(fixes.cov_ned, kind, distance_m, model) + doubtful[:, :, None] * doubtful[:, None, :]

@@ -10,7 +10,7 @@ where the fixes were made up for a sensor that stands at a given place.
 
 from collections.abc import Iterator
 
-from .wording import Figures, Limit, lengths, millimetres
+from .wording import AXES, Figures, Limit, lengths, millimetres, span
 
 TRUST = 2.0
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
@@ -19,7 +19,6 @@ LAG_ONE_MATTERS = 0.3
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
 SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
-AXES = ("north", "east", "down")
 STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
@@ -45,9 +44,25 @@ def judged(consistency: Figures) -> str:
 def contradicted(f: Figures) -> bool:
     """Return whether parts of the flight contradict the sigmas.
 
-    They do where the covariance was reset, or where forward and backward disagree.
+    They do where the covariance was reset, where forward and backward disagree, or where the
+    solution leaves its own fixes.
     """
-    return bool(f["covariance_resets_s"]) or any(_apart(f))
+    return bool(f["covariance_resets_s"]) or any(_apart(f)) or any(residuals(f))
+
+
+def residuals(f: Figures) -> Iterator[Limit]:
+    """Yield the minute in which the solution is farthest from its own fixes, beyond all claims."""
+    r = f["residuals"]
+    if r is None or r["worst"]["sigmas"] <= r["limit"]:
+        return
+    worst, beyond, pieces = r["worst"], r["beyond"], len(r["pieces"])
+    text = (
+        f"fixes minus solution: {millimetres(worst['mean_mm'])} {worst['axis']} in the mean of"
+        f" {span(worst['begin_s'], worst['end_s'])}, {worst['sigmas']:.1f} times what the sigmas of"
+        f" both allow it (limit {r['limit']:.1f}; beyond it {beyond} of {pieces} pieces)"
+    )
+    help_ = "do not rely on positions or sigmas there before it is known why"
+    yield Limit("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
 
 
 def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
@@ -272,6 +287,7 @@ def checks(f: Figures) -> Iterator[Limit]:
     covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
         f["outages"]
     )
+    covered += ["fixes minus solution"]
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (

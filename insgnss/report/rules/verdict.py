@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
-from .fixes import contradicted, judged
+from .fixes import contradicted, judged, residuals
 from .wording import Figures, Limit, degrees, lengths, tilt
 
 MOST_SENTENCES = 8
@@ -24,6 +24,7 @@ NOTHING_STANDS_OUT = (
 Rule = Callable[[Figures], Iterator[Limit]]
 
 ON_FIXES: tuple[Rule, ...] = (
+    rules_fixes.residuals,
     rules_fixes.rejected,
     rules_fixes.covariance_resets,
     rules_fixes.nis,
@@ -69,7 +70,8 @@ def headline(figures: Figures) -> str:
     }[judged(figures["consistency"]["position"])]
     if contradicted(figures):
         support = "but parts of the flight contradict them"
-    return f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
+    text = f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
+    return "; ".join([*(limit.text for limit in residuals(figures)), text])
 
 
 def limits(figures: Figures) -> list[Limit]:

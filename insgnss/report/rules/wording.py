@@ -9,6 +9,8 @@ from ...base.units import STANDARD_GRAVITY
 
 Figures = Mapping[str, Any]
 
+AXES = ("north", "east", "down")
+
 DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
 MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
 

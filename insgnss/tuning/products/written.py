@@ -18,7 +18,7 @@ from ..usable import envelope, rounded_axis
 from .words import FITS, goodness_p, misfit, verdict
 
 DEFAULT = Path("imu_noise.toml")
-CARRIED = FITS / 6.0  # p-value below which a misfit goes into the file: of six axes one by chance
+WORST_OF_SIX = FITS / 6.0  # p-value below which a misfit goes into the file: one by chance
 
 
 def planned(out: Path | None, force: bool) -> Path:
@@ -67,7 +67,11 @@ def noise_model(
         triads["gyro"],
         triads["accel"],
         tuple(r.source for r in recordings),
-        tuple(f"{t.name}: {next(misfit(t, recordings))}" for t in tuned if goodness_p(t) < CARRIED),
+        tuple(
+            f"{t.name}: {next(misfit(t, recordings))}"
+            for t in tuned
+            if goodness_p(t) < WORST_OF_SIX
+        ),
     )
 
 
