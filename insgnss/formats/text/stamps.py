@@ -79,15 +79,6 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
         return time, ()
     usual = float(np.median(step))
     skips = np.abs(np.pad(step, 1) - 2.0 * usual) < 0.5 * usual  # at i + 1 that of step i
-<<<<<<< HEAD
-    behind, ahead = skips[repeats], skips[repeats + 2]
-    if usual <= 0.0 or np.mean(behind | ahead) < PAIRED:
-        return time, ()
-    out = time.copy()
-    out[repeats[behind]] -= usual
-    out[repeats[ahead & ~behind] + 1] += usual
-    finding = f"{int((behind | ahead).sum())} stamps repeat beside one that is skipped"
-=======
     skip_before, skip_after = skips[repeats], skips[repeats + 2]
     if usual <= 0.0 or np.mean(skip_before | skip_after) < PAIRED:
         return time, ()
@@ -95,7 +86,6 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
     out[repeats[skip_before]] -= usual
     out[repeats[skip_after & ~skip_before] + 1] += usual
     finding = f"{int((skip_before | skip_after).sum())} stamps repeat beside one that is skipped"
->>>>>>> h-rep
     advice = "they were put there: log more digits where the logger can"
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
