@@ -138,8 +138,8 @@ def _means(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Arra
     inc = solution.problem.inc
     bounds = np.concatenate([[0.0], np.cumsum(inc.dt)])
     length = np.maximum(np.abs(d), inc.nominal_s)
-    at = bounds[inc.stop[index]]
-    begin = np.clip(np.where(d < 0.0, at - length, at), 0.0, bounds[-1] - length)
+    stamp = bounds[inc.stop[index]]
+    begin = np.clip(np.where(d < 0.0, stamp - length, stamp), 0.0, bounds[-1] - length)
     sums = np.vstack([np.zeros(6), np.cumsum(np.hstack([inc.dtheta, inc.dvel]), axis=0)])
     moved = [
         np.interp(begin + length, bounds, column) - np.interp(begin, bounds, column)
