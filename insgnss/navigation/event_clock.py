@@ -6,19 +6,19 @@ Its epoch stands at t, and its pose is that at t + d, with specific force f and 
 the samples over [t, t + d], less bias, in the axes of l, and g gravity:
 
     v' = v + a d,    p' = p + v d + a d^2 / 2,    C' = exp([omega d x]) C
-    a  = f + g - 2 Omega x v                                                                  (V.1)
+    a  = f + g - 2 Omega x v                                                                  (X.1)
 
 Errors e = (dp, dv, psi) at t and c = (do, dr) of the states, g_t = (1, t - t0), make the errors
 
     e' = A e + u g_t c,    u = (v', a, omega)
-    A  = [ 1  d  -[f x] d^2 / 2 ;  0  1  -[f x] d ;  0  0  1 ]                                 (V.2)
+    A  = [ 1  d  -[f x] d^2 / 2 ;  0  1  -[f x] d ;  0  0  1 ]                                 (X.2)
 
 psi stands on the left of C and omega is a rate in body axes, hence the third row. What biases move
 within d is left out: 1e-4 rad/s of the gyros make 5e-7 rad in 5 ms. With o and r constants, the
 same for all events,
 
     cov(e'_j, e'_k) = A_j cov(e_j, e_k) A_k' + A_j cov(e_j, c) (u_k g_k)'
-                     + u_j g_j cov(c, e_k) A_k' + u_j g_j cov(c, c) (u_k g_k)'                (V.3)
+                     + u_j g_j cov(c, e_k) A_k' + u_j g_j cov(c, c) (u_k g_k)'                (X.3)
 
 for j = k the covariance of an event, with cov(e_j, c) of the epoch of j and cov(e_k, c) of that of
 k. The fixes say p + v d, so that the smoother leaves dp and v do of one size and opposite sign: the
@@ -60,7 +60,7 @@ def event_delay(solution: Solution) -> Array:
 
 
 def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
-    """Return the trajectory at camera events that the clock of the fixes stamped (V.1 to V.3).
+    """Return the trajectory at camera events that the clock of the fixes stamped (X.1 to X.3).
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ def _clock(solution: Solution) -> Array:
 
 
 def _of_constants(solution: Solution, index: np.ndarray) -> Array:
-    """g_t of (V.2), (k, 1 or 2)."""
+    """g_t of (X.2), (k, 1 or 2)."""
     elapsed = solution.problem.epochs.time[index]
     return np.column_stack([np.ones(index.size), elapsed])[:, : _states(solution).size]
 
 
 def _moved(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Array, Array]:
-    """States (k, 10) at t + d (V.1), A (k, 9, 9) and u (k, 9) of (V.2)."""
+    """States (k, 10) at t + d (X.1), A (k, 9, 9) and u (k, 9) of (X.2)."""
     frame, nav = solution.problem.frame, solution.nav[index].copy()
     C_lb, v = rotation_from_quaternion(nav[:, QUAT]), nav[:, VEL].copy()
     rate, force = _means(solution, index, d)
@@ -138,8 +138,8 @@ def _means(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Arra
     inc = solution.problem.inc
     bounds = np.concatenate([[0.0], np.cumsum(inc.dt)])
     length = np.maximum(np.abs(d), inc.nominal_s)
-    at = bounds[inc.stop[index]]
-    begin = np.clip(np.where(d < 0.0, at - length, at), 0.0, bounds[-1] - length)
+    stamp = bounds[inc.stop[index]]
+    begin = np.clip(np.where(d < 0.0, stamp - length, stamp), 0.0, bounds[-1] - length)
     sums = np.vstack([np.zeros(6), np.cumsum(np.hstack([inc.dtheta, inc.dvel]), axis=0)])
     moved = [
         np.interp(begin + length, bounds, column) - np.interp(begin, bounds, column)
@@ -160,7 +160,7 @@ def _propagated(
     A_k: Array,
     U_k: Array,
 ) -> Array:
-    """Covariances (n, 9, 9) of (V.3) from cov(e_j, e_k), cov(e_j, c), cov(e_k, c), cov(c, c)."""
+    """Covariances (n, 9, 9) of (X.3) from cov(e_j, e_k), cov(e_j, c), cov(e_k, c), cov(c, c)."""
     A_k_t, U_k_t = np.swapaxes(A_k, -1, -2), np.swapaxes(U_k, -1, -2)
     from_clock = np.swapaxes(to_clock_k, -1, -2)
     moved: Array = (A_j @ cov + U_j @ from_clock) @ A_k_t

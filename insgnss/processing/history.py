@@ -101,9 +101,9 @@ def _events(flight: Flight, recording: Recording, segments: Sequence[Segment]) -
         moved = ", stamps as they stand" if camera.clock == "auto" else f", moved by {own:+.4f} s"
         yield f"camera events of the IMU's clock ({how}){moved if own else ''}"
         return
-    known = flight.gnss.time_offset_s
+    stated = flight.gnss.time_offset_s
     moves = [
-        known + segment.time_offset_s + event_delay(segment.solution)
+        stated + segment.time_offset_s + event_delay(segment.solution)
         for segment in segments
         if segment.at_event.size
     ]

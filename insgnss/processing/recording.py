@@ -256,8 +256,8 @@ def _checks(
 
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
-    found = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    checks = [*found, *more, check_mounting(flight)]
+    of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
+    checks = [*of_motion, *more, check_mounting(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
     return [*checks, *noise_misfit(noise)]

@@ -1,4 +1,4 @@
-"""Camera events that the clock of the fixes stamped: poses and covariances (V.1 to V.3)."""
+"""Camera events that the clock of the fixes stamped: poses and covariances (X.1 to X.3)."""
 
 from dataclasses import replace
 
@@ -84,7 +84,7 @@ def test_a_latency_that_fixes_and_events_share_costs_nothing(late):
 
 
 def test_the_covariances_are_those_of_small_errors(late):
-    """Oracle: (V.1) differentiated numerically by its eleven states, and their smoothed
+    """Oracle: (X.1) differentiated numerically by its eleven states, and their smoothed
     covariances put together by hand; 1e-4 of sigmas is what squares of the steps leave.
     """
     flown, solution = late
