@@ -344,3 +344,10 @@ def test_withheld_fixes_are_not_said_to_be_rejected_by_the_gate(diagnostics, eo)
     more[500:550] = False
     s = run(diagnostics(used=more, withheld=~used, checks=(check,)), eo())
     assert "50 of 1200 fixes (4.2 %) were rejected by the gate" in said(s, "rejected")["text"]
+
+
+def test_sigmas_that_were_enlarged_without_need_stand_out(diagnostics, eo) -> None:
+    """Oracle: definition; this note alone is more than a remark."""
+    check = Check("sigmas of the fixes", "as white errors they explain", "no larger", "note", "off")
+    s = run(diagnostics(checks=(check,)), eo())
+    assert s["verdict"][0].startswith("sigmas of the fixes: found as white errors they explain")

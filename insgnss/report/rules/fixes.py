@@ -24,6 +24,7 @@ STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
 )  # an error that lasts longer is one of the absolute position; share of the fixes
+WIDER = 1.5  # rank of sigmas that were enlarged without need
 OVERRULED, REMARK, UNSUPPORTED = (
     50.0,
     0.5,
@@ -321,6 +322,7 @@ def checks(f: Figures) -> Iterator[Limit]:
         ):
             continue
         rank = OVERRULED if check["verdict"] == "contradiction" else REMARK
+        rank = WIDER if check["name"] == "sigmas of the fixes" else rank
         yield Limit(
             "checks",
             rank,
