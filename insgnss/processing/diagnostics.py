@@ -132,4 +132,5 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         segments=((float(time[0]), float(time[-1])),),
         time_correlated=time_correlated_errors(solution),
         residuals=segment.residuals,
+        withheld=solution.problem.epochs.withheld[fix],
     )

@@ -42,7 +42,13 @@ from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .segment import Segment
-from .segment_checks import check_barometer, check_images, check_motion, check_residuals
+from .segment_checks import (
+    check_barometer,
+    check_file_sigmas,
+    check_images,
+    check_motion,
+    check_residuals,
+)
 from .solve_segments import solve_segments
 
 
@@ -178,6 +184,7 @@ def _solve(
     segments, gaps = solve_segments(flight, recording, step)
     checks = [check for segment in segments for check in segment.checks]
     checks += check_residuals(flight, segments)
+    checks += check_file_sigmas(flight, recording, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
     refuse_contradictions(flight, checks)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))

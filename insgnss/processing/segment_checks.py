@@ -1,22 +1,49 @@
-"""The checks of the solved segments: fixes against the solution, the vehicle's motion, the heights
-of a barometer, and the images that they leave out.
+"""The checks of the solved segments: fixes against the solution and against their own sigmas, the
+vehicle's motion, the heights of a barometer, and the images that they leave out.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ..base.errors import DataError
 from ..calibrate.residuals import worst_piece
 from ..config.flight_file import Flight
-from ..navigation.codes import BAROMETER, NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
+from ..diagnosis.candidates import with_layout
+from ..diagnosis.evidence import liveliest_window
+from ..navigation.codes import (
+    BAROMETER,
+    NOT_MEASURED,
+    POS,
+    POSITION,
+    REJECTED,
+    USED,
+    VELOCITY_CONSTRAINT,
+)
+from ..navigation.filter import make_history, run_filter
+from ..navigation.kernels.records import FilterHistory
+from ..navigation.layout import StateLayout
+from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.solution import Solution
 from ..records import Check
 from ..report.rules.wording import AXES, millimetres
-from ..report.statistics import residual_limit
+from ..report.statistics import Z_CONFIDENCE, lag_one, residual_limit
+from .estimation_problem import layout_factory, requested_errors
 from .recording import Recording
 from .segment import Segment
 
 MOST_REJECTED = 0.5
 """Share of rejected measurements of the motion or of a barometer that contradicts what is said."""
+
+AS_CLAIMED = (0.8, 1.25)
+"""Mean NIS per degree of freedom of fixes whose sigmas are right to a tenth."""
+
+WHITE_LAG = 0.1
+"""Lag-one autocorrelation of white innovations, at most, where chance does not allow more."""
+
+MUCH_WIDER = 1.5
+"""Ratio of position sigmas that matters to their user."""
 
 MOST_NAMED = 5
 """Images that a check names."""
@@ -57,6 +84,103 @@ def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
             else "",
         )
     ]
+
+
+def check_file_sigmas(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> list[Check]:
+    """Note where larger errors of the fixes were adopted than their sigmas needed.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments; the longest is looked at.
+
+    Returns
+    -------
+    list of Check
+        The note "sigmas of the fixes" where the flight file leaves their errors to the data and the
+        sigmas of the file, as those of white errors, would have done.
+    """
+    segment = max(segments, key=lambda segment: segment.solution.time.size)
+    if flight.gnss.stationary is not None or flight.gnss.gm_sigma != "auto":
+        return []
+    white = replace(
+        requested_errors(flight, segment.fixes),
+        gm_sigma=None,
+        white_scale=(1.0, 1.0, 1.0),
+        unfixed_gm_sigma=None,
+        unfixed_white_scale=1.0,
+    )
+    wider = wider_than_needed(segment.solution, layout_factory(flight, recording.noise)(white))
+    if wider is None:
+        return []
+    ratio, factor = wider
+    return [
+        Check(
+            "sigmas of the fixes",
+            "as white errors they explain the innovations (NIS per degree of freedom"
+            f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
+            f" are {factor:.1f} times as large",
+            "no larger errors than the innovations need",
+            "note",
+            'set gnss.gm_sigma = "off" to take the sigmas of the file at their word',
+        )
+    ]
+
+
+def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, float] | None:
+    """Tell whether a solution has larger errors of the fixes than their innovations need.
+
+    The liveliest window of the flight is filtered with the errors of the solution, and with the
+    sigmas of the file as those of white errors.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved segment.
+    white : StateLayout
+        The error states without time-correlated errors of the position fixes.
+
+    Returns
+    -------
+    tuple of float or None
+        Mean NIS per degree of freedom with white errors, and the ratio of the position sigmas;
+        None where the innovations are not those of white errors, or the sigmas hardly differ.
+    """
+    posed = liveliest_window(solution)
+    layout = posed[0].layout
+    if layout.gm < 0 and layout.unfixed_gm < 0 and max(layout.white_scale) <= 1.0:
+        return None
+    adopted, alone = _filtered(*posed), _filtered(*with_layout(*posed, white))
+    if adopted is None or alone is None:
+        return None
+    later = slice(alone.sigma.shape[0] // 2, None)  # without the start
+    factor = float(np.median(adopted.sigma[later, POS] / alone.sigma[later, POS]))
+    used = alone.verdict[:, POSITION] == USED
+    if factor < MUCH_WIDER or np.count_nonzero(used) < np.count_nonzero(
+        alone.verdict[:, POSITION] != NOT_MEASURED
+    ):
+        return None
+    ratio = float(np.mean(alone.nis[used, POSITION])) / 3.0
+    normalised = alone.innovation[used, :3] / alone.innovation_sigma[used, :3]
+    bound = max(WHITE_LAG, Z_CONFIDENCE / np.sqrt(len(normalised)))
+    white_noise = bool((np.abs(lag_one(normalised)) < bound).all())
+    return (ratio, factor) if AS_CLAIMED[0] < ratio < AS_CLAIMED[1] and white_noise else None
+
+
+def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
+    """Filter a window; None where the filter diverges."""
+    history = make_history(problem.epochs, problem.layout)
+    try:
+        run_filter(problem, start, history)
+    except DataError:
+        return None
+    return history
 
 
 def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:

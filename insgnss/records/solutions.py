@@ -334,6 +334,9 @@ class Diagnostics:
         Time-correlated (Gauss-Markov) GNSS errors that were estimated.
     residuals : tuple of MeanResidual
         Fixes minus smoothed solution, minute by minute.
+    withheld : ndarray, optional
+        (k,) bool, whether the position fix was withheld as one of a spell of incorrect ones; those
+        are not used. None: none was.
     """
 
     time: Array
@@ -367,6 +370,7 @@ class Diagnostics:
     segments: tuple[tuple[float, float], ...] = ()
     time_correlated: tuple[TimeCorrelatedError, ...] = ()
     residuals: tuple[MeanResidual, ...] = ()
+    withheld: NDArray[np.bool_] | None = None
 
     @property
     def biases(self) -> ImuBiases:

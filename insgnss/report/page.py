@@ -232,7 +232,10 @@ def _rejected(s: Mapping[str, Any]) -> str:
         for x in r["listed"]
     ]
     more = f", the first {len(r['listed'])} of them" if r["count"] > len(r["listed"]) else ""
-    intro = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
+    withheld = s["counts"]["fixes_withheld"]
+    left_out = f" or withheld as incorrect ({withheld} of them)" if withheld else ""
+    gate = f"beyond the gate (NIS {r['nis_limit']:.1f}){left_out}"
+    intro = f"<p>{r['count']} fixes {gate}{more}:</p>\n"
     listed = table(rows, ("TOW, s", "minute", "NIS"))
     if len(rows) > 20:
         listed = folded("list", listed)

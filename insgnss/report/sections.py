@@ -170,6 +170,8 @@ def key_numbers(s: Summary) -> str:
         f" {span['end_tow_s']:.1f} s"
     )
     fixes = f"{n['fixes']}, {n['fixes_used']} used, {n['fixes_rejected']} rejected"
+    if n["fixes_withheld"]:
+        fixes += f" ({n['fixes_withheld']} of them withheld as incorrect)"
     if "velocities" in n:
         fixes += (
             f"; velocities {n['velocities']}, {n['velocities_used']} used,"

@@ -172,13 +172,47 @@ def rms_bound(x: Array, sigma: Array) -> Array:
         z = x[determined, c] / sigma[determined, c]
         if z.size == 0:
             continue
-        covered = np.correlate(z, z, "full")[z.size - 1 :]
-        power = max(float(covered[0]), 1e-300)
-        positive = covered[1:] > 0.0
-        last = positive.size if positive.all() else int(np.argmin(positive))
-        dof = max(z.size / (1.0 + 2.0 * float(covered[1 : last + 1].sum()) / power), 1.0)
+        dof = _degrees_of_freedom(z)
         bound[c] = np.sqrt(chdtri(dof, BEYOND_BOUND) / dof)
     return bound
+
+
+def rms_floor(x: Array, sigma: Array) -> tuple[float, float]:
+    """Return the root mean square of x / sigma over all columns, and what an honest one exceeds.
+
+    The degrees of freedom are half the sum of those of the columns (T.3): where values correlate
+    over much of the series, their own autocorrelation says too little of it, which matters on this
+    side of the distribution. Of series of 30 and 100 values that correlate by 0.9 to 0.999 from one
+    to the next no more than one in a thousand falls below.
+
+    Parameters
+    ----------
+    x, sigma : Array
+        (k, c) values in the order of time, and their sigmas.
+
+    Returns
+    -------
+    tuple of float
+        Root mean square and floor; NaN where nothing is determined.
+    """
+    from scipy.special import chdtri
+
+    determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+    columns = [x[of, c] / sigma[of, c] for c, of in enumerate(determined.T) if of.any()]
+    if not columns:
+        return math.nan, math.nan
+    dof = 0.5 * sum(_degrees_of_freedom(z) for z in columns)
+    rms = math.sqrt(float(np.mean(np.concatenate(columns) ** 2)))
+    return rms, math.sqrt(float(chdtri(dof, 1.0 - BEYOND_BOUND)) / dof)
+
+
+def _degrees_of_freedom(z: Array) -> float:
+    """Return how many independent values a series (k,) is worth (T.3), one at least."""
+    covered = np.correlate(z, z, "full")[z.size - 1 :]
+    power = max(float(covered[0]), 1e-300)
+    positive = covered[1:] > 0.0
+    last = positive.size if positive.all() else int(np.argmin(positive))
+    return max(z.size / (1.0 + 2.0 * float(covered[1 : last + 1].sum()) / power), 1.0)
 
 
 def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:

@@ -12,12 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.rotation import rpy_from_rotation
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
-from .statistics import consistency, innovation_figures, normalised_rms, residual_limit, rms_bound
+from .statistics import (
+    consistency,
+    innovation_figures,
+    normalised_rms,
+    residual_limit,
+    rms_bound,
+    rms_floor,
+)
 
 Array = NDArray[np.float64]
 
@@ -96,6 +104,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         },
         "counts": _counts(d, eo),
         "exposures": None if eo is None or not eo.images else _exposures(d, eo),
+        "boresight_heading_deg": None if eo is None else _heading_of(eo.boresight),
         "trajectory": _trajectory(d),
         "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
         "consistency": {
@@ -132,6 +141,7 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
         "fixes": d.fix_time.size,
         "fixes_used": int(d.used.sum()),
         "fixes_rejected": int((~d.used).sum()),
+        "fixes_withheld": 0 if d.withheld is None else int((d.withheld & ~d.used).sum()),
         "covariance_resets": 0 if d.covariance_resets is None else d.covariance_resets.size,
     }
     for name, nis, used in (
@@ -177,6 +187,14 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     return out
 
 
+def _heading_of(boresight: Array) -> float:
+    """Return by how much, deg, a bore-sight turns the heading of a level body, clockwise.
+
+    The camera realises the axes C_nb B' of a body whose attitude is C_nb.
+    """
+    return math.degrees(float(rpy_from_rotation(boresight.T)[2]))
+
+
 def _trajectory(d: Diagnostics) -> dict[str, Any]:
     """Smoothed sigmas over the epochs of the diagnostics, and their gain on those of the filter."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,6 +230,14 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
     bound = rms_bound(x, d.separation_sigma)
+    pooled = {
+        state: rms_floor(x[:, columns], d.separation_sigma[:, columns])
+        for state, columns in (
+            ("position", slice(0, 3)),
+            ("velocity", slice(3, 6)),
+            ("attitude", slice(6, 9)),
+        )
+    }
     return {
         "axes": NED,
         "epochs": int(np.isfinite(x).any(axis=1).sum()),
@@ -222,6 +248,8 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
         },
         "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
         "bound": {"position": bound[0:3], "velocity": bound[3:6], "attitude": bound[6:9]},
+        "of_all_axes": {state: rms for state, (rms, _) in pooled.items()},
+        "floor": {state: floor for state, (_, floor) in pooled.items()},
     }
 
 

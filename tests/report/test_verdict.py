@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.orient.mounting import boresight_from_angles
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
-from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
+from insgnss.report.rules.verdict import (
+    MOST_SENTENCES,
+    NOTHING_IN_THE_DATA,
+    NOTHING_STANDS_OUT,
+)
 from insgnss.report.summary import run_summary
 
 START = 205200.0
@@ -286,3 +291,63 @@ def test_residuals_within_their_bound_say_nothing(diagnostics, eo) -> None:
     assert "fixes minus solution" not in s["headline"]
     alone = run(diagnostics(residuals=away(4.5)[4:5]), eo())
     assert alone["headline"].startswith("fixes minus solution")
+
+
+def test_sigmas_that_are_too_wide_are_said(diagnostics, eo) -> None:
+    """Oracle: by construction; separations of a fifth of their sigmas, all the rest that of a good
+    flight.
+    """
+    d = diagnostics()
+    s = run(diagnostics(separation=0.2 * d.separation), eo())
+    assert s["verdict"][0] != NOTHING_STANDS_OUT
+    assert "far better than their sigmas say" in s["verdict"][0]
+    assert s["separation"]["of_all_axes"]["position"] == pytest.approx(0.2, rel=0.2)
+    assert said(s, "separation")["rank"] > 2.0
+
+
+def test_a_small_constant_separation_says_nothing_of_sigmas(diagnostics, eo) -> None:
+    """Oracle: (T.3); what stays the same over the flight is one value, and may be small."""
+    d = diagnostics()
+    s = run(diagnostics(separation=0.2 * d.separation_sigma), eo())
+    assert s["verdict"] == [NOTHING_STANDS_OUT]
+
+
+@pytest.mark.parametrize(("yaw", "sigmas"), [(0.4, 20.0), (-3.2, 160.0)])
+def test_a_boresight_that_turns_the_heading_is_said(diagnostics, eo, yaw, sigmas) -> None:
+    """Oracle: by hand; heading sigma 0.02 deg, B of (M.5) with a yaw."""
+    B = boresight_from_angles("rpy", [0.0, 0.0, yaw])
+    s = run(diagnostics(), dataclasses.replace(eo(), boresight=B))
+    text = said(s, "bore-sight")["text"]
+    assert f"by {yaw:+.2f} deg = {sigmas:.1f} sigma" in text
+    assert NOTHING_STANDS_OUT not in s["verdict"]
+    assert (s["verdict"][0] == NOTHING_IN_THE_DATA) == (abs(yaw) < 2.0)
+
+
+def test_a_boresight_within_the_sigma_of_heading_is_not_said(diagnostics, eo) -> None:
+    """Oracle: by hand; 0.015 deg of heading against 0.02; 0.7 deg of roll turn no heading."""
+    for angles in ([0.0, 0.0, 0.015], [0.7, 0.0, 0.0]):
+        B = boresight_from_angles("rpy", angles)
+        s = run(diagnostics(), dataclasses.replace(eo(), boresight=B))
+        assert s["verdict"] == [NOTHING_STANDS_OUT]
+
+
+def test_withheld_fixes_are_not_said_to_be_rejected_by_the_gate(diagnostics, eo) -> None:
+    """Oracle: definition; the check says why they are left out, and it alone."""
+    d = diagnostics()
+    used = np.ones(d.time.size, dtype=bool)
+    used[300:400] = False
+    check = Check("incorrect fixes", "they are left out", "one level", "note")
+    s = run(diagnostics(used=used, withheld=~used, checks=(check,)), eo())
+    assert not any("rejected by the gate" in limit["text"] for limit in s["limits"])
+    assert any("they are left out" in limit["text"] for limit in s["limits"])
+    more = used.copy()
+    more[500:550] = False
+    s = run(diagnostics(used=more, withheld=~used, checks=(check,)), eo())
+    assert "50 of 1200 fixes (4.2 %) were rejected by the gate" in said(s, "rejected")["text"]
+
+
+def test_sigmas_that_were_enlarged_without_need_stand_out(diagnostics, eo) -> None:
+    """Oracle: definition; this note alone is more than a remark."""
+    check = Check("sigmas of the fixes", "as white errors they explain", "no larger", "note", "off")
+    s = run(diagnostics(checks=(check,)), eo())
+    assert s["verdict"][0].startswith("sigmas of the fixes: found as white errors they explain")

@@ -17,6 +17,8 @@ OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
+BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
+LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight, from which on it is more than a remark
 EARTH_RATE_DEG_H = 15.041
 
 
@@ -137,6 +139,25 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
             text,
             "turn between all lines, or use better fixes or a better IMU",
         )
+
+
+def boresight(f: Figures) -> Iterator[Limit]:
+    """Yield a bore-sight that turns the heading of the images by more than its sigma.
+
+    Nothing in a flight shows whether its signs are right; it is one number that a person can check.
+    """
+    turn = f["boresight_heading_deg"]
+    if turn is None or f["exposures"] is None:
+        return
+    sigma = f["exposures"]["attitude_deg"]["median"][2]
+    if abs(turn) <= sigma:
+        return
+    text = (
+        f"the bore-sight entered turns the heading of the images by {turn:+.2f} deg ="
+        f" {abs(turn) / sigma:.1f} sigma, which no data of this flight can tell: check its signs"
+    )
+    rank = abs(turn) / LARGE_TURN_DEG
+    yield Limit(BORESIGHT, rank, text, "see mounting.boresight, or calibrate it on control points")
 
 
 def gyro_bias(f: Figures) -> Iterator[Limit]:

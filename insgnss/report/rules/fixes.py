@@ -19,10 +19,12 @@ LAG_ONE_MATTERS = 0.3
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
 SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
+SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
 STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
 )  # an error that lasts longer is one of the absolute position; share of the fixes
+WIDER = 1.5  # rank of sigmas that were enlarged without need
 OVERRULED, REMARK, UNSUPPORTED = (
     50.0,
     0.5,
@@ -76,10 +78,14 @@ def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
 
 
 def rejected(f: Figures) -> Iterator[Limit]:
-    """Yield the fixes and velocities that the gate rejected."""
+    """Yield the fixes and velocities that the gate rejected.
+
+    Fixes that are withheld as incorrect are those of a check, which says why.
+    """
     some, most = [], 0.0
     for total, key in (("fixes", "fixes_rejected"), ("velocities", "velocities_rejected")):
-        n, out = f["counts"].get(total, 0), f["counts"].get(key, 0)
+        withheld = f["counts"]["fixes_withheld"] if total == "fixes" else 0
+        n, out = f["counts"].get(total, 0), f["counts"].get(key, 0) - withheld
         if n and out == n:
             text = f"all {n} {total} were rejected: they contradict the inertial data"
             yield Limit("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
@@ -250,6 +256,27 @@ def separation(f: Figures) -> Iterator[Limit]:
         yield Limit("separation", TRUST * ranked[0][0], text, "see in its figure where")
 
 
+def separation_below(f: Figures) -> Iterator[Limit]:
+    """Yield the separation of forward and backward where it is far below its sigmas."""
+    separation, below = f["separation"], []
+    for state, ratio in separation["of_all_axes"].items():
+        if ratio is not None and ratio < (
+            limit := min(SEPARATION_WIDE, separation["floor"][state])
+        ):
+            below.append((limit / max(ratio, 1e-2), f"{ratio:.2f} in {state}"))
+    if below:
+        listed = ", ".join(text for _, text in sorted(below, reverse=True))
+        text = (
+            f"forward and backward agree far better than their sigmas say, in sigmas (rms) {listed}"
+            " (1 is honest): the sigmas are too wide, and so are those of the result"
+        )
+        help_ = (
+            "look for sigmas of the fixes or a noise model of the IMU that are larger than they"
+            " should be"
+        )
+        yield Limit("separation", max(rank for rank, _ in below), text, help_)
+
+
 def time_correlated(f: Figures) -> Iterator[Limit]:
     """Yield time-correlated errors of the fixes; `accuracy.code` reports those that stay."""
     near, fixes = f["neighbours"], f["counts"]["fixes"]
@@ -295,6 +322,7 @@ def checks(f: Figures) -> Iterator[Limit]:
         ):
             continue
         rank = OVERRULED if check["verdict"] == "contradiction" else REMARK
+        rank = WIDER if check["name"] == "sigmas of the fixes" else rank
         yield Limit(
             "checks",
             rank,

@@ -20,6 +20,10 @@ NOTHING_STANDS_OUT = (
     "nothing stands out: innovations, forward/backward separation and the sigmas of all images are"
     " those of a good flight"
 )
+NOTHING_IN_THE_DATA = (
+    "the data show nothing that is odd: innovations, forward/backward separation and the sigmas of"
+    " all images are those of a good flight; they cannot tell the bore-sight"
+)
 
 Rule = Callable[[Figures], Iterator[Limit]]
 
@@ -30,6 +34,7 @@ ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.nis,
     rules_fixes.whiteness,
     rules_fixes.separation,
+    rules_fixes.separation_below,
     rules_fixes.time_correlated,
     rules_fixes.barometer,
 )
@@ -46,6 +51,7 @@ ON_THE_REST: tuple[Rule, ...] = (
     rules_accuracy.heights,
     rules_accuracy.states,
     rules_accuracy.gyro_bias,
+    rules_accuracy.boresight,
     rules_fixes.checks,
 )
 
@@ -88,7 +94,10 @@ def verdict(ranked: Sequence[Limit]) -> list[str]:
     Where none of them is more than a remark, one that says so stands before them.
     """
     sentences = [limit.sentence for limit in ranked[:MOST_SENTENCES]]
-    return sentences if stands_out(ranked) else [NOTHING_STANDS_OUT, *sentences]
+    if stands_out(ranked):
+        return sentences
+    turned = any(limit.topic == rules_accuracy.BORESIGHT for limit in ranked)
+    return [NOTHING_IN_THE_DATA if turned else NOTHING_STANDS_OUT, *sentences]
 
 
 def stands_out(ranked: Sequence[Limit]) -> bool:
