@@ -120,7 +120,8 @@ def _withheld(problem: EstimationProblem, spells: list[Spell]) -> EstimationProb
 def _closing_spells(problem: EstimationProblem, history: FilterHistory) -> list[Spell]:
     """Return the spells whose steps take each other back, none where one does not."""
     spells = spells_apart(problem, history)
-    return spells if all(spell.misclosure < TAKEN_BACK for spell in spells) else []
+    closes = all(spell.misclosure < TAKEN_BACK for spell in spells)
+    return spells if closes else []
 
 
 def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
@@ -191,6 +192,23 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
             closure = float(np.linalg.norm(into + out)) / largest
             spells.append(Spell(int(fixes[first]), int(fixes[last - 1]), into, closure))
     return spells
+
+
+def undecided_spells(solution: Solution) -> list[Spell]:
+    """Return the spells of a solution that are used, though their steps take each other back.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    list of Spell
+        None where the steps do not close: noise, or a filter that lost the fixes.
+    """
+    spells = spells_apart(solution.problem, solution)
+    return [spell for spell in spells if spell.misclosure < TAKEN_BACK]
 
 
 def with_steps(solution: Solution, spells: list[Spell]) -> Solution:

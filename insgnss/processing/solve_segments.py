@@ -18,7 +18,7 @@ from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure, re
 from ..diagnosis.incorrect_fixes import (
     Spell,
     incorrect_check,
-    spells_apart,
+    undecided_spells,
     with_steps,
     withhold_incorrect_fixes,
 )
@@ -218,7 +218,7 @@ def _solve(
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
     if spells:
         checks = (*checks, incorrect_check(solution.problem, spells, True))
-    if priced := spells_apart(solution.problem, solution):
+    if priced := undecided_spells(solution):
         solution = with_steps(solution, priced)
         checks = (*checks, incorrect_check(solution.problem, tuple(priced), False))
     return Segment(
