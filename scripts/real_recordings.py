@@ -10,7 +10,8 @@ The recordings are not part of the project; the table says what came out of each
 inspection recognised, innovations, their normalised square (1 is honest), the solution's own
 standard deviations, the largest mean of fix minus solution of a minute or an eighth of a shorter
 run (N / E / D, and in sigmas of what both claim), the difference to the attitude that the recording
-itself carries where it does, and what limits it in the words of the report. Recordings that are not there are left out.
+itself carries where it does, and what limits it in the words of the report. Recordings that are not
+there are left out.
 """
 
 import argparse

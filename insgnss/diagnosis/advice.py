@@ -68,7 +68,7 @@ def advice(
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
     # what the flight does not tell from an error of the IMU is no contradiction of the mounting
     certain = all(group.startswith(OF_FIXES) for rival in rivals for group in rival.groups)
-    strong = suspected.evidence >= STRONG and certain
+    strong = suspected.wide_evidence >= STRONG and certain
     checks: list[tuple[float, Check]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
     sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}

@@ -44,7 +44,7 @@ from .candidates import FAR, with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
-TAKEN = 1.0  # log evidence from which a hypothesis becomes states
+TAKEN = 1.5  # log evidence from which a hypothesis becomes states
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
@@ -67,6 +67,8 @@ class Hypothesis:
         (k,) what it estimates of them, and the standard deviations.
     factor : float
         Of the a-priori sigmas of the fixes' constants, one of `FACTORS`.
+    wide_evidence : float
+        Its evidence with a factor of at least one, which chance alone reaches more rarely.
     """
 
     groups: tuple[str, ...]
@@ -75,6 +77,7 @@ class Hypothesis:
     value: Array
     sigma: Array
     factor: float
+    wide_evidence: float
 
 
 @dataclass(frozen=True)
@@ -125,8 +128,9 @@ class ConstantsEvidence:
         for size in range(1, MOST_TOGETHER + 1):
             for suspected in combinations(groups, size):
                 own = np.flatnonzero([group in suspected for group in self.group])
-                evaluated = ((self._evaluate(suspected, f), f) for f in FACTORS)
+                evaluated = [(self._evaluate(suspected, f), f) for f in FACTORS]
                 (cost, estimate, cov), factor = max(evaluated, key=lambda one: one[0][0])
+                wide = max(one[0] for one, f in evaluated if f >= 1.0) - nothing
                 of_imu = own[~self.of_fixes[own]]
                 if np.abs(estimate[of_imu]).max(initial=0.0) > PLAUSIBLE:
                     continue
@@ -134,7 +138,7 @@ class ConstantsEvidence:
                 sigma = np.sqrt(np.diag(cov))[own] * self.wide[own]
                 value = estimate[own] * self.wide[own]
                 hypotheses.append(
-                    Hypothesis(suspected, cost - nothing, names, value, sigma, factor)
+                    Hypothesis(suspected, cost - nothing, names, value, sigma, factor, wide)
                 )
         return sorted(hypotheses, key=lambda one: -one.evidence)
 

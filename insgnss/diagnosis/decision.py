@@ -18,6 +18,7 @@ from ..orient.mounting import Mounting
 from ..records import Check
 from .advice import advice, message, unseen, variance_check
 from .candidates import (
+    AS_STATED,
     ErrorModel,
     LayoutFactory,
     guesses,
@@ -256,7 +257,10 @@ def _time_correlated(
     if fixes.gm_sigma is not None:
         return None
     if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
-        slow = variances.slow_error(search.of_fixes(here.model), fixes)
+        alone = (
+            here.model.imu == AS_STATED
+        )  # what larger noise of the IMU leaves is no error of fixes
+        slow = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
         if slow is None:
             return None
         model = replace(here.model, fixes=slow)
@@ -339,7 +343,7 @@ def explain_failure(
     model = ErrorModel(search.requested_errors)
     constants = search.constants(open_gate, start, model)
     suspected = None if constants is None else constants.strongest()
-    if constants is None or suspected is None or suspected.evidence < STRONG:
+    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
         return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
     model = with_constants(model, suspected.groups, suspected.factor)

@@ -28,7 +28,7 @@ SOLUTION: Any = SimpleNamespace(
 
 def hypothesis(values: dict[str, tuple[float, float]], evidence: float = 50.0) -> Hypothesis:
     value, sigma = np.array(list(values.values())).T
-    return Hypothesis(tuple(values), evidence, tuple(values), value, sigma, 1.0)
+    return Hypothesis(tuple(values), evidence, tuple(values), value, sigma, 1.0, evidence)
 
 
 def told(values: dict[str, tuple[float, float]], evidence: float = 50.0):
