@@ -54,9 +54,9 @@ def test_nothing_promises_where_nothing_is_wrong():
     ("planted", "families", "factor"),
     [
         ({"white": 6.0}, ("IMU white noise", "IMU bias noise"), None),
-        ({"driving": 8.0}, ("IMU bias noise",), None),
+        pytest.param({"driving": 8.0}, ("IMU bias noise",), None, marks=pytest.mark.slow),
         ({"sigmas": 2.0}, ("GNSS sigmas",), 2.0),
-        ({"sigmas": 0.5}, ("GNSS sigmas",), 0.5),
+        pytest.param({"sigmas": 0.5}, ("GNSS sigmas",), 0.5, marks=pytest.mark.slow),
     ],
 )
 def test_the_right_family_wins(planted, families, factor):
@@ -84,6 +84,7 @@ def test_evidence_is_the_gain_less_what_the_factors_cost():
     assert winner.evidence == pytest.approx(0.5 * gain - 0.5 * np.log(7200.0), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_what_a_hypothesis_changes_in_the_error_model():
     """Oracle: hand calculation; fixes that are better than they claim are left as they are."""
     model = ErrorModel(FixErrors(white_scale=(1.0, 1.0, 2.0), unfixed_white_scale=0.5))

@@ -61,6 +61,7 @@ def test_it_enters_at_its_axis_of_the_body():
     assert with_dead_bands(dithered, C_b_imu, noise) == (noise, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1])
 def test_heading_of_a_drive_without_slow_turns_is_honest(seed):
     """Oracle: the simulator's truth. Rates cut to hundredths of a rad/s (0.57 deg/s) had made
