@@ -79,9 +79,8 @@ def test_white_fixes_are_not_time_correlated(flown):
     assert "none time-correlated" in code_message(errors)
 
 
-@pytest.mark.parametrize(
-    ("white", "time_s"), [pytest.param(0.3, 20.0, marks=pytest.mark.slow), (0.05, 100.0)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("white", "time_s"), [(0.3, 20.0), (0.05, 100.0)])
 def test_shares_and_time_are_what_was_planted(flown, white, time_s):
     """Oracle: what was planted; the rate of a Gauss-Markov process is known to some percent from
     1800 increments, within 30 % beside the motion that it has to be told from.

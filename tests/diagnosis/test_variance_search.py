@@ -72,6 +72,7 @@ def test_the_right_family_wins(planted, families, factor):
         assert winner.factors["fixes.position"] == pytest.approx(factor, rel=0.04)
 
 
+@pytest.mark.slow
 def test_evidence_is_the_gain_less_what_the_factors_cost():
     """Oracle: (V.2) by hand, of the costs of (L.4) with and without the factor."""
     looked = search(solved(sigmas=2.0))

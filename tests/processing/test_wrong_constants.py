@@ -92,7 +92,7 @@ def test_an_accepted_contradiction_is_estimated(sim):
 @pytest.mark.parametrize(
     ("culprit", "scale"),
     [
-        ("IMU scale factors", (1.01, 1.0)),
+        pytest.param("IMU scale factors", (1.01, 1.0), marks=pytest.mark.slow),
         pytest.param("IMU scale factors", (1.0, 1.01), marks=pytest.mark.slow),
     ],
 )
@@ -138,6 +138,7 @@ def test_sigmas_of_half_the_size_are_raised(sim):
     assert np.mean(normalised(sim, result) ** 2) < 2.5
 
 
+@pytest.mark.slow
 def test_a_spell_of_wrong_fixes_is_no_constant(sim):
     """Oracle: what was planted: an incorrect ambiguity, 30 cm in height for ten seconds; the exact
     motion.
