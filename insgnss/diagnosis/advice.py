@@ -114,7 +114,7 @@ def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
     of_position = np.sqrt(np.diagonal(solution.P[:, POS, POS], axis1=1, axis2=2)).max(axis=1)
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
     parts, hidden = [], []
-    if not LEVER_ARM.startswith(constants.requested or ("?",)):
+    if not LEVER_ARM.startswith(constants.requested):
         sigmas = [alone.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
         each = " / ".join(_millimetres(sigma) for sigma in sigmas)
         parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
@@ -123,7 +123,7 @@ def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
             for axis, sigma in zip(AXES, sigmas, strict=True)
             if SEEN * sigma > limit
         ]
-    if not OFFSET.startswith(constants.requested or ("?",)):
+    if not OFFSET.startswith(constants.requested):
         sigma = alone.get(OFFSET, np.inf)
         parts.append(
             f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({_millimetres(sigma * speed)} mm "

@@ -7,7 +7,7 @@ quantities are found by the likelihood (L.4) of the liveliest minutes, by its sl
     k    white share of the positions, in their standard deviations
     q    rate c^2 / T at which the time-correlated share c grows, T its correlation time
     v    white share of the velocities, in theirs
-    w    m/s, of a time-correlated error of the velocities, with one of `TIMES_S`
+    w    m/s, of a time-correlated error of the velocities, T there `OF_VELOCITY_S`
 
 A receiver that filters its velocities, or whose Doppler shares the ionosphere, is wrong by the same
 centimetres a second for a minute; integrated by a filter that takes them for white, they carry the
@@ -35,12 +35,12 @@ from .candidates import WHITER, LayoutFactory, only_code_fixes, with_layout
 from .evidence import liveliest_part
 
 LONGEST_S = 600.0  # the ionosphere of a single-frequency receiver
-TIMES_S = (60.0,)  # of time-correlated errors of velocities
+OF_VELOCITY_S = 60.0  # correlation time of the errors of velocities
 ALL_WHITE = 0.9  # share of the sigma
 ROUNDS, SETTLED = 3, 0.3  # of fits; logarithm of a factor that is no longer a change
 FACTORS = (0.01, 100.0)  # bounds of what a fit changes
 FIRST_FIXES, MOST_FIXES = 2000, 9000  # of the part that the first fit and the later ones look at
-FEWEST_FIXES = 60  # below which nothing can be told
+FEWEST_FIXES = 60  # below which no share is determined
 TRIES, MOST_REJECTED = 6, 0.05  # of larger white shares; share of the fixes
 LEAST, LEAST_MPS, MOST_MPS = (
     0.02,
@@ -80,23 +80,20 @@ def code_errors(
         return None
     progress("white and time-correlated errors of the code solutions")
     measured = problem.epochs.has_velocity
-    first = replace(
+    model = replace(
         errors,
         unfixed_gm_sigma=1.0,
         unfixed_correlation_time_s=LONGEST_S,
         unfixed_white_scale=1.0,
     )
-    starts = [first]
     if measured.any():
         variance = np.diagonal(problem.epochs.velocity_cov[measured], axis1=1, axis2=2)
         sigma = float(np.sqrt(np.median(variance)))
-        starts = [
-            replace(first, velocity_gm_sigma_mps=sigma, velocity_correlation_time_s=time_s)
-            for time_s in TIMES_S
-        ]
-    fits = [_fit(problem, start, layout_factory, model, progress) for model in starts]
-    best = min((fit for fit in fits if fit is not None), key=lambda fit: fit[0], default=None)
-    return None if best is None else _as_claimed(best[1])
+        model = replace(
+            model, velocity_gm_sigma_mps=sigma, velocity_correlation_time_s=OF_VELOCITY_S
+        )
+    fitted = _fit(problem, start, layout_factory, model, progress)
+    return None if fitted is None else _as_claimed(fitted)
 
 
 def _fit(
@@ -105,9 +102,9 @@ def _fit(
     layout_factory: LayoutFactory,
     model: FixErrors,
     progress: Callable[[str], None],
-) -> tuple[float, FixErrors] | None:
-    """Fit k, c at `LONGEST_S`, v and w; -2 log L and the model, None without a solution."""
-    cost, fits, white_only = np.inf, 0, True
+) -> FixErrors | None:
+    """Fit k, c at `LONGEST_S`, v and w; None without a solution."""
+    fits, white_only = 0, True
     for _ in range(ROUNDS + TRIES):
         posed = with_layout(problem, start, layout_factory(model))
         try:
@@ -119,8 +116,8 @@ def _fit(
             model, fits = _whiter(model), fits if white_only else ROUNDS
             continue
         if fits == ROUNDS:
-            return cost, model
-        cost, factors = _maximum(solution, white_only, progress)
+            return model
+        factors = _maximum(solution, white_only, progress)
         model = _with_factors(model, factors)
         settled = max(abs(np.log(factor)) for factor in factors.values()) < SETTLED
         fits = ROUNDS if settled and not white_only else fits + 1
@@ -165,8 +162,8 @@ def _rejected(solution: Solution) -> float:
 
 def _maximum(
     solution: Solution, white_only: bool, progress: Callable[[str], None]
-) -> tuple[float, dict[str, float]]:
-    """Maximise the likelihood over the factors of the fixes' errors; -2 log L and the factors.
+) -> dict[str, float]:
+    """Return the factors of the fixes' errors that maximise the likelihood.
 
     White errors come first: beside a white share that is far too large no other is seen.
     """
@@ -176,9 +173,8 @@ def _maximum(
     names = tuple(name for name in possible if name.startswith("fixes."))
     search = Search([linear_segment(liveliest, names)], names, progress, FACTORS)
     free = np.array([name in OF_FIXES or not white_only for name in names])
-    maximum = search.maximum(free)
-    factors = dict(zip(names, np.exp(maximum.theta).tolist(), strict=True))
-    return maximum.evaluated.cost, factors
+    theta = search.maximum(free).theta
+    return dict(zip(names, np.exp(theta).tolist(), strict=True))
 
 
 def _as_claimed(model: FixErrors) -> FixErrors:

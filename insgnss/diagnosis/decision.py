@@ -210,7 +210,7 @@ def _with_constants(
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
     rivals = constants.rivals(suspected)
-    # what is not told apart is estimated together, and so in the covariance
+    # what the flight cannot separate is estimated together, and so in the covariance
     groups = tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
     model = with_constants(here.model, groups, suspected.factor)
     solution = _solved(search, posed, model)
@@ -257,9 +257,8 @@ def _time_correlated(
     if fixes.gm_sigma is not None:
         return None
     if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
-        alone = (
-            here.model.imu == AS_STATED
-        )  # what larger noise of the IMU leaves is no error of fixes
+        # what larger noise of the IMU leaves is no error of the fixes
+        alone = here.model.imu == AS_STATED
         slow = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
         if slow is None:
             return None
@@ -375,7 +374,6 @@ def rescue(
     if not search.variances:
         return None
     model = ErrorModel(search.requested_errors)
-    check, solution = None, None
     try:
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
         for _ in range(ROUNDS):

@@ -46,7 +46,7 @@ LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a fa
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
 LEAST_SLOW, DOUBTFUL = 8.0, 2.0
-LEAST_SPAN = 3.0  # correlation times, below which nothing can be told of a slow error
+LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
 
