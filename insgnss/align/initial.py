@@ -325,7 +325,7 @@ def _run_back(
     nav = nav.copy()
     nav[VEL] *= -1.0
     start = InitialState(nav, x * sign[IMU], np.zeros(layout.size), P * np.outer(sign, sign))
-    history = make_history(back.epochs, layout)
+    history = make_history(back.epochs, layout, smoothed=False)
     run_filter(back, start, history)
     m = history.m[-1]  # not zero where the filter still held the feedback back
     nav = history.nav[-1].copy()

@@ -241,7 +241,7 @@ def constants_evidence(
     wide, wide_start = with_layout(_open(problem), start, layout)
     # a state that the flight file has with a sigma of its own is a candidate with a wide one
     wide_start = with_a_priori(wide_start, layout, states)
-    history = make_history(wide.epochs, layout)
+    history = make_history(wide.epochs, layout, smoothed=False)
     try:
         run_filter(wide, wide_start, history)
     except DataError:

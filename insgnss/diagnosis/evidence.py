@@ -88,7 +88,7 @@ def _liveliest(solution: Solution, fixes: int) -> tuple[int, int]:
 
 def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) -> float:
     """Evaluate (C.1) by one run of the filter; `IMPOSSIBLE` where it diverges."""
-    history = make_history(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout, smoothed=False)
     try:
         run_filter(problem, start, history)
     except DataError:

@@ -277,7 +277,7 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withh
 
 def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
     """Filter a flight, however often its covariance is reset; None where the filter diverges."""
-    history = make_history(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout, smoothed=False)
     try:
         run_filter(problem, start, history)
     except DataError:

@@ -109,7 +109,7 @@ def gate_from_sigma(gate_sigma: float) -> float:
     return float(chdtri(3, 2.0 * ndtr(-gate_sigma)))
 
 
-def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
+def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> FilterHistory:
     """Return room for the results of a forward pass; it is used again by every further pass.
 
     What the pass fills in any case is left unset: large unset arrays come in huge pages, which
@@ -121,6 +121,9 @@ def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
         The m epochs, for what they measure.
     layout : StateLayout
         The error states.
+    smoothed : bool
+        Whether a smoother is to follow; without it what only the smoother reads is kept of the last
+        epoch alone. Touching new memory costs more than a pass of the filter.
 
     Returns
     -------
@@ -128,6 +131,7 @@ def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
         Arrays of m epochs.
     """
     m, n = epochs.stop.size, layout.size
+    rows = m if smoothed else min(m, 1)
     ns = n - N_NAV
     slot, used = _slots(epochs, layout)
     nz = used.size
@@ -136,12 +140,12 @@ def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
         nav=np.empty((m, N_NOMINAL)),
         x=np.empty((m, ns)),
         m=np.empty((m, n)),
-        P=np.empty((m, n, n)),
+        P=np.empty((rows, n, n)),
         sigma=np.empty((m, n)),
-        F=np.empty((m, N_NAV, n)),
+        F=np.empty((rows, N_NAV, n)),
         D=np.empty((m, ns)),
-        H=np.empty((m, nz, int(used.max()))),
-        K=np.empty((m, nz, n)),
+        H=np.empty((rows, nz, int(used.max()))),
+        K=np.empty((rows, nz, n)),
         S=np.zeros((m, nz)),
         y=np.zeros((m, nz)),
         innovation=np.full((m, nz), np.nan),

@@ -175,7 +175,7 @@ def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, fl
 
 def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
     """Filter a window; None where the filter diverges."""
-    history = make_history(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout, smoothed=False)
     try:
         run_filter(problem, start, history)
     except DataError:

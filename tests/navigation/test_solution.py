@@ -93,6 +93,18 @@ def test_means_alone_are_those_of_the_full_smoother(flown):
     assert_array_equal(means.delta, full.delta)
 
 
+def test_a_pass_that_is_not_smoothed_ends_as_one_that_is(flown):
+    """Oracle: the pass that keeps every epoch."""
+    start, (problem, layout) = start_near(flown, ALIGNED), (flown.problem, flown.problem.layout)
+    every, last = (make_history(problem.epochs, layout, smoothed) for smoothed in (True, False))
+    for history in (every, last):
+        run_filter(problem, start, history)
+    assert last.P.shape == (1, layout.size, layout.size)
+    assert_array_equal(last.P[-1], every.P[-1])
+    for name in ("nav", "x", "m", "sigma", "innovation", "nis", "verdict"):
+        assert_array_equal(getattr(last, name), getattr(every, name))
+
+
 def test_separation_is_as_large_as_its_sigma_says(converged):
     """Oracle: the normalised squares have the mean one. Neighbours correlate: 50 s give some 15
     independent ones a component.

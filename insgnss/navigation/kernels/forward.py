@@ -78,6 +78,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     ns = model.channel.size
     n = N_NAV + ns
     wide = history.H.shape[2]
+    last_row = history.P.shape[0] - 1  # of what only the smoother reads
     nav, x, m, P = nav0.copy(), x0.copy(), m0.copy(), P0.copy()
     cross = np.zeros((N_NAV, n))  # of the latest event's navigation error with the errors now
     fed_back = False
@@ -94,11 +95,12 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
     for e in range(epochs.stop.size):
+        row = min(e, last_row)
         if e > 0:  # predict nominal, covariance, mean, cross-covariance
             if not closed_loop:
                 nav[:] = history.nav[e - 1]
                 x[:] = history.x[e - 1]
-            F = history.F[e]
+            F = history.F[row]
             D = history.D[e]
             first, last, begin = epochs.stop[e - 1], epochs.stop[e], epochs.time[e - 1]
             for i in range(3):
@@ -165,9 +167,9 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             forward_solve3(L, H)
             forward_solve3(L, nu)
             for i in range(3):
-                history.H[e, b + i] = H[i, :wide]
+                history.H[row, b + i] = H[i, :wide]
                 S, y = scalar_update(
-                    P, m, H[i], nu[i, 0], used, history.K[e, b + i], cross, track_cross
+                    P, m, H[i], nu[i, 0], used, history.K[row, b + i], cross, track_cross
                 )
                 history.S[e, b + i] = S
                 history.y[e, b + i] = y
@@ -177,7 +179,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
         history.nav[e] = nav
         history.x[e] = x
         history.m[e] = m
-        history.P[e] = P
+        history.P[row] = P
         for k in range(n):
             history.sigma[e, k] = np.sqrt(P[k, k])
         if epochs.event[e] != ABSENT:

@@ -281,6 +281,9 @@ class Triple(NamedTuple):
 class FilterHistory(NamedTuple):
     """What the forward pass leaves at each epoch; post: after the update at that epoch.
 
+    P, F, H and K are large, and the smoother alone reads them: where nothing is smoothed they have
+    one row, that of the last epoch.
+
     Parameters
     ----------
     nav : ndarray
