@@ -137,8 +137,9 @@ def claimed_errors(problem: EstimationProblem, rows: np.ndarray) -> tuple[Array,
     """
     epochs, layout = problem.epochs, problem.layout
     group = epochs.group[rows]
-    scale = np.array([layout.white_scale, (layout.unfixed_white_scale,) * 3])[group]
-    white = scale * np.sqrt(np.diagonal(epochs.position_cov[rows], axis1=1, axis2=2))
+    white = layout.white_scales[group] * np.sqrt(
+        np.diagonal(epochs.position_cov[rows], axis1=1, axis2=2)
+    )
     correlated = np.zeros((2, rows.size, 3))
     for least_group, first in enumerate((layout.gm, layout.unfixed_gm)):
         if first >= 0:

@@ -20,7 +20,6 @@ from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTE
 from ..navigation.filter import make_history, run_filter
 from ..navigation.problem import EstimationProblem, InitialState, sub_problem
 from ..navigation.solution import Solution
-from ..records import Array
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
 GAIN = 20.0  # in -2 log L, from which a candidate is accepted
@@ -96,7 +95,7 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
     measured = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
     rejected = history.verdict[measured, POSITION] == REJECTED
     log_R = np.linalg.slogdet(problem.epochs.position_cov[measured])[1] + 2.0 * np.sum(
-        np.log(_white_share(problem)[measured]), axis=1
+        np.log(problem.layout.white_scales[problem.epochs.group[measured]]), axis=1
     )
     S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
@@ -138,11 +137,3 @@ def loses_fixes(solution: Solution, before: Solution) -> bool:
     (rejected, resets), (rejected_before, resets_before) = count
     offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
     return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
-
-
-def _white_share(problem: EstimationProblem) -> Array:
-    """Return the (m, 3) factor of the sigmas for the white error of each epoch's fix."""
-    layout = problem.layout
-    return np.where(
-        problem.epochs.group[:, None] == 0, layout.white_scale, layout.unfixed_white_scale
-    )

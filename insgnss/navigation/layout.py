@@ -181,14 +181,18 @@ class StateLayout:
         """
         white = self.white + 2.0 * self.quantization**2 / aiding_interval_s
         first_gm = np.array([self.gm, self.unfixed_gm, self.velocity_gm])
-        unfixed, velocity = (self.unfixed_white_scale,) * 3, (self.velocity_white_scale,) * 3
-        white_scale = np.array([self.white_scale, unfixed, velocity])
-        of_fixes = self.lever, self.offset, self.rate, first_gm, white_scale
+        of_fixes = self.lever, self.offset, self.rate, first_gm, self.white_scales
         return StateModel(
             *(self.channel, self.factor, self.beta, self.drive, white, block_s),
             *of_fixes,
             self.barometer,
         )
+
+    @property
+    def white_scales(self) -> Array:
+        """(3, 3) shares of white errors: of fixed positions, of others, of velocities."""
+        unfixed, velocity = (self.unfixed_white_scale,) * 3, (self.velocity_white_scale,) * 3
+        return np.array([self.white_scale, unfixed, velocity])
 
     @property
     def of_fixes(self) -> bool:
