@@ -10,14 +10,16 @@ one level and on the other,
 and no fix tells which of the levels is right: the flight file's, by what lasts longer. The even or
 the odd ones, whichever are shorter in all, are withheld (looked at, and not used), and the flight
 is filtered again; this is a remedy where no reset is left, and where the step out of each spell
-takes back the step into it (noise does not). Where the fixes do not step but wander, what is
-rejected one after the other makes a spell, on the same terms. Spells that are too long to be
-carried by the IMU alone, `LONGEST_S`, are used as they are; in them the covariance of the position
-is enlarged by the step d itself,
+takes back the step into it (noise does not). Spells that are too long to be carried by the IMU
+alone, `LONGEST_S`, are used as they are; in them, and until the filter follows the next level, the
+covariance of the position is enlarged by the step d itself, of which one fix tells with the
+covariance S of its innovation,
 
-    P + d d'                                                                                   (S.1)
+    P + d d' + S                                                                               (S.1)
 
-since the error is one of the step or none.
+since the error is one of the step or none. Where the fixes do not step but wander, what is rejected
+one after the other makes a spell, on the same terms but however long it lasts: no step is there to
+enlarge a covariance by.
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +35,7 @@ from ..navigation.solution import Solution
 from ..records import Array, Check
 
 LONGEST_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
-MOST_WITHHELD = 0.2  # share of the fixes
+MOST_WITHHELD = 0.3  # share of the fixes
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
 APART_S = 5.0  # between rejected fixes: from there on they make two spells
 MOST_REJECTED = 0.01  # share of the other fixes that may be rejected
@@ -50,6 +52,8 @@ class Spell:
         Its first and last epoch.
     step : Array
         (3,) m, in l: by how much its fixes are off those before, or after the first of a flight.
+    step_sigma : Array
+        (3,) m, of the innovation that shows it.
     misclosure : float
         By what share of the larger one the steps into it and out of it differ; 0 at an end.
     """
@@ -57,6 +61,7 @@ class Spell:
     first: int
     last: int
     step: Array
+    step_sigma: Array
     misclosure: float = 0.0
 
 
@@ -76,7 +81,7 @@ def withhold_incorrect_fixes(
         The problem with these fixes withheld, and the spells; the problem itself and none where
         that is no remedy.
     """
-    for spells_of in (_closing_spells, rejected_spells):
+    for spells_of, longest_s in ((_closing_spells, LONGEST_S), (rejected_spells, np.inf)):
         candidate, spells = problem, tuple[Spell, ...]()
         for _ in range(PASSES):
             history = _filtered(candidate, start)
@@ -87,7 +92,7 @@ def withhold_incorrect_fixes(
                     return candidate, spells
                 break
             apart = spells_of(candidate, history)
-            with_apart = _withheld(candidate, apart)
+            with_apart = _withheld(candidate, apart, longest_s)
             if not apart or with_apart is None:
                 break
             spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
@@ -103,12 +108,14 @@ def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
     return bool(few and not np.any(verdict == COVARIANCE_RESET))
 
 
-def _withheld(problem: EstimationProblem, spells: list[Spell]) -> EstimationProblem | None:
+def _withheld(
+    problem: EstimationProblem, spells: list[Spell], longest_s: float
+) -> EstimationProblem | None:
     """Withhold the fixes of spells; None where these are too long or too many."""
     ep = problem.epochs
     withheld = ep.withheld.copy()
     for spell in spells:
-        if ep.time[spell.last] - ep.time[spell.first] > LONGEST_S:
+        if ep.time[spell.last] - ep.time[spell.first] > longest_s:
             return None
         withheld[spell.first : spell.last + 1] = True
     share = np.count_nonzero(withheld & ep.has_position) / np.count_nonzero(ep.has_position)
@@ -149,8 +156,9 @@ def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solutio
     spells = []
     for rows in np.split(rejected, breaks):
         size = np.linalg.norm(history.innovation[rows, :3], axis=1)
-        step = np.array(history.innovation[rows[int(np.argmax(size))], :3])
-        spells.append(Spell(int(rows[0]), int(rows[-1]), step))
+        largest = int(np.argmax(size))
+        step, sigma = _step(history, rows[largest : largest + 1])
+        spells.append(Spell(int(rows[0]), int(rows[-1]), step, sigma))
     return spells
 
 
@@ -172,13 +180,16 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
     verdict = history.verdict[:, POSITION]
     fixes = np.flatnonzero((verdict != NOT_MEASURED) & ~problem.epochs.withheld)
     onsets: list[int] = []  # the first of the rejected fixes before a reset
-    steps: list[Array] = []  # the innovation there
+    steps: list[Array] = []  # the median innovation from there to the reset
+    sigmas: list[Array] = []
     for index in np.flatnonzero(verdict[fixes] == COVARIANCE_RESET):
         onset = int(index)
         while onset > 0 and verdict[fixes[onset - 1]] == REJECTED:
             onset -= 1
         onsets.append(onset)
-        steps.append(np.array(history.innovation[fixes[onset], :3]))
+        step, sigma = _step(history, fixes[onset : index + 1])
+        steps.append(step)
+        sigmas.append(sigma)
     bounds = [0, *onsets, fixes.size]
     parts = [(bounds[k], bounds[k + 1]) for k in range(len(bounds) - 1)]
     shorter = min((0, 1), key=lambda parity: sum(last - first for first, last in parts[parity::2]))
@@ -190,8 +201,18 @@ def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) 
             out = steps[k] if k < len(steps) else -into
             largest = max(float(np.linalg.norm(step)) for step in (into, out))
             closure = float(np.linalg.norm(into + out)) / largest
-            spells.append(Spell(int(fixes[first]), int(fixes[last - 1]), into, closure))
+            sigma = sigmas[max(k - 1, 0)]
+            spells.append(Spell(int(fixes[first]), int(fixes[last - 1]), into, sigma, closure))
     return spells
+
+
+def _step(history: FilterHistory | Solution, rows: np.ndarray) -> tuple[Array, Array]:
+    """Return the median innovation of some fixes, (3,) m, and the standard deviation of the first.
+
+    A single fix that still has the level before, or has none, decides nothing.
+    """
+    step = np.median(history.innovation[rows, :3], axis=0)
+    return step, np.array(history.innovation_sigma[rows[0], :3])
 
 
 def undecided_spells(solution: Solution) -> list[Spell]:
@@ -226,12 +247,16 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
     Solution
         The same.
     """
+    resets = np.flatnonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET)
     for spell in spells:
-        outer = np.outer(spell.step, spell.step)
-        solution.P[spell.first : spell.last + 1, POS, POS] += outer
-        inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= spell.last)
+        added = np.outer(spell.step, spell.step) + np.diag(spell.step_sigma**2)
+        # the rejected fixes after its last one do not yet bring the solution to their level
+        later = resets[resets > spell.last]
+        last = int(later[0]) - 1 if later.size else spell.last
+        solution.P[spell.first : last + 1, POS, POS] += added
+        inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= last)
         neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
-        solution.event_cross[neighbours, POS, POS] += outer
+        solution.event_cross[neighbours, POS, POS] += added
     return solution
 
 

@@ -89,6 +89,7 @@ FEEDBACK_RAD = np.radians(1.0)  # feedback threshold: psi must be known this wel
 RESET_S, RESET_FIXES = 1.0, 4.5  # seconds and intervals of rejected fixes in a row before a reset
 RESETS, MINUTES_PER_RESET = 3, 10.0  # covariance resets that are taken as the data's own
 MOST_REJECTED = 0.5  # share of the fixes
+OUTAGE_S = 5.0  # between fixes, from which on the smoother needs the process noise (B.6)
 
 
 def gate_from_sigma(gate_sigma: float) -> float:
@@ -136,6 +137,8 @@ def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> 
     slot, used = _slots(epochs, layout)
     nz = used.size
     events = int(epochs.event.max()) + 1 if m else 0
+    outage = _outages(epochs) if smoothed else np.full(m, ABSENT, dtype=np.int64)
+    long = np.count_nonzero(outage != ABSENT)
     return FilterHistory(
         nav=np.empty((m, N_NOMINAL)),
         x=np.empty((m, ns)),
@@ -155,7 +158,21 @@ def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> 
         slot=slot,
         used=used,
         cross=np.empty((events, N_NAV, n)),
+        outage=outage,
+        W=np.empty((long, N_NAV, n)),
+        Qbb=np.empty((long, ns)),
     )
+
+
+def _outages(epochs: Epochs) -> np.ndarray:
+    """Number the intervals before epochs, (m,), that lie between two fixes far apart."""
+    m, fixes = epochs.stop.size, np.flatnonzero(epochs.has_position & ~epochs.withheld)
+    number = np.full(m, ABSENT, dtype=np.int64)
+    for k in np.flatnonzero(np.diff(epochs.time[fixes]) > OUTAGE_S):
+        number[fixes[k] + 1 : fixes[k + 1] + 1] = 0
+    within = number != ABSENT
+    number[within] = np.arange(np.count_nonzero(within))
+    return number
 
 
 def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,19 @@ hence
 
     cov_s(x_j, x_k) = C - C Lambda_k P_k                                                      (B.5)
 
+Through an outage the filter's variance grows until nearly all of it goes again with the next fix:
+P - P Lambda P is the difference of two large numbers, and after two minutes on a MEMS IMU a
+millimetre is 1e-10 of them. There, where less than `kernels.backward.CANCELLED` of a variance
+stays, the covariance is that of Rauch, Tung and Striebel, as a sum of squares that has nothing to
+lose, and with it that of events:
+
+    C = P Phi' (Phi P Phi' + Q)^-1
+    P_s = (1 - C Phi) P (1 - C Phi)' + C (Q + P_s') C'                                        (B.6)
+    cov_s(x_j, x_k) = cov(x_j, x_k) P_k^-1 P_s,k                                              (B.7)
+
+The means keep (B.1), whose terms are far smaller. `filter.OUTAGE_S` says between which fixes the
+process noise Q is kept for it.
+
 Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and Potter (1969) for
 the two-filter view.
 """

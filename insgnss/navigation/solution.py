@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
 from .codes import AX, AY, AZ, IMU, NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
@@ -161,7 +162,21 @@ def solve(
             estimate = run_smoother(problem.epochs, history, full=False)
     progress("smoother")
     smoothed = run_smoother(problem.epochs, history, separations=separations)
+    _refuse_negative_variances(problem, history)
     return _solution(problem, history, smoothed, passes)
+
+
+def _refuse_negative_variances(problem: EstimationProblem, history: FilterHistory) -> None:
+    """Raise DataError where rounding has used up a variance of the smoothed navigation states."""
+    variance = np.diagonal(history.P, axis1=1, axis2=2)[:, NAV]
+    odd = ~(variance >= 0.0).all(axis=1)
+    if odd.any():
+        first = float(np.abs(problem.inc.marks[int(np.argmax(odd))]))
+        raise DataError(
+            f"the smoothed covariance has negative variances from {first:.1f} s on: the filter's"
+            " own is so large there that its digits do not hold the smoothed one; cut the flight"
+            " there with start_tow and end_tow"
+        )
 
 
 def _solution(

@@ -7,6 +7,7 @@ import pytest
 from flown import fly, start_near
 
 from insgnss.diagnosis.incorrect_fixes import (
+    LONGEST_S,
     incorrect_check,
     spells_apart,
     with_steps,
@@ -63,11 +64,16 @@ def test_spells_are_found_and_withheld(flown, spans):
     assert "they are left out" in check.found
 
 
-def test_fixes_that_wander_are_withheld(flown):
-    """Oracle: what was planted: 20 s of fixes that wander by hundreds of metres."""
+@pytest.mark.parametrize("length_s", [20.0, 66.0])
+def test_fixes_that_wander_are_withheld(flown, length_s):
+    """Oracle: what was planted: fixes that wander by hundreds of metres, longer than a spell of one
+    level may last, too.
+    """
+    if length_s > LONGEST_S:
+        flown = fly(240.0, seed=3, imu_hz=50.0, gate=gate_from_sigma(5.0))
     epochs = flown.problem.epochs
     position, since = epochs.position.copy(), epochs.time - 50.0
-    bad = (since > 0.0) & (since < 20.0)
+    bad = (since > 0.0) & (since < length_s)
     position[bad] += np.sin(since[bad, None]) * [200.0, -300.0, 100.0]
     problem = replace(flown.problem, epochs=epochs._replace(position=position))
     withheld, spells = withhold_incorrect_fixes(problem, start(flown))
@@ -88,10 +94,12 @@ def test_what_is_right_or_too_long_is_left_alone(flown, spans):
 
 
 def test_a_step_that_is_not_taken_back_is_no_spell(flown):
-    """Oracle: fixes that step to and fro in different directions, as noise does."""
-    problem = with_spells(flown, (50, 60))
+    """Oracle: fixes that step by as much as is not taken back, which the IMU alone would allow
+    after 20 s without them.
+    """
+    problem = with_spells(flown, (50, 70.05))
     position = problem.epochs.position.copy()
-    position[problem.epochs.time > 60] += [-0.5, 0.4, 0.6]
+    position[problem.epochs.time > 70.05] += 0.6 * STEP
     problem = replace(problem, epochs=problem.epochs._replace(position=position))
     assert withhold_incorrect_fixes(problem, start(flown))[1] == ()
 
@@ -108,4 +116,13 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     inside = (problem.epochs.time > 41) & (problem.epochs.time < 79)
     assert np.abs(added[inside] - np.outer(STEP, STEP)).max() < 0.15
     assert np.abs(added[problem.epochs.time < 39]).max() == 0.0
+    # until the filter follows the next level, a second later; and by what one fix tells of the step
+    resets = problem.epochs.time[solution.verdict[:, POSITION] == COVARIANCE_RESET]
+    before_it = (problem.epochs.time > 80.1) & (problem.epochs.time < resets[1] - 0.05)
+    assert resets[1] > 80.9
+    assert np.count_nonzero(before_it) > 5
+    assert np.abs(added[before_it] - np.outer(STEP, STEP)).max() < 0.15
+    assert np.abs(added[problem.epochs.time > resets[1] - 0.05]).max() == 0.0
+    least = np.linalg.eigvalsh(added[inside][0])[0]
+    assert 0.01**2 < least < 0.1**2
     assert "enlarged" in incorrect_check(problem, tuple(spells), False).found

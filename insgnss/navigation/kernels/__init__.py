@@ -11,9 +11,11 @@ measurements   innovation and derivative of each kind of measured triple
 update         innovation gate, scalar update, covariance reset, feedback
 forward        the filter over all epochs
 backward       the smoother over all epochs
+outage         the smoothed covariance between fixes that are far apart
 ============== ===================================================================
 
-Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops.
+Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops
+but within outages.
 `nav` is (10,): position, velocity in l and the quaternion q_lb; `x` (ns,) the other states' values;
 `n` = 9 + ns. Which state stands where, and what the integers mean, is defined in
 `navigation.codes`.

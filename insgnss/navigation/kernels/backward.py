@@ -4,6 +4,9 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
+from .outage import cross_within, smooth_across
+
+CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
 
 @njit(cache=True)
@@ -39,6 +42,7 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
     M = np.zeros((N_NAV, n))
     G = np.zeros((N_NAV, n))
     g = np.zeros(n)
+    forward, smoothed = np.zeros((n, n)), np.zeros((n, n))
     for e in range(count - 1, -1, -1):
         P = history.P[e]
         if keep[e] != ABSENT:
@@ -58,9 +62,25 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
                     for c in range(N_NAV):
                         event_cross[epochs.event[e], r, c] = cross[r, c] - M[r, c]
             np.dot(P, A, B)
+            within = e + 1 < count and history.outage[e + 1] != ABSENT
+            if within:
+                forward[:] = P
             for r in range(n):
                 for c in range(n):
                     P[r, c] -= 0.5 * (B[r, c] + B[c, r])
+            cancelled = False
+            if within:
+                for r in range(N_NAV):
+                    cancelled = cancelled or not P[r, r] > CANCELLED * forward[r, r]
+            if cancelled:
+                o = history.outage[e + 1]
+                F, D = history.F[e + 1], history.D[e + 1]
+                W, Qbb = history.W[o], history.Qbb[o]
+                if smooth_across(forward, F, D, W, Qbb, history.P[e + 1], smoothed):
+                    P[:] = smoothed
+                    if epochs.event[e] != ABSENT:
+                        j = epochs.event[e]
+                        cross_within(history.cross[j], forward, P, event_cross[j])
         for i in range(nz - 1, -1, -1):
             S = history.S[e, i]
             if S <= 0.0:

@@ -110,6 +110,9 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
                 acceleration[i] = (nav[VEL0 + i] - acceleration[i]) / (epochs.time[e] - begin)
             if epochs.gap[e, 0] > 0.0:
                 add_gap_noise(W, work.column, work.last_block[0], epochs.gap[e])
+            if history.outage[e] != ABSENT:
+                history.W[history.outage[e]] = W
+                history.Qbb[history.outage[e]] = Qbb
             predict_covariance(P, F, D, W, Qbb, X, nine)
             if closed_loop:
                 gap[:] = 0.0

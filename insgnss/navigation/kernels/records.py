@@ -322,6 +322,13 @@ class FilterHistory(NamedTuple):
         (nz,) number of leading columns of H that may differ from zero.
     cross : ndarray
         (events, 9, n) of the previous event's navigation error with this event's full error, post.
+    outage : ndarray
+        (m,) the slot of the interval before this epoch in W and Qbb, where it lies between two
+        fixes that are far apart, else ABSENT.
+    W : ndarray
+        (slots, 9, n) process noise of such intervals, [Q_nn Q_nb].
+    Qbb : ndarray
+        (slots, ns) its diagonal behind.
     """
 
     nav: np.ndarray
@@ -342,6 +349,9 @@ class FilterHistory(NamedTuple):
     slot: np.ndarray
     used: np.ndarray
     cross: np.ndarray
+    outage: np.ndarray
+    W: np.ndarray
+    Qbb: np.ndarray
 
 
 @njit(cache=True)
