@@ -9,7 +9,9 @@
 The recordings are not part of the project; the table says what came out of each: what the
 inspection recognised, innovations, their normalised square (1 is honest), the solution's own
 standard deviations, the largest mean of fix minus solution of a minute or an eighth of a shorter
-run (N / E / D, and in sigmas of what both claim), the difference to the attitude that the recording
+run (N / E / D, and in sigmas of what both claim), fixes that were withheld against their prediction
+(normalised square of all axes, of the horizontal ones / of height; 1 is honest; and its root mean
+square, horizontal / height: `withheld_pieces.py`), the difference to the attitude that the recording
 itself carries where it does, and what limits it in the words of the report. Recordings that are not
 there are left out.
 """
@@ -24,8 +26,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from withheld_pieces import withheld_pieces
+
+from insgnss.base.errors import InsgnssError
+from insgnss.config.load import load_flight
+from insgnss.processing import pipeline
+from insgnss.processing.segment import Segment
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "real_recordings.md"
+WITHHELD = {"withheld 10 s": 10.0, "withheld 30 s": 30.0}
 Attitude = Callable[
     [Path], tuple[np.ndarray, np.ndarray]
 ]  # time (n,) s on the IMU's clock, roll pitch heading (n, 3) deg
@@ -118,18 +127,54 @@ def one(name: str, files: list[Path], attitude: Attitude | None, work: Path) -> 
     flight.parent.mkdir(parents=True)
     seen = run("inspect", *map(str, files), "--write", str(flight), "--json", "-q")
     said = json.loads(seen.stdout) if seen.stdout else {}
-    row = {"recognised": _recognised(said), "out": "", "off": "", "against": "", "limits": ""}
+    columns = ("recognised", "out", "off", *WITHHELD, "against", "limits")
+    row = dict.fromkeys(columns, "") | {"recognised": _recognised(said)}
     if not flight.is_file():
         return row | {"out": f"exit {seen.returncode}: {_line(seen.stderr)}"}
-    done = run("process", str(flight), "--json", "-q")
-    if done.returncode:
-        return row | {"out": f"exit {done.returncode}: {_line(done.stderr)}"}
-    report = json.loads(done.stdout)
+    try:
+        report, segments = _processed(flight)
+    except InsgnssError as error:
+        return row | {"out": f"exit {error.exit_code}: {_line(str(error))}"}
     row["out"], row["limits"] = _figures(report), "; ".join(report["verdict"][:3])
     row["off"] = _off_its_fixes(report)
+    if report["flight"]["gnss"].get("stationary") is None:
+        row |= {name: _withheld(segments, length) for name, length in WITHHELD.items()}
     if attitude is not None:
         row["against"] = _difference(flight.parent, attitude(files[0]))
     return row
+
+
+def _processed(flight: Path) -> tuple[dict[str, Any], list[Segment]]:
+    """Process a flight file as the command does; return its report and the solved segments."""
+    kept: list[Segment] = []
+    solve_segments = pipeline.solve_segments
+
+    def keeping(*given: Any) -> Any:
+        segments, checks = solve_segments(*given)
+        kept[:] = segments
+        return segments, checks
+
+    pipeline.solve_segments = keeping
+    try:
+        report = pipeline.process(load_flight(flight)).report
+    finally:
+        pipeline.solve_segments = solve_segments
+    return json.loads(json.dumps(report)), kept
+
+
+def _withheld(segments: list[Segment], length_s: float) -> str:
+    """What fixes in pieces of a length are off their prediction without them, in words."""
+    try:
+        found = withheld_pieces(segments, length_s)
+    except InsgnssError as error:
+        return str(error)
+    if found is None:
+        return "too short"
+    total, level, down = found.squares
+    return (
+        f"{total:.2f} ({level:.2f} / {down:.2f}), {_metres((1e3 * found.rms_m).tolist())}, "
+        f"{found.pieces} pieces"
+    )
 
 
 def _line(text: str) -> str:
@@ -216,9 +261,10 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
     options = parser.parse_args()
     lines = [
-        "| recording | recognised | what came out | off its own fixes | held against"
-        " | what limits it |",
-        "|---|---|---|---|---|---|",
+        "| recording | recognised | what came out | off its own fixes | "
+        + " | ".join(WITHHELD)
+        + " | held against | what limits it |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     failed = []
     with tempfile.TemporaryDirectory() as work:
