@@ -11,9 +11,9 @@ inspection recognised, innovations, their normalised square (1 is honest), the s
 standard deviations, the largest mean of fix minus solution of a minute or an eighth of a shorter
 run (N / E / D, and in sigmas of what both claim), fixes that were withheld against their prediction
 (normalised square of all axes, of the horizontal ones / of height; 1 is honest; and its root mean
-square, horizontal / height: `withheld_pieces.py`), the difference to the attitude that the recording
-itself carries where it does, and what limits it in the words of the report. Recordings that are not
-there are left out.
+square, horizontal / height: `withheld_pieces.py`), the difference to the attitude that the
+recording itself carries where it does, and what limits it in the words of the report. Recordings
+that are not there are left out.
 """
 
 import argparse

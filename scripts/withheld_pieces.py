@@ -117,9 +117,7 @@ def _without(segment: Segment, pieces: np.ndarray) -> Solution:
         mean[NAV.stop + problem.layout.offset] -= segment.time_offset_s
         start = replace(start, mean=mean)
     withheld = given._replace(withheld=epochs.withheld | pieces)
-    return solve(
-        replace(problem, epochs=withheld), start, separations=0, about=segment.solution
-    )
+    return solve(replace(problem, epochs=withheld), start, separations=0, about=segment.solution)
 
 
 def _difference(solution: Solution, e: int) -> tuple[np.ndarray, np.ndarray]:

@@ -143,6 +143,8 @@ def _imu(
 ) -> None:
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
     draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
+    if "accel_file" in source.keys:
+        draft.add("imu", "accel_file", source.keys["accel_file"], source.what)
     for key in ("variable", "rate_hz"):
         if key in source.keys:
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")

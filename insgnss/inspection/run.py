@@ -22,6 +22,7 @@ from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
 from .result import InspectionData
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .tables.halves import of_two_halves
 from .text import document, summary
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from ..recognise.turns import Forces
 
 DATA_KEYS = (
+    "accel_file",
     "columns",
     "variable",
     "units",
@@ -134,6 +136,9 @@ def _choose(
     """The one source of samples, and the one of fixes and exposures that belong to it."""
     where = ", ".join(map(str, paths))
     samples = discovery.of("imu")
+    if not samples:
+        halves = of_two_halves(discovery.of("gyro"), discovery.of("accel"))
+        samples = () if halves is None else (halves,)
     if not samples:
         there = _listed(discovery) or "no files that could be a recording"
         raise InputError(
