@@ -70,6 +70,7 @@ def draft_flight(
     axes: Axes,
     week: tuple[int, str] | None,
     alone: Alone,
+    event_clock: tuple[str, str, bool],
 ) -> tuple[Draft | None, str]:
     """Draft the flight file.
 
@@ -87,6 +88,8 @@ def draft_flight(
         The GPS week with its origin, where no file gives it.
     alone : Alone
         What was found without a receiver.
+    event_clock : tuple of str, str, bool
+        Whose clock stamps the exposures, why, and whether that is sure (`clock_of_events`).
 
     Returns
     -------
@@ -115,6 +118,7 @@ def draft_flight(
         _gnss(draft, by_role["gnss"], gnss, recognition)
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
+        draft.add("camera", "clock", *event_clock)
     _mounting(draft, "events" in by_role)
     if gnss is not None:
         _filter(draft, recognition)
