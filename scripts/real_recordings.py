@@ -173,7 +173,8 @@ def _withheld(segments: list[Segment], length_s: float) -> str:
     total, level, down = found.squares
     return (
         f"{total:.2f} ({level:.2f} / {down:.2f}), {_metres((1e3 * found.rms_m).tolist())}, "
-        f"{found.pieces} pieces"
+        f"{found.of_pieces.size} pieces of {found.of_pieces.min():.2g} to"
+        f" {found.of_pieces.max():.2g}, median {np.median(found.of_pieces):.2g}"
     )
 
 
@@ -274,7 +275,7 @@ def main() -> None:
                 print(f"{name}: not here", file=sys.stderr)
                 continue
             row = one(name, paths, attitude, Path(work))
-            print(f"{name}: {row['out']}", file=sys.stderr)
+            print(f"{name}: {row}", file=sys.stderr, flush=True)
             lines.append(
                 f"| `{name}`: {what} | "
                 + " | ".join(row[key].replace("|", "/") for key in row)

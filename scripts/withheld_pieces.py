@@ -35,8 +35,8 @@ class Withheld:
 
     Parameters
     ----------
-    pieces : int
-        Number of pieces.
+    of_pieces : ndarray, shape (k,)
+        Mean of the normalised squares of each piece.
     squares : ndarray, shape (3,)
         Mean of the normalised squares of all three axes together, of the horizontal ones and of
         down alone, each by its degrees of freedom.
@@ -44,7 +44,7 @@ class Withheld:
         Root mean square of the difference, horizontal and down, m.
     """
 
-    pieces: int
+    of_pieces: np.ndarray
     squares: np.ndarray
     rms_m: np.ndarray
 
@@ -66,43 +66,41 @@ def withheld_pieces(segments: list[Segment], length_s: float) -> Withheld | None
     Withheld or None
         None where no segment is long enough to miss a piece.
     """
-    pieces, squares, residuals = 0, [], []
+    squares: list[list[float]] = []
+    residuals: list[list[float]] = []
+    of_pieces: list[float] = []
     for segment in segments:
-        epochs, number = _pieces(segment.solution, length_s)
-        if number == 0:
+        number = _pieces(segment.solution, length_s)
+        if not number.any():
             continue
-        pieces += number
-        solution = _without(segment, epochs)
-        counted = np.flatnonzero(
-            epochs & np.isin(segment.solution.verdict[:, POSITION], (USED, COVARIANCE_RESET))
-        )
-        for e in counted:
-            r, S = _difference(solution, int(e))
-            squares.append(
-                [
-                    r @ np.linalg.solve(S, r) / 3.0,
-                    r[:2] @ np.linalg.solve(S[:2, :2], r[:2]) / 2.0,
-                    r[2] ** 2 / S[2, 2],
-                ]
-            )
-            residuals.append([np.hypot(r[0], r[1]), r[2]])
+        solution = _without(segment, number > 0)
+        used = np.isin(segment.solution.verdict[:, POSITION], (USED, COVARIANCE_RESET))
+        for piece in range(1, int(number.max()) + 1):
+            first = len(squares)
+            for e in np.flatnonzero(used & (number == piece)):
+                r, S = _difference(solution, int(e))
+                total = r @ np.linalg.solve(S, r) / 3.0
+                level = r[:2] @ np.linalg.solve(S[:2, :2], r[:2]) / 2.0
+                squares.append([total, level, r[2] ** 2 / S[2, 2]])
+                residuals.append([float(np.hypot(r[0], r[1])), r[2]])
+            if len(squares) > first:
+                of_pieces.append(float(np.mean(squares[first:], axis=0)[0]))
     if not squares:
         return None
-    return Withheld(
-        pieces, np.mean(squares, axis=0), np.sqrt(np.mean(np.square(residuals), axis=0))
-    )
+    rms = np.sqrt(np.mean(np.square(residuals), axis=0))
+    return Withheld(np.array(of_pieces), np.mean(squares, axis=0), rms)
 
 
-def _pieces(solution: Solution, length_s: float) -> tuple[np.ndarray, int]:
-    """Return which epochs are fixes of the pieces, and how many pieces there are."""
+def _pieces(solution: Solution, length_s: float) -> np.ndarray:
+    """Return for each epoch the number of the piece that its fix belongs to, from 1; else 0."""
     time, there = solution.time, solution.problem.epochs.has_position
     first, last = time[there][[0, -1]]
-    number = min(MOST_PIECES, int(SHARE * (last - first) / length_s))
-    inside = np.zeros(time.size, dtype=np.bool_)
-    for k in range(number):
-        middle = first + (last - first) * (k + 0.5) / number
-        inside |= np.abs(time - middle) <= 0.5 * length_s
-    return inside & there, number
+    count = min(MOST_PIECES, int(SHARE * (last - first) / length_s))
+    number = np.zeros(time.size, dtype=np.int64)
+    for k in range(count):
+        middle = first + (last - first) * (k + 0.5) / count
+        number[there & (np.abs(time - middle) <= 0.5 * length_s)] = k + 1
+    return number
 
 
 def _without(segment: Segment, pieces: np.ndarray) -> Solution:
