@@ -19,7 +19,7 @@ from insgnss.inspection.content import vertical_axes
 from insgnss.inspection.discovery import discover
 from insgnss.inspection.draft import Draft, toml, write_draft
 from insgnss.inspection.run import inspect_files
-from insgnss.inspection.sensing import fitting_model, sense
+from insgnss.inspection.sensing import fitting_model, noise_model, sense
 from insgnss.inspection.tables.roles import Grid, gnss_roles, imu_roles
 from insgnss.prepare.axes import parse_axes
 from insgnss.processing.recording import read_recording
@@ -652,6 +652,19 @@ def test_earth_rate_is_seen_by_gyros_that_are_good_enough():
     assert sense(_samples(1e-6, 1e-4, mean=earth)).grade == "navigation"
     assert not sense(_samples(3e-4, 1e-4, mean=earth)).sees_earth
     assert not sense(_samples(1e-6, 1e-4, mean=3.0 * earth)).sees_earth
+
+
+def test_a_model_by_class_has_what_data_sheets_allow():
+    """Scale factors of 1 % and misalignments of 8 mrad of a consumer sensor; none of a laser gyro,
+    whose class calibrates them away.
+    """
+    consumer = noise_model(sense(_samples(3e-4, 1e-2, motion=0.3)), "x")
+    assert {(a.scale_factor, a.misalignment) for a in (*consumer.gyro, *consumer.accel)} == {
+        (0.01, 0.008)
+    }
+    earth = EARTH_RATE * np.array([0.6, 0.0, 0.8])
+    navigation = noise_model(sense(_samples(1e-6, 1e-4, mean=earth)), "x")
+    assert not navigation.gyro[0].scale_factor
 
 
 def test_a_shipped_model_fits_its_own_noise_only():

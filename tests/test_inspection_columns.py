@@ -104,12 +104,12 @@ def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
             "gyros and accelerometers without a column of time among frame gyro_x",
         ),
         (
-            {"time": 0.01 * np.arange(N), **{k: SIX[k] for k in GYRO}, "temp": 20.0},
-            "gyros without accelerometers among time gyro_x",
+            {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in GYRO}, "temp": 20.0},
+            "gyros without accelerometers or a column of time among frame gyro_x",
         ),
         (
-            {"time": 0.01 * np.arange(N), **{k: SIX[k] for k in ACC}, "temp": 20.0},
-            "accelerometers without gyros among time acc_x",
+            {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in ACC}, "temp": 20.0},
+            "accelerometers without gyros or a column of time among frame acc_x",
         ),
     ],
 )

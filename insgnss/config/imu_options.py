@@ -44,6 +44,12 @@ class ImuInput:
     """
 
     file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
+    accel_file: Path | None = option(
+        None,
+        "text file of the accelerometers, where `file` has the gyros alone, on the same clock; "
+        "`columns` and `units` are of both",
+        of_file=True,
+    )
     columns: "Columns" = option(
         None,
         'list of names, or table { canonical = "name in the file" }',

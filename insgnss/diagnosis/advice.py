@@ -92,7 +92,9 @@ def advice(
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
 
 
-def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
+def unseen(
+    solution: Solution, constants: ConstantsEvidence, events_with_fixes: bool = False
+) -> Check | None:
     """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
 
     Parameters
@@ -101,6 +103,9 @@ def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
         The solved flight.
     constants : ConstantsEvidence
         What its innovations say of the constants.
+    events_with_fixes : bool
+        Whether the clock of the fixes stamps the exposures, whose poses an offset that both share
+        then does not move (`navigation.event_clock`).
 
     Returns
     -------
@@ -125,11 +130,13 @@ def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
         ]
     if not OFFSET.startswith(constants.requested):
         sigma = alone.get(OFFSET, np.inf)
-        parts.append(
-            f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({_millimetres(sigma * speed)} mm "
-            "along track)"
+        cost = (
+            "which moves no exposure: the same clock stamps them"
+            if events_with_fixes
+            else f"{_millimetres(sigma * speed)} mm along track"
         )
-        if SEEN * sigma * speed > limit:
+        parts.append(f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({cost})")
+        if SEEN * sigma * speed > limit and not events_with_fixes:
             hidden.append(f"{OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
     if not parts:
         return None

@@ -72,6 +72,8 @@ class ErrorModelSearch:
     requested : tuple of str
         Beginnings of the names of constants that the flight file has estimated; they are not
         suspected.
+    events_with_fixes : bool
+        Whether the clock of the fixes stamps the exposures.
     """
 
     requested_errors: FixErrors
@@ -82,6 +84,7 @@ class ErrorModelSearch:
     progress: Callable[[str], None]
     requested: tuple[str, ...] = ()
     variances: bool = True
+    events_with_fixes: bool = False
 
     def layout(self, model: ErrorModel) -> StateLayout:
         """Return the error states of an error model."""
@@ -152,7 +155,9 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
         if there is None:
             break
         here = there
-    seen = None if constants is None else unseen(here.solution, constants)
+    seen = None
+    if constants is not None:
+        seen = unseen(here.solution, constants, search.events_with_fixes)
     return Diagnosis(here.solution, (*here.checks, *([seen] if seen else [])), here.history)
 
 

@@ -50,7 +50,7 @@ IMU_OPTIONS = {
     "psins": ("quantity", "gps_week"),
     "ardupilot": ("variable", "quantity", "gps_week"),
     "ulog": ("variable", "quantity", "gps_week"),
-    "imu_csv": ("columns", "units", "quantity", "gps_week", "rate_hz"),
+    "imu_csv": ("columns", "units", "quantity", "gps_week", "rate_hz", "accel_file"),
 }
 GNSS_OPTIONS = {
     "matlab": _GNSS_MAP,
@@ -193,7 +193,7 @@ def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
     path : text, MATLAB, npy, $AIMU, PSINS, ArduPilot or PX4 log; its bytes tell which.
     **spec : what the file does not say, as far as its format takes it: `columns` (names in their
         order, or a mapping), `units` (gyro, accel, time), `quantity`, `gps_week`, `variable` (a
-        table inside the file), `rate_hz`.
+        table inside the file), `rate_hz`, `accel_file` (of text: that of the accelerometers).
 
     Returns
     -------

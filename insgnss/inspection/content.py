@@ -14,8 +14,9 @@ from ..prepare.gaps import nominal_interval
 from ..recognise.streams import classes_apart
 from ..records import Check, GnssFixes, ImuSamples
 from .alone import Alone
-from .draft import NOISE_FILE, Draft
-from .sensing import DEG_S, MG, Sensing, fitting_model, noise_model
+from .draft import Draft
+from .noise import draft_noise
+from .sensing import Sensing
 from .sources import Source
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def draft_flight(
     axes: Axes,
     week: tuple[int, str] | None,
     alone: Alone,
+    event_clock: tuple[str, str, bool],
 ) -> tuple[Draft | None, str]:
     """Draft the flight file.
 
@@ -87,6 +89,8 @@ def draft_flight(
         The GPS week with its origin, where no file gives it.
     alone : Alone
         What was found without a receiver.
+    event_clock : tuple of str, str, bool
+        Whose clock stamps the exposures, why, and whether that is sure (`clock_of_events`).
 
     Returns
     -------
@@ -115,6 +119,7 @@ def draft_flight(
         _gnss(draft, by_role["gnss"], gnss, recognition)
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
+        draft.add("camera", "clock", *event_clock)
     _mounting(draft, "events" in by_role)
     if gnss is not None:
         _filter(draft, recognition)
@@ -143,6 +148,8 @@ def _imu(
 ) -> None:
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
     draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
+    if "accel_file" in source.keys:
+        draft.add("imu", "accel_file", source.keys["accel_file"], source.what)
     for key in ("variable", "rate_hz"):
         if key in source.keys:
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
@@ -150,7 +157,7 @@ def _imu(
         draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
     _units(draft, source, raw, recognition, units)
     draft.add("imu", "axes", axes.words, axes.why, axes.sure)
-    _noise(draft, sensing)
+    draft_noise(draft, sensing)
 
 
 def _units(
@@ -440,41 +447,6 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
     return " ".join(words), "xyz"[axis]
 
 
-def _noise(draft: Draft, sensing: Sensing) -> None:
-    quiet = (
-        f"{sensing.rest_gyro.max() / DEG_S:.2g} deg/s/sqrt(Hz) and"
-        f" {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
-    )
-    moving = f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MG:.2g}"
-    state = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
-    measured = f"white noise measured: {quiet} {state}"
-    if not sensing.is_static:
-        measured += f", {moving} in motion, where vibration counts"
-    name = fitting_model(sensing)
-    if name is not None:
-        draft.add("imu", "noise", name, f"the shipped model fits: {measured}")
-        return
-    draft.add(
-        "imu",
-        "noise",
-        NOISE_FILE,
-        f"no shipped model fits: {measured}; class by this: {sensing.grade}",
-    )
-    draft.noise = noise_model(sensing, draft.tables[""][0].value)
-    bias = (
-        "the mean rate at rest sets the turn-on bias of the gyros"
-        if sensing.rest_s > 0.0
-        else "no stationary period: turn-on biases are a-priori"
-    )
-    draft.noise_why = (
-        f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
-        (
-            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade}"
-            " sensor. Static recordings show it better: insgnss tune."
-        ),
-    )
-
-
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
@@ -541,6 +513,14 @@ def _filter(draft: Draft, recognition: "Recognition | None") -> None:
             else "the latency is not known"
         )
         draft.add("filter", "time_offset", True, f"{latency}; the filter estimates what remains")
+    if draft.noise is not None and draft.noise.gyro[0].scale_factor:
+        draft.add(
+            "filter",
+            "scale_factor",
+            True,
+            "a sensor without a calibration of its own: beside a turn of 360 deg 1 % is 3.6 deg",
+        )
+        draft.add("filter", "misalignment", True)
     draft.add(
         "filter",
         "lever_arm",

@@ -20,8 +20,10 @@ from ..base.errors import InputError
 from ..processing.progress import Progress, quiet
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
+from .event_clock import clock_of_events
 from .result import InspectionData
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .tables.halves import of_two_halves
 from .text import document, summary
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from ..recognise.turns import Forces
 
 DATA_KEYS = (
+    "accel_file",
     "columns",
     "variable",
     "units",
@@ -114,6 +117,7 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
     if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
         imu_source = ticks
         imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
     sources = tuple(
         source for source in (imu_source, gnss_source, events_source) if source is not None
@@ -124,7 +128,16 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
     return _inspection(
-        _name(paths), sources, discovery, imu, gnss, events, recognition, unrecognised, known_week
+        _name(paths),
+        sources,
+        discovery,
+        imu,
+        gnss,
+        events,
+        recognition,
+        unrecognised,
+        known_week,
+        clock,
     )
 
 
@@ -134,6 +147,9 @@ def _choose(
     """The one source of samples, and the one of fixes and exposures that belong to it."""
     where = ", ".join(map(str, paths))
     samples = discovery.of("imu")
+    if not samples:
+        halves = of_two_halves(discovery.of("gyro"), discovery.of("accel"))
+        samples = () if halves is None else (halves,)
     if not samples:
         there = _listed(discovery) or "no files that could be a recording"
         raise InputError(
@@ -297,6 +313,7 @@ def _inspection(
     recognition: "Recognition | None",
     unrecognised: str,
     week: tuple[int, str] | None,
+    clock: tuple[str, str, bool],
 ) -> Inspection:
     from ..prepare.axes import parse_axes
     from ..prepare.fix_quality import with_floors
@@ -344,7 +361,9 @@ def _inspection(
             *in_counts(sources[0], recognition),
             *strangers(recognition),
         ]
-    draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
+    draft, missing = draft_flight(
+        name, sources, raw, gnss, sensing, recognition, axes, week, alone, clock
+    )
     if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"
     return Inspection(

@@ -14,7 +14,7 @@ its own standard error q / sqrt(T) is below a tenth of that.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,13 @@ _CLASSES: dict[Grade, tuple[float, float, float, float, float]] = {
     "consumer": (1.0 * DEG_S, 50.0 * MG, 0.02 * DEG_S, 3.0 * MG, 200.0),
     "tactical": (20.0 * DEG_H, 5.0 * MG, 2.0 * DEG_H, 0.2 * MG, 300.0),
     "navigation": (0.05 * DEG_H, 0.2 * MG, 0.01 * DEG_H, 0.02 * MG, 3600.0),
+}
+# a-priori sigma of scale factors, and of misalignments in rad: tolerances of data sheets, 3 % and
+# 2 % at most without a calibration of the single sensor; of a navigation sensor they do not count
+_CONSTANTS: dict[Grade, tuple[float, float] | None] = {
+    "consumer": (0.01, 0.008),
+    "tactical": (1e-3, 1e-3),
+    "navigation": None,
 }
 TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_H
 SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
@@ -226,7 +233,7 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
     """Make a noise model of the recording.
 
     White noise is that measured in motion; biases are those of the stationary periods where there
-    are any, else by class.
+    are any, else by class, and so are scale factors and misalignments.
     """
     turn_gyro, turn_accel, sigma_gyro, sigma_accel, tau = _CLASSES[sensing.grade]
     if sensing.rest_s > 0.0 and sensing.grade != "navigation":
@@ -238,9 +245,15 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
         sigma_gyro,
         tau,
         ("deg/h/sqrt(Hz)", "deg/h", "deg/s^2/sqrt(Hz)"),
+        _CONSTANTS[sensing.grade],
     )
     accel = _axes(
-        sensing.moving_accel, turn_accel, sigma_accel, tau, ("ug/sqrt(Hz)", "mg", "ug/s/sqrt(Hz)")
+        sensing.moving_accel,
+        turn_accel,
+        sigma_accel,
+        tau,
+        ("ug/sqrt(Hz)", "mg", "ug/s/sqrt(Hz)"),
+        _CONSTANTS[sensing.grade],
     )
     source = (
         "drafted by insgnss inspect: white noise measured in this recording, the rest a-priori of"
@@ -250,7 +263,12 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
 
 
 def _axes(
-    white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]
+    white: Array,
+    turn_on: float,
+    sigma: float,
+    tau: float,
+    units: tuple[str, str, str],
+    constants: tuple[float, float] | None,
 ) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
     """The three axes alike, with the largest white noise of them.
 
@@ -261,4 +279,6 @@ def _axes(
         rounded(value, unit, 2) for value, unit in zip(values, units, strict=True)
     )
     axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(GaussMarkov(tau, driving),))
+    if constants is not None:
+        axis = replace(axis, scale_factor=constants[0], misalignment=constants[1])
     return axis, axis, axis

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..records import GnssFixes, ImuSamples
 
-Role = Literal["imu", "gnss", "events"]
+Role = Literal["imu", "gnss", "events", "gyro", "accel"]  # the last two: half an IMU
 
 SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
 NO_SIGMA = (
@@ -46,6 +46,8 @@ class Source:
         Latitude deg, longitude deg, height m that the file gives for a stationary sensor.
     columns_left_out : tuple of str
         Columns of its table that no input takes, with the reason of some.
+    fields : dict of str to str
+        Of half an IMU: what its file calls each of its columns.
     """
 
     role: Role
@@ -60,6 +62,7 @@ class Source:
     axes: str = ""
     site: tuple[float, float, float] | None = None
     columns_left_out: tuple[str, ...] = ()
+    fields: dict[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:

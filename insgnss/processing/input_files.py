@@ -36,7 +36,10 @@ def input_files(flight: Flight) -> list[Path]:
         The flight file itself first, where there is one, none twice.
     """
     imus = (flight.imu, *flight.imu.further)
-    of_imus = [*(imu.file for imu in imus), *(imu.calibration for imu in imus)]
+    of_imus = [
+        *(file for imu in imus for file in (imu.file, imu.accel_file)),
+        *(imu.calibration for imu in imus),
+    ]
     given = [flight.path if flight.path.exists() else None, *of_imus, flight.gnss.file]
     files = [file for file in given if isinstance(file, Path)]  # an object has no file
     if flight.gnss.raw is not None:
@@ -164,6 +167,7 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
             gps_week=gps_week,
             variable=options.variable,
             rate_hz=options.rate_hz,
+            accel_file=options.accel_file,
         )
     imu = without_stuck_channels(imu, STUCK_S)
     if options.accel_sign < 0:

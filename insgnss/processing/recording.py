@@ -106,7 +106,7 @@ def read_recording(flight: Flight) -> Recording:
     """
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
-    from ..prepare.fix_quality import with_floors
+    from ..prepare.fix_quality import with_floors, without_worthless
     from ..prepare.fix_rounding import with_rounding
     from ..prepare.stationarity import stationary_periods
     from ..stochastic.model import load_noise_model
@@ -128,7 +128,7 @@ def read_recording(flight: Flight) -> Recording:
     floors: dict[int, tuple[float, ...]] = {
         Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()
     }
-    gnss = with_rounding(with_floors(gnss, floors))
+    gnss = with_rounding(without_worthless(with_floors(gnss, floors)))
     C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
     more: list[Check] = []
     if flight.imu.further:

@@ -176,6 +176,7 @@ def _solve(
         step,
         _requested(flight),
         flight.filter.adaptive_noise == "auto",
+        recording.events is not None and recording.event_clock == "receiver",
     )
     step("align")
     spells: tuple[Spell, ...] = ()

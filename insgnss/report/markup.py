@@ -12,8 +12,10 @@ def escape(value: object) -> str:
 
 
 def sentence(text: str) -> str:
-    """Text with a capital and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}."
+    """Text with a capital and a full stop; a key of the flight file at its head stays as it is."""
+    first = text.partition(" ")[0].rstrip(",;:.")
+    is_key = "." in first or "_" in first
+    return f"{text}." if is_key else f"{text[:1].upper()}{text[1:]}."
 
 
 def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Row, escape, folded, sentence, table, three
-from .rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
+from .rules.verdict import MOST_SENTENCES
 from .rules.wording import lengths, millimetres
 
 Summary = Mapping[str, Any]
@@ -24,7 +24,7 @@ def limits(s: Summary) -> str:
     first = (
         ""
         if any(x["rank"] >= 1.0 for x in listed)
-        else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
+        else f"<p>{escape(sentence(s['verdict'][0]))}</p>\n"
     )
     matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SENTENCES]
     others = [x for x in listed if x not in matter]

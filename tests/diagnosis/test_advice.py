@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.diagnosis.advice import advice, variance_check
-from insgnss.diagnosis.constants import Hypothesis
+from insgnss.diagnosis.advice import advice, unseen, variance_check
+from insgnss.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.diagnosis.variances import VarianceHypothesis
 from insgnss.orient.mounting import Mounting, boresight_from_angles
 
@@ -112,3 +112,25 @@ def test_whose_noise_is_named():
     assert (check.name, check.verdict) == ("IMU noise", "note")
     assert "gyro.white_noise 3.00" in check.found
     assert "tune --flight" in check.advice
+
+
+def test_an_offset_that_the_exposures_share_costs_them_nothing():
+    """At 10 m/s a flight that tells the stamps to 5 ms tells them to 50 mm along track, and would
+    not show 200 mm; where the same clock stamps the exposures neither is said.
+    """
+    flight: Any = SimpleNamespace(**vars(SOLUTION), P=np.eye(9)[None] * 1e-4)
+    names = (*LEVER, "GNSS time offset")
+    wide = np.array([0.2, 0.2, 0.2, 0.05])
+    known = np.array([1e-3, 1e-3, 1e-3, 5e-3])  # m, s
+    evidence = ConstantsEvidence(
+        names, names, wide, np.zeros(4), np.diag((wide / known) ** 2), np.zeros(4)
+    )
+    own = unseen(flight, evidence)
+    assert own is not None
+    assert "to 5 ms (50 mm along track); it would not show errors of GNSS time" in own.found
+    assert own.verdict == "note"
+    shared = unseen(flight, evidence, events_with_fixes=True)
+    assert shared is not None
+    assert "to 5 ms (which moves no exposure: the same clock stamps them)" in shared.found
+    assert "mm along track" not in shared.found
+    assert shared.verdict == "ok"

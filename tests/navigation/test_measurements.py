@@ -329,6 +329,36 @@ def test_covariance_of_fixes_is_turned_into_the_local_frame():
     assert_allclose(got.velocity[0], 3.0 * down, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("usual", "odd", "share", "unit"),
+    [
+        (2.0, 0.9, 0.01, 2.0),  # a code solution that claims half of the others: one unit
+        (2.0, 0.2, 0.3, 0.25),  # many that claim far less are of another kind
+        (0.02, 0.009, 0.01, 0.01),  # RTK: in steps of two, as before
+    ],
+)
+def test_one_fix_of_another_sigma_does_not_tell_the_error_of_the_others(usual, odd, share, unit):
+    """Oracle: the median, and powers of two of it."""
+    n = 200
+    sigma = np.where(np.arange(n) < share * n, odd, usual)
+    cov = sigma[:, None, None] ** 2 * np.eye(3)
+    lat = np.full(n, 0.8)
+    fixes = GnssFixes(np.arange(n) * 1.0, lat, lat, np.zeros(n), cov)
+    inc = Increments(
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.zeros((0, 3)),
+        fixes.time,
+        np.zeros(n, dtype=np.int64),
+        np.zeros((n, 3)),
+        0.01,
+    )
+    frame = LocalFrame(0.8, 0.8, 0.0)
+    got = make_epochs(inc, np.arange(n), fixes, np.zeros(0, dtype=np.int64), frame)
+    assert_allclose(got.sigma[0], unit, rtol=1e-6)
+    assert_allclose(got.sigma[-1], usual, rtol=1e-6)
+
+
 def test_a_rest_measures_velocity_and_mean_rate_once_a_second():
     """Oracle: by hand, of epochs 0.8 s apart every other one.
 

@@ -58,6 +58,9 @@ def test_exposures_of_the_receiver_share_the_latency_of_the_fixes(sim):
     # what fixes of 20 to 30 mm leave without any offset is 3 mm; 1 ms of the offset are 12 mm
     assert sigmas(result.eo).max() < 5e-3
     assert "receiver's clock (camera.clock = receiver), moved with the fixes by -" in told(result)
+    (seen,) = [check for check in result.checks if check.name == "unseen constants"]
+    assert "(which moves no exposure: the same clock stamps them)" in seen.found
+    assert "GNSS time offset" not in seen.found
     true = of_truth(sim, result.eo).time
     offset = result.eo.time - true
     assert np.abs(offset).max() < 2e-3

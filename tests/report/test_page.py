@@ -13,6 +13,7 @@ import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 from insgnss.report.figures.run import Picture
+from insgnss.report.markup import sentence
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 
@@ -64,6 +65,27 @@ def test_page_is_whole_and_self_contained(tmp_path: Path, diagnostics, eo, summa
         assert base64.b64decode(body, validate=True).startswith(b"\x89PNG\r\n")
     assert "http" not in re.sub(r'src="[^"]*"', "", text)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_keys_of_the_flight_file_are_printed_as_they_are() -> None:
+    """A key that begins a sentence keeps its small letter: it is copied into the flight file."""
+    assert sentence("mounting.antenna_m = [1] would be it") == (
+        "mounting.antenna_m = [1] would be it."
+    )
+    assert sentence("measure it, see gnss.sigma_m") == "Measure it, see gnss.sigma_m."
+
+
+def test_a_clock_rate_is_shown_in_ppm_and_the_first_sentence_is_the_verdict(
+    diagnostics, eo, summary
+) -> None:
+    """Oracle: 2e-5 s/s are 20 ppm; the sentence under the headline is that of the terminal."""
+    rate = StateVerdict("GNSS clock rate", -1.6e-6, 5e-6, 2e-5, None, True)
+    s = summary(diagnostics(states=(rate,)), eo())
+    text = "".join(page(s, ()))
+    assert "-1.60 ppm" in text
+    assert "± 20 ppm" in text
+    s["verdict"] = ["a sentence of its own", *s["verdict"][1:]]
+    assert "A sentence of its own." in "".join(page(s, ()))
 
 
 def test_every_run_has_a_page(odd_cases, summary) -> None:

@@ -59,6 +59,15 @@ def test_remarks_alone_leave_nothing_that_stands_out(diagnostics, eo) -> None:
     assert s["verdict"] == [NOTHING_STANDS_OUT, "rate: found a, expected b"]
 
 
+def test_what_was_adopted_against_the_flight_file_stands_out(diagnostics, eo) -> None:
+    """A solution with another lever arm than that of the flight file is no calm one, although its
+    innovations are those of a good flight.
+    """
+    s = run(diagnostics(checks=(Check("antenna lever arm", "a", "b", "note"),)), eo())
+    assert s["verdict"][0] == "antenna lever arm: found a, expected b"
+    assert said(s, "checks")["rank"] > 1.0
+
+
 @pytest.mark.parametrize(
     ("rows", "line", "why"),
     [(slice(0, 220), 1, "no turn before it"), (slice(880, 1200), 4, "no turn after it")],

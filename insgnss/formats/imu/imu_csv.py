@@ -31,6 +31,7 @@ from ..text.order import Lines, note, open_end, put_in_order
 from ..text.stamps import spread_evenly, unrepeated
 from ..text.text import Source, read_table
 from ..text.units import check_units, imu_kinds, usual_unit
+from .apart import joined
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,7 @@ ALIASES: Aliases = {
 }
 TRIADS = {"gyro": GYRO, "accel": ACCEL, "time": ("tow",)}
 UNIT_KEYS = tuple(TRIADS)
+CLOCK = (*TIME, *FINE)
 KINDS: Kinds = {name: kinds_like(key) for key, names in TRIADS.items() for name in names}
 MAX_RATE_HZ = 1e5
 
@@ -101,6 +103,7 @@ def read_imu_csv(
     quantity: Quantity = "mean_rate",
     gps_week: int | None = None,
     rate_hz: float | None = None,
+    accel_file: Source | None = None,
 ) -> ImuSamples:
     """Read IMU samples into SI.
 
@@ -124,6 +127,10 @@ def read_imu_csv(
         The week, where no column holds it.
     rate_hz : float, optional
         Samples a second, where the file has no column of time; time then starts at zero.
+    accel_file : path, optional
+        The file of the accelerometers, where `path` has the gyros alone (`apart`); a mapping
+        `columns` names those of both, a sequence those of the gyros, and gx gy gz of it are ax ay
+        az of the other file.
 
     Returns
     -------
@@ -135,18 +142,51 @@ def read_imu_csv(
     InputError
         What cannot be read, with file and line.
     UsageError
-        A unit that does not exist.
+        A unit that does not exist, or a rate beside `accel_file`.
     """
     units = check_units(units, UNIT_KEYS)
-    required = required_columns(rate_hz)
+    if accel_file is None:
+        required = required_columns(rate_hz)
+        return _read(path, columns, units, quantity, gps_week, rate_hz, required)
+    if rate_hz is not None:
+        raise UsageError(f"{path}: rate_hz: gyros and accelerometers in two files need stamps")
+    gyro, accel = (
+        _read(file, _of_one(columns, triad), units, quantity, gps_week, None, ("tow", *triad))
+        for file, triad in ((path, GYRO), (accel_file, ACCEL))
+    )
+    return joined(gyro, accel)
+
+
+def _of_one(columns: Columns, triad: tuple[str, ...]) -> Columns:
+    """Return the columns of the file that has one triad alone."""
+    other = ACCEL if triad == GYRO else GYRO
+    if isinstance(columns, Mapping):
+        return {name: field for name, field in columns.items() if name not in other}
+    own = dict(zip(other, triad, strict=True))
+    return None if columns is None else [own.get(name, name) for name in columns]
+
+
+def _read(
+    path: Source,
+    columns: Columns,
+    units: Mapping[str, str],
+    quantity: Quantity,
+    gps_week: int | None,
+    rate_hz: float | None,
+    required: tuple[str, ...],
+) -> ImuSamples:
+    """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
+    index = {name: i for name, i in index.items() if name in (*required, *CLOCK)}
     units, date_notes = clock_of_dates(table, index, units, "IMU rows")
     unit_fields = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
     scales, unit_notes = scales_of(
         str(path), table.layout.header_line, unit_fields, units, quantity, rate_hz
     )
     cols = {name: table.values[:, i] for name, i in index.items()}
+    nothing = np.zeros(len(table.values))
+    cols |= {name: nothing for name in (*GYRO, *ACCEL) if name not in required}
     notes = (*open_end("IMU rows", table.complete), *unit_notes, *date_notes)
     if backward := [
         name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)

@@ -20,6 +20,7 @@ from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
+from .halves import half_of_imu
 from .names import Grid, Roles
 from .roles import (
     ACCEL,
@@ -80,6 +81,8 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
     sources = [
         replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
     ]
+    if not sources and long and fixes is None and not solution:
+        sources = half_of_imu(path, table, lambda roles: _imu(path, table, roles))
     events = sources or _events(path, table)
     if (
         not events
@@ -138,8 +141,8 @@ def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str
     if len(there) == 1 and fixes is None:
         other = "accelerometers" if there == ["gyros"] else "gyros"
         return (
-            f"{there[0]} without {other} among {names}; put both into one table, or call them gx gy"
-            " gz and ax ay az"
+            f"{there[0]} without {other} or a column of time among {names}; put both into one"
+            " table, or call them gx gy gz and ax ay az"
         )
     return ""
 
@@ -187,7 +190,9 @@ def _header_units(
     """
     header_units: dict[str, str] = {}
     for key, names in (("gyro", GYRO), ("accel", ACCEL)):
-        fields = [name for c in names if (name := grid.names[columns[c]]) is not None]
+        fields = [
+            name for c in names if c in columns and (name := grid.names[columns[c]]) is not None
+        ]
         if unit := next(filter(None, (unit_in(field, kinds_like(key)) for field in fields)), None):
             header_units[key] = next(
                 (usual for kind in kinds_like(key) if (usual := usual_unit(unit, kind)) != unit),

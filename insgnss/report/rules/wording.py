@@ -76,7 +76,7 @@ def image_range(piece: Figures) -> str:
 
 def state_unit(name: str) -> tuple[float, str]:
     """Factor and unit in which a constant of that name is read."""
-    if name.endswith("scale factor"):
+    if name.endswith(("scale factor", "clock rate")):
         return 1e6, "ppm"
     if " from " in name:
         return 1e3, "mrad"
