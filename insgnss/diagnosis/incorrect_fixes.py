@@ -29,7 +29,7 @@ import numpy as np
 from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POS, POSITION, REJECTED
 from ..navigation.filter import make_history, run_filter
-from ..navigation.kernels.records import FilterHistory
+from ..navigation.kernels.records import Epochs, FilterHistory
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution
 from ..records import Array, Check
@@ -39,6 +39,7 @@ MOST_WITHHELD = 0.3  # share of the fixes
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
 APART_S = 5.0  # between rejected fixes: from there on they make two spells
 MOST_REJECTED = 0.01  # share of the other fixes that may be rejected
+STEP_SIGMAS = 3.0  # of what the fixes claim, below which a step is none: code solutions wander so
 PASSES = 4  # of the filter, each of which may show further steps
 
 
@@ -118,10 +119,18 @@ def _withheld(
         if ep.time[spell.last] - ep.time[spell.first] > longest_s:
             return None
         withheld[spell.first : spell.last + 1] = True
+    if all(_within_claims(ep, spell) for spell in spells):
+        return None
     share = np.count_nonzero(withheld & ep.has_position) / np.count_nonzero(ep.has_position)
     return (
         replace(problem, epochs=ep._replace(withheld=withheld)) if share <= MOST_WITHHELD else None
     )
+
+
+def _within_claims(epochs: Epochs, spell: Spell) -> bool:
+    """Tell whether a step is one that fixes with such standard deviations make."""
+    sigma = np.sqrt(np.diag(epochs.position_cov[spell.first]))
+    return bool((np.abs(spell.step) < STEP_SIGMAS * sigma).all())
 
 
 def _closing_spells(problem: EstimationProblem, history: FilterHistory) -> list[Spell]:

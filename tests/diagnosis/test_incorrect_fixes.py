@@ -8,11 +8,13 @@ from flown import fly, start_near
 
 from insgnss.diagnosis.incorrect_fixes import (
     LONGEST_S,
+    Spell,
     incorrect_check,
     spells_apart,
     with_steps,
     withhold_incorrect_fixes,
 )
+from insgnss.diagnosis.incorrect_fixes import _withheld as withheld_fixes
 from insgnss.navigation.codes import COVARIANCE_RESET, POSITION, REJECTED
 from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.solution import solve
@@ -126,3 +128,18 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     least = np.linalg.eigvalsh(added[inside][0])[0]
     assert 0.01**2 < least < 0.1**2
     assert "enlarged" in incorrect_check(problem, tuple(spells), False).found
+
+
+def test_a_step_within_what_fixes_claim_is_no_spell(flown):
+    """Oracle: three standard deviations of a fix. A code solution of 2 m steps by half a metre."""
+    epochs = flown.problem.epochs
+    cov = epochs.position_cov * (2.0 / np.sqrt(epochs.position_cov[0, 0, 0])) ** 2
+    of_code = replace(flown.problem, epochs=epochs._replace(position_cov=cov))
+    spell = spells_of(STEP)
+    assert withheld_fixes(flown.problem, spell, np.inf) is not None
+    assert withheld_fixes(of_code, spell, np.inf) is None
+    assert withheld_fixes(of_code, spells_of(20.0 * STEP), np.inf) is not None
+
+
+def spells_of(step):
+    return [Spell(100, 130, step, np.full(3, 0.03))]

@@ -60,7 +60,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
             f"{accel.source}: increments under other stamps than those of {gyro.source}; write both"
             " under one stamp, or rates"
         )
-    force, there = _at(gyro.time, time, accel.accel, gyro.quantity)
+    force, there = _resampled(gyro.time, time, accel.accel, gyro.quantity)
     kept = np.count_nonzero(there)
     if kept < LEAST_COMMON * there.size:
         raise InputError(
@@ -91,7 +91,7 @@ def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
     )
 
 
-def _at(
+def _resampled(
     wanted: Array, time: Array, force: Array, quantity: Quantity
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return forces (n, 3) at the wanted stamps (n,), and where there are any."""

@@ -48,35 +48,35 @@ def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) 
     """
     if path.suffix.lower() not in TEXT or table.variable is not None:
         return []
-    found = _triad(path, table.grid)
+    triad = _triad(path, table.grid)
     ticks = clocks(table.grid, 0.5)
-    if found is None or not ticks:
+    if triad is None or not ticks:
         return []
-    role, columns = found
+    role, columns = triad
     values = table.grid.values[:, list(columns.values())]
     if not np.isfinite(values).all():
         return []
     if role == "accel":
         _refuse_without_gravity(path, values)
-    what = f"{'gyros' if role == 'gyro' else 'accelerometers'} alone, {len(values)} rows"
+    description = f"{'gyros' if role == 'gyro' else 'accelerometers'} alone, {len(values)} rows"
     sources = []
     for clock, unit in ticks.items():
         source = source_of(Roles(columns, {clock: unit}, week_column(table.grid)))
         indices = {"tow": clock, "nsec": table.grid.nanos.get(clock), **columns}
         fields = {name: table.fields[k] for name, k in indices.items() if k is not None}
-        sources.append(replace(source, role=role, what=what, fields=fields))
+        sources.append(replace(source, role=role, what=description, fields=fields))
     return [replace(sources[0], other_clocks=tuple(sources[1:]))]
 
 
 def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
     """Role and columns of the one triad of a table; None where there is none, or two."""
-    named, found = grid.named, []
+    named, triads = grid.named, []
     for role, canonical in TRIADS.items():
         triad = next((t for t in NAMES[role] if all(name in named for name in t)), None)
         if triad is not None:
-            found.append((role, {c: named[n] for c, n in zip(canonical, triad, strict=True)}))
-    if found:
-        return found[0] if len(found) == 1 else None
+            triads.append((role, {c: named[n] for c, n in zip(canonical, triad, strict=True)}))
+    if triads:
+        return triads[0] if len(triads) == 1 else None
     if not all(letter in named for letter in "xyz"):
         return None
     columns = [named[letter] for letter in "xyz"]
@@ -87,7 +87,7 @@ def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
     if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in columns):
         return None  # a unit of something else
     stem = squashed(path.stem)
-    by_name = [role for role, part in IN_NAME.items() if part in stem]
+    by_name = [role for role, word in IN_NAME.items() if word in stem]
     if len(by_name) != 1:
         return None
     return by_name[0], dict(zip(TRIADS[by_name[0]], columns, strict=True))
@@ -184,11 +184,11 @@ def _pair(gyro: Source, accel: Source) -> Source:
     if units:
         keys["units"] = units
     header = {**(gyro.header_units or {}), **(accel.header_units or {})}
-    what = f"{gyro.what}, with {accel.what.replace(' alone', '')} of {accel.path.name}"
+    description = f"{gyro.what}, with {accel.what.replace(' alone', '')} of {accel.path.name}"
     return Source(
         "imu",
         gyro.path,
-        what,
+        description,
         keys,
         {**accel.why, **gyro.why},
         gyro.span,
