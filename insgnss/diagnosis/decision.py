@@ -260,7 +260,11 @@ def _time_correlated(
         return None
     if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
         # what larger noise of the IMU leaves is no error of the fixes
-        alone = here.model.imu == AS_STATED
+        imu = here.model.imu
+        alone = (imu.white_noise, imu.driving_noise) == (
+            AS_STATED.white_noise,
+            AS_STATED.driving_noise,
+        )
         slow = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
         if slow is None:
             return None
