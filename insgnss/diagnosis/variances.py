@@ -253,13 +253,19 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
     """
     factors = suspected.factors
     if suspected.family == "GNSS sigmas":
-        k = factors["fixes.position"]
-        if k <= 1.0:
+        k, of_velocity = factors["fixes.position"], factors.get("fixes.velocity", 1.0)
+        if max(k, of_velocity) <= 1.0:
             return None
-        scale = tuple(k * x for x in model.fixes.white_scale)
-        unfixed = k * model.fixes.unfixed_white_scale
+        k, of_velocity = max(k, 1.0), max(of_velocity, 1.0)
+        fixes = model.fixes
         return replace(
-            model, fixes=replace(model.fixes, white_scale=scale, unfixed_white_scale=unfixed)
+            model,
+            fixes=replace(
+                fixes,
+                white_scale=tuple(k * x for x in fixes.white_scale),
+                unfixed_white_scale=k * fixes.unfixed_white_scale,
+                velocity_white_scale=of_velocity * fixes.velocity_white_scale,
+            ),
         )
     white = suspected.family == "IMU white noise"
     kind = "white_noise" if white else "driving_noise"

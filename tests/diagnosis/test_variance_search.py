@@ -10,7 +10,13 @@ from flown import fly, start_near
 from insgnss.calibrate.likelihood import evaluate
 from insgnss.diagnosis import variances
 from insgnss.diagnosis.candidates import ErrorModel
-from insgnss.diagnosis.variances import SHARES, SLOW_S, VarianceSearch, with_variances
+from insgnss.diagnosis.variances import (
+    SHARES,
+    SLOW_S,
+    VarianceHypothesis,
+    VarianceSearch,
+    with_variances,
+)
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.stochastic.model import load_noise_model
@@ -113,6 +119,27 @@ def test_what_a_hypothesis_changes_in_the_error_model():
         3.0 * NAVCHIP.gyro[0].gauss_markov[0].sigma
     )
     assert own.accel == NAVCHIP.accel
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "adopted"),
+    [(0.8, 1.8, (1.0, 1.8)), (2.0, 0.5, (2.0, 1.0)), (2.0, 1.8, (2.0, 1.8)), (0.8, 0.9, None)],
+)
+def test_positions_and_velocities_get_their_own_factor(position, velocity, adopted):
+    """Oracle: hand calculation. Velocities of a recorded walk were 1.8 times worse than they
+    claimed beside positions that were right, and nothing was adopted.
+    """
+    factors = {"fixes.position": position, "fixes.velocity": velocity}
+    model = ErrorModel(FixErrors(unfixed_white_scale=0.5, velocity_white_scale=0.5))
+    raised = with_variances(model, VarianceHypothesis("GNSS sigmas", 100.0, factors))
+    if adopted is None:
+        assert raised is None
+        return
+    assert raised is not None
+    k, v = adopted
+    assert raised.fixes.white_scale == (k, k, k)
+    assert raised.fixes.unfixed_white_scale == 0.5 * k
+    assert raised.fixes.velocity_white_scale == 0.5 * v
 
 
 def slow_error(monkeypatch, gain):
