@@ -57,6 +57,7 @@ GENERAL = (  # words that say that the sigmas do not hold
     r"larger than they say|contradict|overconfident|disagree|do not describe|lost the fixes"
     r"|rejected by the gate|were rejected|time-correlated|are too small"
 )
+UNSEEN = "unseen constants"
 CAUSES = {  # checks that name a cause
     *("antenna lever arm", "GNSS time offset", "clock rate", "IMU scale factors"),
     *("IMU misalignments", "IMU noise", "GNSS sigmas", "turn-on bias"),
@@ -76,6 +77,7 @@ class Run:
     z: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     noted: tuple[str, ...] = ()
     blames: bool = False
+    unseen: bool = False  # the culprit is named only as what the flight would not show
 
     @property
     def wide(self) -> bool:
@@ -117,7 +119,8 @@ def run(case: Case, motion: str, seed: int) -> Run:
     z = error / sigma
     noted = [check for check in result.checks if check.verdict != "ok"]
     sentences = [result.report["headline"], *result.report["verdict"]]
-    message = " / ".join([*map(said, noted), *sentences])
+    parts = [*map(said, noted), *sentences]
+    message = " / ".join(parts)
     if np.abs(z).max() < WORST_Z and np.mean(z**2) < MEAN_SQUARE:
         verdict = "covered"
     elif re.search(case.culprit, message):
@@ -125,12 +128,14 @@ def run(case: Case, motion: str, seed: int) -> Run:
     else:
         spoken = CAUSES & {check.name for check in noted} or re.search(GENERAL, message)
         verdict = "told" if spoken else "silent"
+    findings = " / ".join(part for part in parts if not part.startswith(UNSEEN))
+    unseen = verdict == "culprit" and not re.search(case.culprit, findings)
     names = tuple(check.name for check in noted)
     blames = any(
         check.name in CAUSES and not re.search(case.culprit, f"{check.name}: {check.found}")
         for check in noted
     )
-    return Run(case.name, motion, seed, verdict, message, error, z, names, blames)
+    return Run(case.name, motion, seed, verdict, message, error, z, names, blames, unseen)
 
 
 def said(check: Any) -> str:
@@ -194,8 +199,10 @@ def totals(runs: Sequence[Run]) -> str:
     small = sum(one.verdict == "silent" and np.abs(one.error).max() < SMALL_M for one in runs)
     return (
         f"{len(runs)} runs: {words}{share}; silent with errors below {1e3 * SMALL_M:.0f} mm"
-        f" {small}; a note names another cause {sum(one.blames for one in runs)}, covered by"
-        f" wide sigmas {sum(one.wide for one in runs)}"
+        f" {small}; culprit named only as what the flight would not show"
+        f" {sum(one.unseen for one in runs)}; a note names another cause"
+        f" {sum(one.blames for one in runs)}, covered by wide sigmas"
+        f" {sum(one.wide for one in runs)}"
     )
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated flight from RINEX
 DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
 SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
-UNSEEN_M = 0.05
+UNSEEN_M = NEGLIGIBLE_M  # what would contradict the flight file if it were seen
 UNSEEN_SIGMA = 3.0
 AXES = ("forward", "right", "down")
 LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"

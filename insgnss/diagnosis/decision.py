@@ -43,6 +43,8 @@ MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may 
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
 EXPLAINED, OPEN = 0.25, 5.0
+# shares of the gain of a time-correlated error: of one that loses no fixes, and of one that does
+LEAST_OF_GAIN, MOST_OF_GAIN = 0.5, 0.9
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
 
 SecondPass = Literal["auto", "on", "off"]
@@ -263,7 +265,11 @@ def _time_correlated(
         return None
     if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
         # what larger noise of the IMU leaves is no error of the fixes
-        alone = here.model.imu == AS_STATED
+        imu = here.model.imu
+        alone = (imu.white_noise, imu.driving_noise) == (
+            AS_STATED.white_noise,
+            AS_STATED.driving_noise,
+        )
         slow = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
         if slow is None:
             return None
@@ -433,21 +439,28 @@ def _follows(solution: Solution) -> bool:
 def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorModel) -> _State:
     """Solve again with a time-correlated GNSS error.
 
-    As long as that loses fixes, it is tried with a larger white share.
+    As long as that loses fixes, it is tried with a larger white share. Where the one that loses
+    none has less than half of the gain in `misfit`, which charges each lost fix, what is lost are
+    jumps of the fixes themselves: then the largest share is taken that keeps most of the gain.
     """
-    solution, attempted = here.solution, here.attempted | {"time-correlated"}
+    before, attempted = misfit(here.solution), here.attempted | {"time-correlated"}
+    most, keeps_most, adopted = 0.0, None, None
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
         again = _solved(search, posed, model)
-        if again is None or loses_fixes(again, solution):
-            model = replace(model, fixes=with_larger_white_share(model.fixes))
-        elif misfit(again) > misfit(solution):
-            reason = "given up, it explains the whole flight no better"
-            break
-        else:
-            sentence = message(model.fixes)
-            return _State(again, model, here.checks, (*here.history, sentence), attempted)
+        if again is not None:
+            gain = before - misfit(again)
+            if _follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
+                most, keeps_most = max(most, gain), (model, again)
+            if not loses_fixes(again, here.solution):
+                adopted = (model, again) if gain >= LEAST_OF_GAIN * most else keeps_most
+                break
+        model = replace(model, fixes=with_larger_white_share(model.fixes))
     else:
-        reason = "given up, the filter loses fixes with it"
-    sentence = f"{message(model.fixes)}; {reason}"
-    return replace(here, history=(*here.history, sentence), attempted=attempted)
+        sentence = f"{message(model.fixes)}; given up, the filter loses fixes with it"
+        return replace(here, history=(*here.history, sentence), attempted=attempted)
+    if adopted is None:
+        sentence = f"{message(model.fixes)}; given up, it explains the whole flight no better"
+        return replace(here, history=(*here.history, sentence), attempted=attempted)
+    history = (*here.history, message(adopted[0].fixes))
+    return _State(adopted[1], adopted[0], here.checks, history, attempted)

@@ -21,6 +21,14 @@ then
     gain / 2 - p log(n) / 2                                                                    (V.2)
 
 (Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
+
+A time-correlated error that is neither shown nor excluded is carried in the covariance. With w_i
+the probabilities of shares c_i and correlation times T_i, all together a priori as probable as none
+(c = 0), what is carried has the variance, and the rate at which it moves, of their mean:
+
+    c^2 = sum w_i c_i^2,     c^2 / T = sum w_i c_i^2 / T_i                                     (V.3)
+
+(Hoeting et al. 1999 on averages over models).
 """
 
 from collections.abc import Callable, Sequence
@@ -46,6 +54,8 @@ LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a fa
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
 LEAST_SLOW, DOUBTFUL = 8.0, 2.0
+# the same, from which on it is not excluded: noise does it in one flight of thirty
+LEAST_CARRIED = 2.5
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
@@ -138,10 +148,13 @@ class VarianceSearch:
         errors : FixErrors
             The errors of the fixes that are estimated already.
 
+        What gains less than `LEAST_SLOW`, and more than `LEAST_CARRIED`, is neither shown nor
+        excluded: then the average over the grid and no such error at all is carried (V.3).
+
         Returns
         -------
         FixErrors or None
-            `errors` with the time-correlated one; None where it gains less than `LEAST_SLOW`.
+            `errors` with the time-correlated one; None where the flight speaks against it.
         """
 
         def gain(share: float, time_s: float) -> float:
@@ -150,12 +163,12 @@ class VarianceSearch:
             return float(self.nothing.cost - other.cost)
 
         time = self.part.problem.epochs.time
-        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < 0.5 * LEAST_SLOW:
+        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_CARRIED:
             return None
         gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
         best = max(gains, key=lambda one: gains[one])
         if gains[best] < LEAST_SLOW:
-            return None
+            return with_time_correlated_error(errors, 1.0, *_averaged(gains))
         # the largest that is as good: the fixes tell c^2 / T better than c
         share, time_s = max(one for one in gains if gains[one] > gains[best] - DOUBTFUL)
         return with_time_correlated_error(errors, 1.0, share, time_s)
@@ -192,6 +205,15 @@ class VarianceSearch:
 
     def _free(self, family: str) -> np.ndarray:
         return np.array([name in self.families[family] for name in self.names])
+
+
+def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
+    """Average share and correlation time (V.3) over their gains in -2 log L."""
+    share, time_s = np.array(list(gains)).T
+    likelihood = np.exp(0.5 * np.array(list(gains.values()))) / len(gains)
+    weight = likelihood / (1.0 + likelihood.sum())
+    variance = float(weight @ share**2)
+    return float(np.sqrt(variance)), variance / float(weight @ (share**2 / time_s))
 
 
 def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
@@ -231,13 +253,19 @@ def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorMod
     """
     factors = suspected.factors
     if suspected.family == "GNSS sigmas":
-        k = factors["fixes.position"]
-        if k <= 1.0:
+        k, of_velocity = factors["fixes.position"], factors.get("fixes.velocity", 1.0)
+        if max(k, of_velocity) <= 1.0:
             return None
-        scale = tuple(k * x for x in model.fixes.white_scale)
-        unfixed = k * model.fixes.unfixed_white_scale
+        k, of_velocity = max(k, 1.0), max(of_velocity, 1.0)
+        fixes = model.fixes
         return replace(
-            model, fixes=replace(model.fixes, white_scale=scale, unfixed_white_scale=unfixed)
+            model,
+            fixes=replace(
+                fixes,
+                white_scale=tuple(k * x for x in fixes.white_scale),
+                unfixed_white_scale=k * fixes.unfixed_white_scale,
+                velocity_white_scale=of_velocity * fixes.velocity_white_scale,
+            ),
         )
     white = suspected.family == "IMU white noise"
     kind = "white_noise" if white else "driving_noise"

@@ -134,3 +134,24 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     assert "to 5 ms (which moves no exposure: the same clock stamps them)" in shared.found
     assert "mm along track" not in shared.found
     assert shared.verdict == "ok"
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "position_m", "hidden"),
+    [(0.0049, 0.004, None), (0.0068, 0.004, "27 mm"), (0.0068, 0.01, None)],
+)
+def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
+    """Oracle: four sigma of what the flight tells, against 2 cm and three sigma of the positions.
+    A lever arm 2 cm off, known to 7 mm, moved images of 5 mm by 4 sigma in silence.
+    """
+    alone = dict(zip(LEVER, (forward_m, 0.003, 0.003), strict=True)) | {"GNSS time offset": 1e-4}
+    constants: Any = SimpleNamespace(requested=(), known_to=lambda: alone)
+    P = np.diag([position_m**2] * 3)[None]
+    solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, P=P)
+    check = unseen(solution, constants)
+    assert check is not None
+    if hidden is None:
+        assert check.verdict == "ok"
+    else:
+        assert check.verdict == "note"
+        assert f"not show errors of antenna lever arm forward below {hidden}" in check.found

@@ -1,13 +1,15 @@
 """Errors of the fixes: found where a flight has them, and where it has not, not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flown import Flown, error_of, fly, start_near
 from numpy.testing import assert_array_equal
 
-from insgnss.diagnosis.candidates import with_layout
+from insgnss.diagnosis import decision
+from insgnss.diagnosis.candidates import ErrorModel, with_layout
 from insgnss.diagnosis.decision import is_suspicious
 from insgnss.diagnosis.estimated import state_verdicts
 from insgnss.diagnosis.time_correlated import time_correlated_error
@@ -105,3 +107,37 @@ def test_states_keep_their_place_and_value_in_another_layout(clean):
         else:
             assert wide_start.P[9 + s, 9 + s] == wide.layout.sigma0[s] ** 2
     assert_array_equal(wide_start.P[:9, :9], start.P[:9, :9])
+
+
+@pytest.mark.parametrize(
+    ("tries", "taken"),
+    [
+        ([(100.0, True), (90.0, False)], 1),  # loses none
+        ([(100.0, True), (92.0, True), (40.0, False)], 1),  # would pay with the gain
+        ([(100.0, True), (92.0, True), (-5.0, False)], 1),
+        ([(100.0, True), (60.0, False)], 1),
+        ([(-5.0, False)], None),  # explains nothing
+        ([(100.0, True)] * 6, None),  # loses fixes with any
+    ],
+)
+def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, taken):
+    """Oracle: the rule in words. Gain in -2 log L and whether fixes are lost, of tries with ever
+    larger white shares; a recorded walk lost 0.9 of the gain, and had twice its sigmas, for one
+    covariance reset.
+    """
+    model = ErrorModel(FixErrors(gm_sigma=(1.0, 1.0, 1.0), white_scale=(0.2, 0.2, 0.2)))
+    before = SimpleNamespace(gain=0.0)
+    solutions = [SimpleNamespace(gain=gain, loses=loses) for gain, loses in tries]
+    left = iter(solutions)
+    monkeypatch.setattr(decision, "_solved", lambda *_: next(left))
+    monkeypatch.setattr(decision, "misfit", lambda solution: -solution.gain)
+    monkeypatch.setattr(decision, "loses_fixes", lambda solution, _: solution.loses)
+    monkeypatch.setattr(decision, "_follows", lambda _: True)
+    search = SimpleNamespace(progress=lambda _: None)
+    here = decision._State(before, ErrorModel(FixErrors()))
+    after = decision._adopted(search, None, here, model)
+    assert after.solution is (before if taken is None else solutions[taken])
+    if taken is None:
+        assert "given up" in after.history[0]
+    else:
+        assert after.model.fixes.white_scale == pytest.approx((0.2 * 1.6**taken,) * 3)

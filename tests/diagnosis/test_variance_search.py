@@ -1,14 +1,22 @@
 """Whose noise is larger than its model says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flown import fly, start_near
 
 from insgnss.calibrate.likelihood import evaluate
+from insgnss.diagnosis import variances
 from insgnss.diagnosis.candidates import ErrorModel
-from insgnss.diagnosis.variances import VarianceSearch, with_variances
+from insgnss.diagnosis.variances import (
+    SHARES,
+    SLOW_S,
+    VarianceHypothesis,
+    VarianceSearch,
+    with_variances,
+)
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.stochastic.model import load_noise_model
@@ -111,3 +119,61 @@ def test_what_a_hypothesis_changes_in_the_error_model():
         3.0 * NAVCHIP.gyro[0].gauss_markov[0].sigma
     )
     assert own.accel == NAVCHIP.accel
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "adopted"),
+    [(0.8, 1.8, (1.0, 1.8)), (2.0, 0.5, (2.0, 1.0)), (2.0, 1.8, (2.0, 1.8)), (0.8, 0.9, None)],
+)
+def test_positions_and_velocities_get_their_own_factor(position, velocity, adopted):
+    """Oracle: hand calculation. Velocities of a recorded walk were 1.8 times worse than they
+    claimed beside positions that were right, and nothing was adopted.
+    """
+    factors = {"fixes.position": position, "fixes.velocity": velocity}
+    model = ErrorModel(FixErrors(unfixed_white_scale=0.5, velocity_white_scale=0.5))
+    raised = with_variances(model, VarianceHypothesis("GNSS sigmas", 100.0, factors))
+    if adopted is None:
+        assert raised is None
+        return
+    assert raised is not None
+    k, v = adopted
+    assert raised.fixes.white_scale == (k, k, k)
+    assert raised.fixes.unfixed_white_scale == 0.5 * k
+    assert raised.fixes.velocity_white_scale == 0.5 * v
+
+
+def slow_error(monkeypatch, gain):
+    """What is made of a flight of five minutes whose slow errors have such gains in -2 log L."""
+    part = SimpleNamespace(problem=SimpleNamespace(epochs=SimpleNamespace(time=np.r_[0.0, 300.0])))
+    looked = SimpleNamespace(part=part, nothing=SimpleNamespace(cost=1000.0))
+
+    def evaluated(segments, _):
+        (errors,) = segments
+        own = gain(errors.gm_sigma[0], errors.correlation_time_s)
+        return SimpleNamespace(cost=1000.0 - own)
+
+    monkeypatch.setattr(variances, "_linearised", lambda _, errors: errors)
+    monkeypatch.setattr(variances, "evaluate", evaluated)
+    return VarianceSearch.slow_error(looked, lambda errors: errors, FixErrors())
+
+
+def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
+    """Oracle: value and slope at lag zero of the autocovariance, averaged by hand over one share
+    of each time or none at all, even odds a priori. What the flight speaks against is not carried,
+    of what it shows the largest is taken.
+    """
+    assert slow_error(monkeypatch, lambda c, T: 2.4) is None
+    grid = [(c, T) for c in SHARES for T in SLOW_S]
+    gains = {(c, T): 6.0 - 2.0 * c - 0.01 * T for c, T in grid}
+    odds = {one: np.exp(gain / 2.0) / len(grid) for one, gain in gains.items()}
+    total = 1.0 + sum(odds.values())
+    value = sum(odds[c, T] / total * c**2 for c, T in grid)
+    slope = sum(odds[c, T] / total * c**2 / T for c, T in grid)
+    carried = slow_error(monkeypatch, lambda c, T: 6.0 - 2.0 * c - 0.01 * T)
+    assert carried is not None
+    assert carried.gm_sigma == pytest.approx((value**0.5,) * 3)
+    assert carried.correlation_time_s == pytest.approx(value / slope)
+    assert carried.white_scale == (1.0, 1.0, 1.0)
+    shown = slow_error(monkeypatch, lambda c, T: 30.0 - abs(c - 1.0))
+    assert shown is not None
+    assert (shown.gm_sigma, shown.correlation_time_s) == ((1.5,) * 3, 300.0)
