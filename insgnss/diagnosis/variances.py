@@ -55,7 +55,7 @@ MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 # gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
 LEAST_SLOW, DOUBTFUL = 8.0, 2.0
 # the same, from which on it is not excluded: noise does it in one flight of thirty
-LEAST_CARRIED = 2.5
+LEAST_AVERAGED = 2.5
 LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
 SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
@@ -148,7 +148,7 @@ class VarianceSearch:
         errors : FixErrors
             The errors of the fixes that are estimated already.
 
-        What gains less than `LEAST_SLOW`, and more than `LEAST_CARRIED`, is neither shown nor
+        What gains less than `LEAST_SLOW`, and more than `LEAST_AVERAGED`, is neither shown nor
         excluded: then the average over the grid and no such error at all is carried (V.3).
 
         Returns
@@ -163,7 +163,7 @@ class VarianceSearch:
             return float(self.nothing.cost - other.cost)
 
         time = self.part.problem.epochs.time
-        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_CARRIED:
+        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_AVERAGED:
             return None
         gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
         best = max(gains, key=lambda one: gains[one])

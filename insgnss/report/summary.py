@@ -250,6 +250,22 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
         "bound": {"position": bound[0:3], "velocity": bound[3:6], "attitude": bound[6:9]},
         "of_all_axes": {state: rms for state, (rms, _) in pooled.items()},
         "floor": {state: floor for state, (_, floor) in pooled.items()},
+        "largest": _largest_separation(d),
+    }
+
+
+def _largest_separation(d: Diagnostics) -> dict[str, Any] | None:
+    """Where and when forward and backward are the most sigmas apart; None where none is known."""
+    ratio = np.abs(d.separation) / d.separation_sigma
+    if not np.isfinite(ratio).any():
+        return None
+    k, column = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
+    state = ("position", "velocity", "attitude")[int(column) // 3]
+    return {
+        "state": state,
+        "axis": NED[int(column) % 3],
+        "sigmas": float(ratio[k, column]),
+        "time_s": float(d.separation_time[k]),
     }
 
 

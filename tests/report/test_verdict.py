@@ -314,6 +314,21 @@ def test_sigmas_that_are_too_wide_are_said(diagnostics, eo) -> None:
     assert said(s, "separation")["rank"] > 2.0
 
 
+@pytest.mark.parametrize("sigmas", [5.0, 9.0])
+def test_a_disagreement_of_a_few_seconds_is_said(diagnostics, eo, sigmas) -> None:
+    """Oracle: the one epoch that is changed; fixes that drift by 2 cm/s for half a minute."""
+    d = diagnostics()
+    apart = d.separation.copy()
+    apart[7, 5] = sigmas * d.separation_sigma[7, 5]
+    s = run(diagnostics(separation=apart), eo())
+    if sigmas < 6.0:
+        assert s["verdict"] == [NOTHING_STANDS_OUT]
+        return
+    text = said(s, "separation")["text"]
+    assert f"9.0 sigmas in velocity D at TOW {d.separation_time[7]:.1f} s" in text
+    assert "parts of the flight contradict" in s["headline"]
+
+
 def test_a_small_constant_separation_says_nothing_of_sigmas(diagnostics, eo) -> None:
     """Oracle: (T.3); what stays the same over the flight is one value, and may be small."""
     d = diagnostics()

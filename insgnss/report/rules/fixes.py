@@ -19,6 +19,8 @@ LAG_ONE_MATTERS = 0.3
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
 SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
+# sigmas at one instant; of a thousand normal variables the largest is beyond once in a million
+SEPARATION_ONCE = 6.0
 SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
 STAYS_S, FEW_MATTER = (
     300.0,
@@ -58,7 +60,8 @@ def contradicted(f: Figures) -> bool:
     They do where the covariance was reset, where forward and backward disagree, or where the
     solution leaves its own fixes.
     """
-    return bool(f["covariance_resets_s"]) or any(_apart(f)) or any(residuals(f))
+    somewhere = (_apart(f), separation_once(f), residuals(f))
+    return bool(f["covariance_resets_s"]) or any(any(limits) for limits in somewhere)
 
 
 def residuals(f: Figures) -> Iterator[Limit]:
@@ -263,6 +266,20 @@ def separation(f: Figures) -> Iterator[Limit]:
         )
         text = f"forward and backward disagree by, in sigmas (rms), {listed}: {why}"
         yield Limit("separation", TRUST * ranked[0][0], text, "see in its figure where")
+
+
+def separation_once(f: Figures) -> Iterator[Limit]:
+    """Yield the instant at which forward and backward disagree, where on the whole they do not."""
+    largest = f["separation"]["largest"]
+    if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(_apart(f)):
+        return
+    text = (
+        f"forward and backward disagree by {largest['sigmas']:.1f} sigmas in {largest['state']}"
+        f" {largest['axis']} at TOW {largest['time_s']:.1f} s, and agree on the whole: the fixes or"
+        " the IMU drifted about then, for seconds or minutes, by more than the sigmas there hold"
+    )
+    help_ = "look at the quality of the fixes there, and at the IMU's temperature"
+    yield Limit("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)
 
 
 def separation_below(f: Figures) -> Iterator[Limit]:

@@ -34,6 +34,7 @@ ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.nis,
     rules_fixes.whiteness,
     rules_fixes.separation,
+    rules_fixes.separation_once,
     rules_fixes.separation_below,
     rules_fixes.time_correlated,
     rules_fixes.barometer,
