@@ -173,7 +173,9 @@ def variance_check(suspected: "VarianceHypothesis") -> Check:
     Check
         A note: the flight is solved with the larger noise.
     """
-    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in suspected.factors.items())
+    # smaller noise than the model's is not adopted
+    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     if suspected.family == "GNSS sigmas":
         remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
         name = "GNSS sigmas"

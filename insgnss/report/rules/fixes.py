@@ -33,6 +33,7 @@ ADOPTED = (
     "GNSS time offset",
     "clock rate",
     "GNSS sigmas",
+    "IMU noise",
     "incorrect fixes",
 )
 ADOPTED_RANK = 2.0
