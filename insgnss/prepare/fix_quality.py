@@ -6,9 +6,10 @@ A fix of a quality with a floor keeps its covariance where that is larger; else 
 is added to the axis that lacks it, which leaves the correlations as they are and the covariance
 positive.
 
-Fixes that stand between others of another quality which claim a fraction of their sigma say nothing
-beside them, and are left out: their errors last (a stale position, another datum), and taken for
-white ones they would pull all the same, as a hundred of them do with a tenth of the sigma of one.
+Fixes of a code that promises more than that of the others, yet with several times the sigma of
+those around them, contradict themselves (a stale RTK position between single-point ones) and are
+left out: their errors last, and taken for white ones they would pull all the same, as a hundred of
+them do with a tenth of the sigma of one. Float solutions between fixed ones are as they should be.
 """
 
 from collections.abc import Mapping
@@ -58,7 +59,7 @@ def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> Gns
 
 
 def without_worthless(gnss: GnssFixes) -> GnssFixes:
-    """Leave out fixes that say nothing beside those of the most frequent quality around them.
+    """Leave out fixes that promise more than those of the usual quality, and are worth far less.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def without_worthless(gnss: GnssFixes) -> GnssFixes:
     before, after = usual[np.maximum(after - 1, 0)], usual[np.minimum(after, usual.size - 1)]
     worthless = (
         inside
-        & (gnss.quality != gnss.quality[usual[0]])
+        & (gnss.quality < gnss.quality[usual[0]])
         & (gnss.time - gnss.time[before] < BESIDE_S)
         & (gnss.time[after] - gnss.time < BESIDE_S)
         & (sigma > WORTHLESS * np.maximum(sigma[before], sigma[after]))

@@ -33,3 +33,11 @@ def test_what_bridges_an_outage_or_claims_enough_stays():
     assert without_worthless(similar) is similar
     one_quality = fixes(time, np.full(1000, 5), np.where(near, 40.0, 2.0))
     assert without_worthless(one_quality) is one_quality
+
+
+def test_float_solutions_between_fixed_ones_stay():
+    """Oracle: what the codes mean: float is worth less than fixed, and says so."""
+    time = 0.1 * np.arange(1000)
+    near = np.arange(1000) % 10 == 3
+    mixed = fixes(time, np.where(near, 2, 1), np.where(near, 2.0, 0.015))
+    assert without_worthless(mixed) is mixed
