@@ -1,0 +1,175 @@
+"""The iteration: Levenberg-Marquardt on the normal equations of a block."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import DataError
+from ..records.block import Array
+from . import _kernels
+from .normals import Problem, assembled, corrections, cost
+from .unknowns import POINT, Unknowns
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-7, 1e10
+MOST_STEPS = 60
+CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
+CONVERGED_COST = 1e-9  # of the cost, by a refused step
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """The end of an iteration.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was minimised, with the observations that took part.
+    values : Unknowns
+        The adjusted values.
+    cost : float
+        e^T P e.
+    first_cost : float
+        The same at the first values.
+    iterations : int
+        Steps taken or refused.
+    redundancy : int
+        Observations less unknowns.
+    """
+
+    problem: Problem
+    values: Unknowns
+    cost: float
+    first_cost: float
+    iterations: int
+    redundancy: int
+
+    @property
+    def sigma0(self) -> float:
+        """Root of the variance of unit weight."""
+        return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else np.nan
+
+
+def adjusted(
+    problem: Problem,
+    values: Unknowns,
+    told: Callable[[int, float], None] | None = None,
+) -> Adjusted:
+    """Adjust a block.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations; those that are not valid at the first values do not take part.
+    values : Unknowns
+        First values of all unknowns; points without a first value (NaN) do not take part.
+    told : callable, optional
+        Called with the number of each step and the cost after it.
+
+    Returns
+    -------
+    Adjusted
+        Values that have converged.
+
+    Raises
+    ------
+    DataError
+        The observations do not determine the unknowns, or the iteration does not converge.
+    """
+    problem = problem.with_active(valid(problem, values))
+    missing = ~problem.determined
+    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    now, _ = cost(problem, values)
+    first, freedom = now, max(redundancy_of(problem), 1)
+    damping, accepted = 0.0, True
+    for step in range(1, MOST_STEPS + 1):
+        if accepted or normals.damping != damping:
+            try:
+                normals = assembled(problem, values, damping)
+                dx, dp = corrections(problem, values, normals)
+            except DataError:
+                if damping > 0.0 or step > 1:
+                    raise
+                damping = FIRST_DAMPING  # first values may be singular where the solution is not
+                normals = assembled(problem, values, damping)
+                dx, dp = corrections(problem, values, normals)
+        predicted = float(normals.g @ dx + (normals.gp * dp)[problem.layout.kept < 0].sum())
+        trial = values.moved(problem.layout, dx, dp)
+        new, invalid = cost(problem, trial)
+        accepted = invalid == 0 and new < now
+        small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
+        still = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        if accepted:
+            values, now = trial, new
+        if told is not None:
+            told(step, now)
+        if (still and damping == 0.0) or (small and not accepted):
+            break
+        if accepted:
+            damping = 0.1 * damping if damping > 10.0 * LEAST_DAMPING else 0.0
+        else:
+            damping = max(10.0 * damping, FIRST_DAMPING)
+            if damping > MOST_DAMPING:
+                raise DataError(_not_converged(step, first, now))
+    else:
+        raise DataError(_not_converged(MOST_STEPS, first, now))
+    point = np.where(missing[:, None], np.nan, values.point)
+    return Adjusted(
+        problem, values.with_points(point), now, first, step, redundancy_of(problem)
+    )
+
+
+def _not_converged(steps: int, first: float, last: float) -> str:
+    return (
+        f"the adjustment has not converged in {steps} steps (cost {first:.4g} at first, {last:.4g}"
+        " at last); first values are too far off, or image observations belong to other points or"
+        " images: give better poses, or leave out what the residuals name"
+    )
+
+
+def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
+    """Return which active observations can take part, in the order of rays.
+
+    These are observations of points with a first value before the camera and within the fold of its
+    polynomial, if at least two of them, or one and a group, see the point.
+
+    Parameters
+    ----------
+    problem, values
+        The observations and the first values.
+
+    Returns
+    -------
+    ndarray of bool, (n,)
+        Which take part.
+    """
+    e = np.empty_like(problem.rays.uv)
+    _kernels.residuals(problem.rays, values.kernel_values(), e)
+    good = problem.rays.active & np.isfinite(e).all(axis=1)
+    known = np.zeros(len(problem.block.points), dtype=bool)
+    for group in problem.groups:
+        known[[row for name, row in group.keys if name == POINT]] = True
+    point = np.repeat(np.arange(known.size), np.diff(problem.rays.start))
+    rays = np.bincount(point[good], minlength=known.size)
+    return np.asarray(good & ((rays >= 2) | known)[point])
+
+
+def redundancy_of(problem: Problem) -> int:
+    """Return the number of observations less that of unknowns."""
+    n = 2 * int(problem.rays.active.sum()) + sum(len(group.weight) for group in problem.groups)
+    eliminated = problem.determined & (problem.layout.kept < 0)
+    return n - int((~problem.layout.held).sum()) - 3 * int(eliminated.sum())
+
+
+def residuals_px(result: Adjusted) -> Array:
+    """Return observed - computed (n, 2), pixels, in the order of the block's observations.
+
+    NaN where a point does not take part or cannot be seen.
+    """
+    problem = result.problem
+    e = np.empty_like(problem.rays.uv)
+    _kernels.residuals(problem.rays, result.values.kernel_values(), e)
+    out = np.empty_like(e)
+    out[problem.order] = e
+    return out

@@ -1,0 +1,301 @@
+"""Normal equations of a block: assembled from image observations and groups, and solved (J.6)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import DataError
+from ..records.block import INTERIOR, Array, ImageBlock
+from . import _kernels
+from .groups import ObservationGroup
+from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
+
+SMALLEST_PIVOT = 1e-13
+"""Of the normal matrix with unit diagonal: what elimination leaves of a column that the others
+explain is rounding, below this; of the weakest column that data do determine it is 1e-10."""
+POSE_NAMES = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What an adjustment minimises.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        Cameras, images and image observations.
+    groups : tuple of ObservationGroup
+        All other observations.
+    layout : Layout
+        Where the unknowns stand.
+    rays : Rays
+        Image observations in the order of their points, as the kernels take them.
+    order : ndarray of int
+        Row of the block's image observations of each of `rays`.
+    """
+
+    block: ImageBlock
+    groups: tuple[ObservationGroup, ...]
+    layout: Layout
+    rays: _kernels.Rays
+    order: NDArray[np.int64]
+
+    def with_active(self, active: NDArray[np.bool_]) -> "Problem":
+        """Return the problem with other observations taking part; `active` in the order of rays."""
+        return Problem(
+            self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
+        )
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(m,) which object points take part: seen, or observed by a group."""
+        seen = np.zeros(len(self.block.points), dtype=bool)
+        points = np.repeat(np.arange(seen.size), np.diff(self.rays.start))
+        seen[points[self.rays.active]] = True
+        for group in self.groups:
+            seen[[row for name, row in group.keys if name == POINT]] = True
+        return seen
+
+
+def problem_of(
+    block: ImageBlock,
+    groups: Sequence[ObservationGroup] = (),
+    blocks: Mapping[Key, Array] | None = None,
+) -> Problem:
+    """Return the problem of a block and its groups.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        Cameras, images and image observations.
+    groups : sequence of ObservationGroup
+        All other observations, ground control among them.
+    blocks : mapping, optional
+        Values of the unknowns that groups bring.
+
+    Returns
+    -------
+    Problem
+        With all image observations active.
+    """
+    layout = layout_of(block, blocks or {}, [group.keys for group in groups])
+    seen = block.observations
+    order = np.argsort(seen.point, kind="stable")
+    rays = _kernels.Rays(
+        np.searchsorted(seen.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
+        seen.image[order],
+        np.ascontiguousarray(seen.uv[order]),
+        1.0 / seen.sigma_px[order],
+        np.ones(len(seen), dtype=bool),
+        np.ascontiguousarray(block.camera, dtype=np.int64),
+        np.array([camera.backward for camera in block.cameras]),
+        np.array([camera.unit_px for camera in block.cameras], dtype=np.float64),
+        layout.columns,
+        layout.kept,
+    )
+    return Problem(block, tuple(groups), layout, rays, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Normals:
+    """Normal equations at one place, points eliminated with one damping.
+
+    Parameters
+    ----------
+    S : (u, u) normal matrix, its lower triangle, not damped on its diagonal.
+    g : (u,) J^T P e of its columns.
+    g_reduced : (u,) the same with the points eliminated.
+    diagonal : (u,) diagonal of U.
+    V, gp : (m, 3, 3), (m, 3) matrices and right-hand sides of the points.
+    damping : lambda.
+    """
+
+    S: Array
+    g: Array
+    g_reduced: Array
+    diagonal: Array
+    V: Array
+    gp: Array
+    damping: float
+
+
+def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Normals:
+    """Assemble the normal equations.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        Where they are linearised.
+    damping : float
+        lambda; the diagonals of the points are enlarged by it before they are eliminated.
+
+    Returns
+    -------
+    Normals
+        The normal equations.
+
+    Raises
+    ------
+    DataError
+        An object point is not determined by its rays.
+    """
+    u, m = problem.layout.size, len(problem.block.points)
+    S, g, reduced, diagonal = np.zeros((u, u)), np.zeros(u), np.zeros(u), np.zeros(u)
+    V_own, g_own = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    for group in problem.groups:
+        e, J = group.linearised(values)
+        weighted = group.weight @ J
+        N, right = J.T @ weighted, weighted.T @ e
+        (name, row), *others = group.keys
+        if name == POINT and not others and problem.layout.kept[row] < 0:
+            V_own[row] += N
+            g_own[row] += right
+            continue
+        columns, taken = _columns(problem.layout, group.keys)
+        S[np.ix_(columns, columns)] += N[np.ix_(taken, taken)]
+        g[columns] += right[taken]
+        diagonal[columns] += np.diagonal(N)[taken]
+    V, gp = np.empty((m, 3, 3)), np.empty((m, 3))
+    singular = _kernels.normal_equations(
+        problem.rays,
+        values.kernel_values(),
+        damping,
+        V_own,
+        g_own,
+        S,
+        g,
+        reduced,
+        diagonal,
+        V,
+        gp,
+    )
+    if singular >= 0:
+        raise DataError(
+            f"object point {problem.block.points[singular]}: its rays are parallel; leave it out"
+        )
+    return Normals(S, g, g + reduced, diagonal, V, gp, damping)
+
+
+def _columns(
+    layout: Layout, keys: tuple[Key, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the columns of a group's blocks, and those of its Jacobian that belong to them."""
+    columns, taken, offset = [], [], 0
+    for key in keys:
+        mine, parameters = layout.of(key)
+        columns.append(mine)
+        taken.append(offset + parameters)
+        offset += len(INTERIOR) if key[0] == CAMERA else mine.size
+    return np.concatenate(columns), np.concatenate(taken)
+
+
+def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Factorise the damped normal matrix of what is free.
+
+    Dense: some 1500 images. A sparse factorisation of larger blocks takes the place of this
+    function and of `corrections` and `cofactors`, the only ones that use it.
+
+    Returns
+    -------
+    L : ndarray, (f, f)
+        Lower triangle of the scaled matrix, scale N scale = L L^T.
+    scale : ndarray, (f,)
+        Inverse roots of the diagonal of U.
+    free : ndarray of int, (f,)
+        The columns that are free.
+
+    Raises
+    ------
+    DataError
+        A column is not determined, with its name.
+    """
+    from scipy.linalg import lapack
+
+    free = np.flatnonzero(~problem.layout.held)
+    diagonal = normals.diagonal[free]
+    if not (diagonal > 0.0).all():
+        raise DataError(_undetermined(problem, int(free[np.argmin(diagonal)])))
+    scale = 1.0 / np.sqrt(diagonal)
+    N = normals.S[np.ix_(free, free)] * scale
+    N *= scale[:, None]
+    N[np.diag_indices(free.size)] += normals.damping
+    # LAPACK counts columns first: the upper triangle of the transpose is our lower one
+    L, info = lapack.dpotrf(N.T, lower=0, overwrite_a=1, clean=1)
+    worst = int(info) - 1 if info > 0 else int(np.argmin(np.diagonal(L))) if free.size else -1
+    if info > 0 or (free.size and L[worst, worst] ** 2 < SMALLEST_PIVOT):
+        raise DataError(_undetermined(problem, int(free[worst])))
+    return L.T, scale, free
+
+
+def _undetermined(problem: Problem, column: int) -> str:
+    """Say which unknown the observations do not determine."""
+    name, row = problem.layout.names()[column]
+    position = column - int(problem.layout.of((name, row))[0][0])
+    if name == POSE:
+        what = f"{POSE_NAMES[position]} of image {problem.block.images[row]}"
+    elif name == CAMERA:
+        parameter = INTERIOR[problem.layout.columns[position]]
+        what = f"{parameter} of camera {problem.block.cameras[row].name}"
+    else:
+        what = f"component {position} of {name} {row}"
+    return (
+        f"{what} is not determined by the observations: the block lacks control, or is held together"
+        " by too few points; give ground control or aerial control, or hold a pose"
+    )
+
+
+def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[Array, Array]:
+    """Solve the normal equations.
+
+    Parameters
+    ----------
+    problem, values, normals
+        The observations, where they were linearised, and what was assembled there.
+
+    Returns
+    -------
+    dx : ndarray, (u,)
+        Corrections of all columns; zero where they are held.
+    dp : ndarray, (m, 3)
+        Corrections of all points, m.
+    """
+    from scipy.linalg import solve_triangular
+
+    L, scale, free = factorised(problem, normals)
+    y = solve_triangular(L, scale * normals.g_reduced[free], lower=True, check_finite=False)
+    dx = np.zeros(problem.layout.size)
+    dx[free] = scale * solve_triangular(L, y, lower=True, trans="T", check_finite=False)
+    dp = np.zeros((len(problem.block.points), 3))
+    _kernels.back_substitute(
+        problem.rays, values.kernel_values(), normals.damping, normals.V, normals.gp, dx, dp
+    )
+    return dx, dp
+
+
+def cofactors(problem: Problem, normals: Normals) -> Array:
+    """Return S^-1 in all columns, zero in rows and columns of what is held."""
+    from scipy.linalg import lapack
+
+    L, scale, free = factorised(problem, normals)
+    inverse, _ = lapack.dpotri(L.T, lower=0, overwrite_c=0)
+    inverse = np.triu(inverse) * scale * scale[:, None]
+    inverse += np.triu(inverse, 1).T
+    if free.size == problem.layout.size:
+        return np.asarray(inverse)
+    Q = np.zeros((problem.layout.size,) * 2)
+    Q[np.ix_(free, free)] = inverse
+    return Q
+
+
+def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
+    """Return e^T P e of all observations, and how many active ones have no residual."""
+    e = np.empty_like(problem.rays.uv)
+    total, invalid = _kernels.residuals(problem.rays, values.kernel_values(), e)
+    for group in problem.groups:
+        r, _ = group.linearised(values)
+        total += float(r @ group.weight @ r)
+    return float(total), int(invalid)
