@@ -425,7 +425,9 @@ def normal_equations(rays, values, damping, V_prior, g_prior, S, g, g_reduced, d
                 if seen_by[a] >= seen_by[b]:
                     subtract_outer(S, row, 6 * seen_by[b], T[a], W[b])
             for b in range(6):
-                g_reduced[row + b] -= T[a, b, 0] * gpp[0] + T[a, b, 1] * gpp[1] + T[a, b, 2] * gpp[2]
+                g_reduced[row + b] -= (
+                    T[a, b, 0] * gpp[0] + T[a, b, 1] * gpp[1] + T[a, b, 2] * gpp[2]
+                )
         for a in range(n_seen):
             crow = first_camera + k * cameras[a]
             for b in range(m):

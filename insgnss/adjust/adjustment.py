@@ -82,19 +82,16 @@ def adjusted(
     values = values.with_points(np.where(missing[:, None], 0.0, values.point))
     now, _ = cost(problem, values)
     first, freedom = now, max(redundancy_of(problem), 1)
-    damping, accepted = 0.0, True
+    damping = 0.0
     for step in range(1, MOST_STEPS + 1):
-        if accepted or normals.damping != damping:
-            try:
-                normals = assembled(problem, values, damping)
-                dx, dp = corrections(problem, values, normals)
-            except DataError:
-                if damping > 0.0 or step > 1:
-                    raise
-                damping = FIRST_DAMPING  # first values may be singular where the solution is not
-                normals = assembled(problem, values, damping)
-                dx, dp = corrections(problem, values, normals)
-        predicted = float(normals.g @ dx + (normals.gp * dp)[problem.layout.kept < 0].sum())
+        try:
+            dx, dp, predicted = _step(problem, values, damping)
+        except DataError:
+            if damping > 0.0 or step > 1:
+                raise
+            # first values may be singular where the solution is not
+            damping = FIRST_DAMPING
+            dx, dp, predicted = _step(problem, values, damping)
         trial = values.moved(problem.layout, dx, dp)
         new, invalid = cost(problem, trial)
         accepted = invalid == 0 and new < now
@@ -115,9 +112,15 @@ def adjusted(
     else:
         raise DataError(_not_converged(MOST_STEPS, first, now))
     point = np.where(missing[:, None], np.nan, values.point)
-    return Adjusted(
-        problem, values.with_points(point), now, first, step, redundancy_of(problem)
-    )
+    return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
+
+
+def _step(problem: Problem, values: Unknowns, damping: float) -> tuple[Array, Array, float]:
+    """Return corrections of columns and points, and dx^T N dx."""
+    normals = assembled(problem, values, damping)
+    dx, dp = corrections(problem, values, normals)
+    eliminated = problem.layout.kept < 0
+    return dx, dp, float(normals.g @ dx + (normals.gp * dp)[eliminated].sum())
 
 
 def _not_converged(steps: int, first: float, last: float) -> str:

@@ -203,7 +203,5 @@ def control_points(control: GroundPoints, name: str = "ground control") -> list[
         PointObservation(
             int(point), position, weight_of(cov, f"control point in row {point}"), name
         )
-        for point, position, cov in zip(
-            control.point, control.position_m, control.cov, strict=True
-        )
+        for point, position, cov in zip(control.point, control.position_m, control.cov, strict=True)
     ]

@@ -155,7 +155,7 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
             V_own[row] += N
             g_own[row] += right
             continue
-        columns, taken = _columns(problem.layout, group.keys)
+        columns, taken = columns_of(problem.layout, group.keys)
         S[np.ix_(columns, columns)] += N[np.ix_(taken, taken)]
         g[columns] += right[taken]
         diagonal[columns] += np.diagonal(N)[taken]
@@ -180,7 +180,7 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
     return Normals(S, g, g + reduced, diagonal, V, gp, damping)
 
 
-def _columns(
+def columns_of(
     layout: Layout, keys: tuple[Key, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the columns of a group's blocks, and those of its Jacobian that belong to them."""
@@ -231,20 +231,26 @@ def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArra
     return L.T, scale, free
 
 
-def _undetermined(problem: Problem, column: int) -> str:
-    """Say which unknown the observations do not determine."""
+def unknown_name(problem: Problem, column: int) -> str:
+    """Return the name of a column's unknown for people."""
     name, row = problem.layout.names()[column]
     position = column - int(problem.layout.of((name, row))[0][0])
     if name == POSE:
-        what = f"{POSE_NAMES[position]} of image {problem.block.images[row]}"
-    elif name == CAMERA:
+        return f"{POSE_NAMES[position]} of image {problem.block.images[row]}"
+    if name == CAMERA:
         parameter = INTERIOR[problem.layout.columns[position]]
-        what = f"{parameter} of camera {problem.block.cameras[row].name}"
-    else:
-        what = f"component {position} of {name} {row}"
+        return f"{parameter} of camera {problem.block.cameras[row].name}"
+    if name == POINT:
+        return f"{'XYZ'[position]} of point {problem.block.points[row]}"
+    return f"component {position} of {name} {row}"
+
+
+def _undetermined(problem: Problem, column: int) -> str:
+    """Say which unknown the observations do not determine."""
     return (
-        f"{what} is not determined by the observations: the block lacks control, or is held together"
-        " by too few points; give ground control or aerial control, or hold a pose"
+        f"{unknown_name(problem, column)} is not determined by the observations: the block lacks"
+        " control, or is held together by too few points; give ground control or aerial control, or"
+        " hold a pose"
     )
 
 

@@ -91,9 +91,7 @@ def three_point_poses(xy: Array, X: Array) -> list[tuple[Array, Array]]:
     side = np.array([q, -2.0 * q * cb, q - 1.0])  # u^2 - 2 u cos(gamma) = side(v)
     quartic = np.polyadd(
         np.polymul(num, num),
-        np.polyadd(
-            -2.0 * cc * np.polymul(num, den), -np.polymul(side, np.polymul(den, den))
-        ),
+        np.polyadd(-2.0 * cc * np.polymul(num, den), -np.polymul(side, np.polymul(den, den))),
     )
     poses = []
     for v in np.roots(quartic):
@@ -159,15 +157,15 @@ def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
 
 
 def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
+    """Return the median distance of points from their rays, of the fourth nearest at least."""
     q = (X - X0) @ C
     with np.errstate(all="ignore"):
         off = np.linalg.norm(q[:, :2] / q[:, 2:] - xy, axis=1)
-    return float(np.median(np.where(q[:, 2] > 0.0, off, np.inf)))
+    off = np.sort(np.where(q[:, 2] > 0.0, off, np.inf))
+    return float(off[max(3, len(off) // 2)])  # three points fit any pose that they gave
 
 
-def _improved(
-    X0: Array, C: Array, off: float, xy: Array, X: Array
-) -> tuple[Array, Array, float]:
+def _improved(X0: Array, C: Array, off: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
     """Improve a pose by least squares over the points that lie near their rays."""
     from ..geodesy.rotation import rotation_from_vector
 
@@ -218,7 +216,8 @@ def first_values(block: ImageBlock) -> Unknowns:
         point = intersected(position, C_mc, xy, seen.image, seen.point, len(block.points))
         control = np.isfinite(known[:, 0])
         point[control] = known[control]
-        waiting = ~np.isfinite(position).all(axis=1) | ~np.isfinite(C_mc).all(axis=(1, 2))
+        waiting = np.asarray(~np.isfinite(position).all(axis=1))
+        waiting |= ~np.isfinite(C_mc).all(axis=(1, 2))
         waiting[list(failed)] = False
         usable = np.isfinite(point[seen.point, 0]) & np.isfinite(xy).all(axis=1)
         count = np.bincount(seen.image[usable], minlength=len(block.images)) * waiting

@@ -222,7 +222,7 @@ class ImageBlock:
             "check.point": (self.check.point, m),
         }
         for name, (index, limit) in rows.items():
-            if index.size and not (0 <= index.min() and index.max() < limit):
+            if index.size and (index.min() < 0 or index.max() >= limit):
                 raise InputError(
                     f"ImageBlock.{name}: row {int(index.max())} of {limit}; it points to nothing"
                 )
@@ -230,4 +230,6 @@ class ImageBlock:
     @property
     def oriented(self) -> NDArray[np.bool_]:
         """(n,) which images have first values of position and attitude."""
-        return np.isfinite(self.position_m).all(axis=1) & np.isfinite(self.C_mc).all(axis=(1, 2))
+        known = np.isfinite(self.position_m).all(axis=1)
+        known &= np.isfinite(self.C_mc).all(axis=(1, 2))
+        return np.asarray(known)

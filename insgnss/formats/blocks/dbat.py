@@ -180,9 +180,7 @@ def _whole(table: Table | TextTable, values: Array, name: str) -> NDArray[np.int
     return values.astype(np.int64)
 
 
-def _images(
-    path: Path, base: Path, given: Element
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
     for file, columns, _, _ in _files(path, base, given, "images", IMAGES):
@@ -200,9 +198,7 @@ def _images(
     return every, tuple(names)
 
 
-def _row_of(
-    table: Table, ids: NDArray[np.int64], order: dict[int, int]
-) -> NDArray[np.int64]:
+def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
     """Return the rows of images by their numbers."""
     rows = np.array([order.get(int(i), -1) for i in ids], dtype=np.int64)
     if (rows < 0).any():
@@ -211,9 +207,7 @@ def _row_of(
     return rows
 
 
-def _prior(
-    path: Path, base: Path, given: Element, order: dict[int, int]
-) -> tuple[Array, Array]:
+def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tuple[Array, Array]:
     """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
     position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
     for file, columns, element, _ in _files(path, base, given, "prior_eo", PRIOR_EO):
@@ -344,9 +338,7 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     mine = [f"k{k}" for k in range(1, K.size + 1)] + (["p1", "p2"] if P.size else [])
     taken = [p for p in INTERIOR if free.get(p) and (p[0] not in "kp" or p in mine)]
     interior = np.array([value[p] for p in INTERIOR])
-    return BrownCamera(
-        name, int(width), int(height), interior, True, float(per_mm), tuple(taken)
-    )
+    return BrownCamera(name, int(width), int(height), interior, True, float(per_mm), tuple(taken))
 
 
 def _free(path: Path, root: Element) -> dict[str, bool]:
@@ -391,7 +383,9 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     apart = np.abs(position - position[reference])
     if not np.isfinite(apart).all():
         raise InputError.at_line(
-            path, None, "set_datum: 'depend' needs a prior orientation of every image; give prior_eo"
+            path,
+            None,
+            "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
         )
     if base != "longest":
         if not base.isdigit() or not 0 < int(base) <= len(position):
