@@ -54,7 +54,7 @@ class Adjusted:
 def adjusted(
     problem: Problem,
     values: Unknowns,
-    told: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> Adjusted:
     """Adjust a block.
 
@@ -64,7 +64,7 @@ def adjusted(
         The observations; those that are not valid at the first values do not take part.
     values : Unknowns
         First values of all unknowns; points without a first value (NaN) do not take part.
-    told : callable, optional
+    progress : callable, optional
         Called with the number of each step and the cost after it.
 
     Returns
@@ -96,12 +96,12 @@ def adjusted(
         new, invalid = cost(problem, trial)
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
-        still = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        negligible = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
         if accepted:
             values, now = trial, new
-        if told is not None:
-            told(step, now)
-        if (still and damping == 0.0) or (small and not accepted):
+        if progress is not None:
+            progress(step, now)
+        if (negligible and damping == 0.0) or (small and not accepted):
             break
         if accepted:
             damping = 0.1 * damping if damping > 10.0 * LEAST_DAMPING else 0.0
@@ -150,25 +150,45 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
     e = np.empty_like(problem.rays.uv)
     _kernels.residuals(problem.rays, values.kernel_values(), e)
     good = problem.rays.active & np.isfinite(e).all(axis=1)
-    known = np.zeros(len(problem.block.points), dtype=bool)
+    observed = np.zeros(len(problem.block.points), dtype=bool)
     for group in problem.groups:
-        known[[row for name, row in group.keys if name == POINT]] = True
-    point = np.repeat(np.arange(known.size), np.diff(problem.rays.start))
-    rays = np.bincount(point[good], minlength=known.size)
-    return np.asarray(good & ((rays >= 2) | known)[point])
+        observed[[row for name, row in group.keys if name == POINT]] = True
+    point = np.repeat(np.arange(observed.size), np.diff(problem.rays.start))
+    rays = np.bincount(point[good], minlength=observed.size)
+    return np.asarray(good & ((rays >= 2) | observed)[point])
 
 
 def redundancy_of(problem: Problem) -> int:
-    """Return the number of observations less that of unknowns."""
+    """Return the number of observations less that of unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations; active ones count.
+
+    Returns
+    -------
+    int
+        The redundancy.
+    """
     n = 2 * int(problem.rays.active.sum()) + sum(len(group.weight) for group in problem.groups)
     eliminated = problem.determined & (problem.layout.kept < 0)
     return n - int((~problem.layout.held).sum()) - 3 * int(eliminated.sum())
 
 
 def residuals_px(result: Adjusted) -> Array:
-    """Return observed - computed (n, 2), pixels, in the order of the block's observations.
+    """Return the residuals of the image observations.
 
-    NaN where a point does not take part or cannot be seen.
+    Parameters
+    ----------
+    result : Adjusted
+        The adjustment.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+        Observed - computed, pixels, in the order of the block's observations; NaN where a point
+        does not take part or cannot be seen.
     """
     problem = result.problem
     e = np.empty_like(problem.rays.uv)

@@ -81,7 +81,18 @@ def undistorted(xy: ArrayLike, interior: Array) -> Array:
 
 
 def fold_radius(interior: Array) -> float:
-    """Return the radius at which the radial polynomial folds back, in its unit; else infinity."""
+    """Return the radius at which the radial polynomial folds back.
+
+    Parameters
+    ----------
+    interior : ndarray, (11,)
+        Interior orientation.
+
+    Returns
+    -------
+    float
+        The radius, in the polynomial's unit; infinity where it never does.
+    """
     k1, k2, k3, k4 = interior[_K]
     roots = np.roots([9.0 * k4, 7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
     real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0.0)]

@@ -20,17 +20,7 @@ from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 
 class ObservationGroup(Protocol):
-    """Observations with one weight matrix.
-
-    Attributes
-    ----------
-    name : str
-        Name of the variance component.
-    keys : tuple
-        Blocks of unknowns that the group sees.
-    weight : ndarray, (m, m)
-        Inverse of the observations' covariance.
-    """
+    """Observations with one weight matrix; what the engine asks of a group."""
 
     @property
     def name(self) -> str:
@@ -45,7 +35,21 @@ class ObservationGroup(Protocol):
         """Inverse of the observations' covariance, (m, m)."""
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
-        """Return observed - computed (m,) and d computed / d unknown (m, d) at `values`."""
+        """Linearise the group.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown, for all parameters of the blocks in `keys`, side by side: 6 of a
+            pose, 11 of a camera, 3 of a point.
+        """
 
 
 def weight_of(cov: Array, who: str) -> Array:
@@ -80,7 +84,18 @@ def weight_of(cov: Array, who: str) -> Array:
 
 
 def inverse_right_jacobian(v: Array) -> Array:
-    """Return the derivative of log(exp(v) exp(d)) by d at d = 0; the inverse of (R.1)'s own."""
+    """Return the derivative of log(exp(v) exp(d)) by d at d = 0.
+
+    Parameters
+    ----------
+    v : ndarray, (3,)
+        A rotation vector shorter than pi, rad.
+
+    Returns
+    -------
+    ndarray, (3, 3)
+        The derivative, I + [v x] / 2 + ...
+    """
     V = skew(v)
     angle = float(np.linalg.norm(v))
     if angle < 1e-4:
@@ -120,7 +135,20 @@ class PoseObservation:
         return ((POSE, self.image),)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
-        """Return observed - computed and the derivative, as every group does."""
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
         C = values.C_mc[self.image]
         psi = vector_from_rotation(self.C_mc @ C.T)
         e = np.concatenate([self.position_m - values.position[self.image], psi])
@@ -156,7 +184,20 @@ class PointObservation:
         return ((POINT, self.point),)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
-        """Return observed - computed and the derivative, as every group does."""
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
         return self.position_m - values.point[self.point], np.eye(3)
 
 
@@ -190,7 +231,20 @@ class InteriorObservation:
         return ((CAMERA, self.camera),)
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
-        """Return observed - computed and the derivative, as every group does."""
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
         current = values.interior[self.camera]
         J = np.zeros((self.parameters.size, current.size))
         J[np.arange(self.parameters.size), self.parameters] = 1.0
@@ -198,7 +252,20 @@ class InteriorObservation:
 
 
 def control_points(control: GroundPoints, name: str = "ground control") -> list[PointObservation]:
-    """Return ground control as observation groups, each point with its covariance."""
+    """Return ground control as observation groups.
+
+    Parameters
+    ----------
+    control : GroundPoints
+        The points, each with its covariance.
+    name : str
+        Name of their variance component.
+
+    Returns
+    -------
+    list of PointObservation
+        One group a point.
+    """
     return [
         PointObservation(
             int(point), position, weight_of(cov, f"control point in row {point}"), name

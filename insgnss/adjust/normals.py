@@ -43,7 +43,18 @@ class Problem:
     order: NDArray[np.int64]
 
     def with_active(self, active: NDArray[np.bool_]) -> "Problem":
-        """Return the problem with other observations taking part; `active` in the order of rays."""
+        """Return the problem with other image observations taking part.
+
+        Parameters
+        ----------
+        active : ndarray of bool, (n,)
+            Which take part, in the order of `rays`.
+
+        Returns
+        -------
+        Problem
+            The same otherwise.
+        """
         return Problem(
             self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
         )
@@ -183,7 +194,23 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
 def columns_of(
     layout: Layout, keys: tuple[Key, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the columns of a group's blocks, and those of its Jacobian that belong to them."""
+    """Return where the blocks of a group stand.
+
+    Parameters
+    ----------
+    layout : Layout
+        Where the unknowns stand.
+    keys : tuple
+        Blocks of the group.
+
+    Returns
+    -------
+    columns : ndarray of int
+        Columns of the normal matrix.
+    taken : ndarray of int
+        Columns of the group's Jacobian that belong to them; parameters of a camera that are no
+        unknowns have none.
+    """
     columns, taken, offset = [], [], 0
     for key in keys:
         mine, parameters = layout.of(key)
@@ -197,7 +224,14 @@ def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArra
     """Factorise the damped normal matrix of what is free.
 
     Dense: some 1500 images. A sparse factorisation of larger blocks takes the place of this
-    function and of `corrections` and `cofactors`, the only ones that use it.
+    function, of `corrections` and of `cofactors`, the only ones that use it.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    normals : Normals
+        What was assembled of them.
 
     Returns
     -------
@@ -232,7 +266,20 @@ def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArra
 
 
 def unknown_name(problem: Problem, column: int) -> str:
-    """Return the name of a column's unknown for people."""
+    """Return the name of a column's unknown for people.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    column : int
+        Column of the normal matrix.
+
+    Returns
+    -------
+    str
+        Such as "k1 of camera P1" or "Z of image 8001.tif".
+    """
     name, row = problem.layout.names()[column]
     position = column - int(problem.layout.of((name, row))[0][0])
     if name == POSE:
@@ -283,7 +330,25 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
 
 
 def cofactors(problem: Problem, normals: Normals) -> Array:
-    """Return S^-1 in all columns, zero in rows and columns of what is held."""
+    """Compute the cofactors of all unknowns but eliminated points.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    normals : Normals
+        What was assembled of them, not damped.
+
+    Returns
+    -------
+    ndarray, (u, u)
+        S^-1; zero in rows and columns of what is held.
+
+    Raises
+    ------
+    DataError
+        A column is not determined, with its name.
+    """
     from scipy.linalg import lapack
 
     L, scale, free = factorised(problem, normals)
@@ -298,7 +363,22 @@ def cofactors(problem: Problem, normals: Normals) -> Array:
 
 
 def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
-    """Return e^T P e of all observations, and how many active ones have no residual."""
+    """Compute e^T P e of all observations.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        The values of the unknowns.
+
+    Returns
+    -------
+    cost : float
+        e^T P e.
+    invalid : int
+        Number of active image observations without residual: behind the camera, or beyond the fold.
+    """
     e = np.empty_like(problem.rays.uv)
     total, invalid = _kernels.residuals(problem.rays, values.kernel_values(), e)
     for group in problem.groups:

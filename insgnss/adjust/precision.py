@@ -116,10 +116,19 @@ class Precision:
     groups: tuple[GroupTest, ...]
 
     def cov(self, *keys: Key) -> Array:
-        """Return the covariance of the unknowns of some blocks, in their order.
+        """Return the covariance of the unknowns of some blocks.
 
-        Of a camera these are its unknown parameters, in the order of `INTERIOR`. A point alone may
-        be any; one beside others must be one that is not eliminated.
+        Parameters
+        ----------
+        *keys : tuple
+            The blocks. A point alone may be any; one beside others must be one that is not
+            eliminated.
+
+        Returns
+        -------
+        ndarray, (d, d)
+            Covariance, in the order of the blocks; of a camera of its unknown parameters only, in
+            the order of `INTERIOR`.
         """
         layout = self.result.problem.layout
         (name, row), *others = keys
@@ -129,7 +138,18 @@ class Precision:
         return self.scale * self.Q[np.ix_(columns, columns)]
 
     def sigma_interior(self, camera: int) -> Array:
-        """Return standard deviations (11,) of a camera's interior orientation; zero where held."""
+        """Return the standard deviations of a camera's interior orientation.
+
+        Parameters
+        ----------
+        camera : int
+            Row of the camera.
+
+        Returns
+        -------
+        ndarray, (11,)
+            Standard deviations in the order of `INTERIOR`; zero where a parameter is held.
+        """
         out = np.zeros(len(INTERIOR))
         layout = self.result.problem.layout
         out[layout.columns] = np.sqrt(np.diagonal(self.cov((CAMERA, camera))))
@@ -180,13 +200,13 @@ class Precision:
         seen = problem.block.observations
         whitened = residuals_px(self.result) / seen.sigma_px
         of_camera = problem.block.camera[seen.image]
-        found = []
+        components = []
         for c, camera in enumerate(problem.block.cameras):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
             several = len(problem.block.cameras) > 1
             name = f"image observations of {camera.name}" if several else "image observations"
             cost, r = float((whitened[mine] ** 2).sum()), float(self.redundancy[mine].sum())
-            found.append(_component(name, 2 * int(mine.sum()), cost, r))
+            components.append(_component(name, 2 * int(mine.sum()), cost, r))
         for name in dict.fromkeys(test.name for test in self.groups):
             count, cost, r = 0, 0.0, 0.0
             for group, test in zip(problem.groups, self.groups, strict=True):
@@ -194,8 +214,8 @@ class Precision:
                     count += test.e.size
                     cost += float(test.e @ group.weight @ test.e)
                     r += float(test.redundancy.sum())
-            found.append(_component(name, count, cost, r))
-        return tuple(found)
+            components.append(_component(name, count, cost, r))
+        return tuple(components)
 
 
 def _component(name: str, count: int, cost: float, redundancy: float) -> Component:

@@ -10,7 +10,18 @@ from .unknowns import Unknowns
 
 
 def directions(block: ImageBlock) -> Array:
-    """Return the rays (n, 2) of all image observations on the plane of unit distance (camera)."""
+    """Return the rays of all image observations of a block.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+        Directions on the plane of unit distance, in the camera.
+    """
     xy = np.empty((len(block.observations), 2))
     of_camera = block.camera[block.observations.image]
     for c, camera in enumerate(block.cameras):
@@ -209,13 +220,13 @@ def first_values(block: ImageBlock) -> Unknowns:
     seen = block.observations
     xy = directions(block)
     position, C_mc = np.array(block.position_m), np.array(block.C_mc)
-    known = np.full((len(block.points), 3), np.nan)
-    known[block.control.point] = block.control.position_m
+    surveyed = np.full((len(block.points), 3), np.nan)
+    surveyed[block.control.point] = block.control.position_m
     failed: set[int] = set()
     while True:
         point = intersected(position, C_mc, xy, seen.image, seen.point, len(block.points))
-        control = np.isfinite(known[:, 0])
-        point[control] = known[control]
+        control = np.isfinite(surveyed[:, 0])
+        point[control] = surveyed[control]
         waiting = np.asarray(~np.isfinite(position).all(axis=1))
         waiting |= ~np.isfinite(C_mc).all(axis=(1, 2))
         waiting[list(failed)] = False

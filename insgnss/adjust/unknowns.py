@@ -86,11 +86,33 @@ class Unknowns:
         return _kernels.Values(self.position, self.C_mc, self.interior, fold2, self.point)
 
     def cameras(self, cameras: Sequence[BrownCamera]) -> tuple[BrownCamera, ...]:
-        """Return cameras with these values of their interior orientations."""
+        """Return cameras with these values of their interior orientations.
+
+        Parameters
+        ----------
+        cameras : sequence of BrownCamera
+            The cameras of the block.
+
+        Returns
+        -------
+        tuple of BrownCamera
+            The same with other values.
+        """
         return tuple(c.with_(v) for c, v in zip(cameras, self.interior, strict=True))
 
     def with_points(self, point: Array) -> "Unknowns":
-        """Return the values with other object points."""
+        """Return the values with other object points.
+
+        Parameters
+        ----------
+        point : ndarray, (m, 3)
+            The points, m.
+
+        Returns
+        -------
+        Unknowns
+            The same otherwise.
+        """
         return replace(self, point=point)
 
 
@@ -125,7 +147,19 @@ class Layout:
         return int(self.held.size)
 
     def of(self, key: Key) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the columns of a block, and which of its parameters they are.
+        """Return where a block stands.
+
+        Parameters
+        ----------
+        key : tuple
+            The block.
+
+        Returns
+        -------
+        columns : ndarray of int
+            Its columns of the normal matrix.
+        parameters : ndarray of int
+            Which of its parameters these are.
 
         Raises
         ------
@@ -159,7 +193,20 @@ class Layout:
 
 
 def dimension(key: Key, blocks: Mapping[Key, Array]) -> int:
-    """Return how many parameters a block has: the columns of a group's Jacobian for it."""
+    """Return how many parameters a block has: the columns of a group's Jacobian for it.
+
+    Parameters
+    ----------
+    key : tuple
+        The block.
+    blocks : mapping
+        Values of the blocks that groups bring.
+
+    Returns
+    -------
+    int
+        The number.
+    """
     if key[0] in _DIMENSIONS:
         return _DIMENSIONS[key[0]]
     return 3 if blocks[key].ndim == 2 else blocks[key].size

@@ -66,11 +66,33 @@ class BrownCamera:
             )
 
     def of(self, name: str) -> float:
-        """Return a parameter of interior orientation by its name."""
+        """Return a parameter of interior orientation.
+
+        Parameters
+        ----------
+        name : str
+            One of `INTERIOR`.
+
+        Returns
+        -------
+        float
+            Its value.
+        """
         return float(self.interior[INTERIOR.index(name)])
 
     def with_(self, interior: ArrayLike) -> "BrownCamera":
-        """Return the camera with other values of its interior orientation."""
+        """Return the camera with another interior orientation.
+
+        Parameters
+        ----------
+        interior : array_like, (11,)
+            Its values.
+
+        Returns
+        -------
+        BrownCamera
+            The same otherwise.
+        """
         return replace(self, interior=np.asarray(interior, dtype=np.float64))
 
 
@@ -230,6 +252,6 @@ class ImageBlock:
     @property
     def oriented(self) -> NDArray[np.bool_]:
         """(n,) which images have first values of position and attitude."""
-        known = np.isfinite(self.position_m).all(axis=1)
-        known &= np.isfinite(self.C_mc).all(axis=(1, 2))
-        return np.asarray(known)
+        finite = np.isfinite(self.position_m).all(axis=1)
+        finite &= np.isfinite(self.C_mc).all(axis=(1, 2))
+        return np.asarray(finite)

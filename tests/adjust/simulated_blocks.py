@@ -131,6 +131,4 @@ def with_pixels(block: ImageBlock, uv: np.ndarray, sigma: np.ndarray | None = No
     """The block with other pixels, or other standard deviations."""
     seen = block.observations
     sigma = seen.sigma_px if sigma is None else sigma
-    return replace(
-        block, observations=ImageObservations(seen.image, seen.point, uv, sigma)
-    )
+    return replace(block, observations=ImageObservations(seen.image, seen.point, uv, sigma))

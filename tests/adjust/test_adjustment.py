@@ -45,9 +45,7 @@ def residual_function(block, values, more):
         interior[:, free] = x[6 * n : 6 * n + k].reshape(len(interior), -1)
         point = x[6 * n + k :].reshape(-1, 3)
         e = [
-            computed(
-                poses[i, :3], C[i], point[p], block.cameras[c], interior[c], seen.uv[j]
-            )
+            computed(poses[i, :3], C[i], point[p], block.cameras[c], interior[c], seen.uv[j])
             / seen.sigma_px[j]
             for j, (i, p) in enumerate(zip(seen.image, seen.point, strict=True))
             for c in [block.camera[i]]
@@ -128,9 +126,7 @@ def test_against_scipy(backward):
     columns = [INTERIOR.index(name) for name in free]
     off = result.values.interior[0, columns] - got.x[6 * n : 6 * n + k]
     assert np.abs(off / sigma[6 * n : 6 * n + k]).max() < 0.01
-    assert precision.sigma_interior(0)[columns] == pytest.approx(
-        sigma[6 * n : 6 * n + k], rel=1e-4
-    )
+    assert precision.sigma_interior(0)[columns] == pytest.approx(sigma[6 * n : 6 * n + k], rel=1e-4)
     seen = np.isfinite(first.point[:, 0])
     of_points = sigma[6 * n + k :].reshape(-1, 3)[seen]
     off = (result.values.point - got.x[6 * n + k :].reshape(-1, 3))[seen]
@@ -254,9 +250,7 @@ def test_groups_that_the_engine_does_not_know():
     assert precision.cov(("point", a), ("shift", 0)).shape == (6, 6)
     total = np.nansum(precision.redundancy) + sum(t.redundancy.sum() for t in precision.groups)
     assert total == pytest.approx(result.redundancy, abs=1e-6)
-    assert result.redundancy == 2 * len(block.observations) + 12 + 3 * n + 3 + 6 + 2 - (
-        used.sum()
-    )
+    assert result.redundancy == 2 * len(block.observations) + 12 + 3 * n + 3 + 6 + 2 - (used.sum())
 
 
 def test_pose_derivative_of_a_large_residual():
@@ -289,9 +283,7 @@ def test_images_without_orientation_are_resected():
     """Oracle: the truth of the simulation, pixels without noise."""
     made = simulated(11, points=150, control=8, control_m=1e-6, noise_px=1e-6)
     n = len(made.block.images)
-    bare = replace(
-        made.block, position_m=np.full((n, 3), np.nan), C_mc=np.full((n, 3, 3), np.nan)
-    )
+    bare = replace(made.block, position_m=np.full((n, 3), np.nan), C_mc=np.full((n, 3, 3), np.nan))
     got = first_values(bare)
     assert got.position == pytest.approx(made.truth.position, abs=1e-3)
     assert got.C_mc == pytest.approx(made.truth.C_mc, abs=1e-5)

@@ -34,7 +34,7 @@ def aerial(made, rng, cov=POSE_COV, claimed=None):
 def one_block(seed, backward=False, **claims):
     """A block with aerial and ground control and a calibrated camera, and its adjustment."""
     made = simulated(seed, cameras=(camera(backward, CALIBRATED),), **SHAPE)
-    rng = np.random.default_rng(1000 + seed)
+    rng = np.random.default_rng([1, seed])
     rows = np.array([INTERIOR.index(name) for name in CALIBRATED])
     cov = CAMERA_COV.copy()
     if backward:

@@ -119,10 +119,10 @@ def _parsed(path: Path, version: str) -> Element:
 
 def _one(path: Path, parent: Element, name: str) -> Element:
     """Return the element of that name below `parent`, at any depth."""
-    found = parent.find(f".//{name}")
-    if found is None:
+    element = parent.find(f".//{name}")
+    if element is None:
         raise InputError.at_line(path, None, f"no element <{name}>; the script is not complete")
-    return found
+    return element
 
 
 def _text(element: Element | None) -> str:
@@ -230,9 +230,9 @@ def _image_points(
     path: Path, base: Path, given: Element, order: dict[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
     """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
-    found = False
+    empty = True
     for file, columns, element, _ in _files(path, base, given, "image_pts", IMAGE_POINTS):
-        found = True
+        empty = False
         table = read_table(file)
         _checked(table, columns)
         value = {name: table.values[:, k] for k, name in enumerate(columns)}
@@ -247,7 +247,7 @@ def _image_points(
             if name in value:
                 sigma[:, k] = value[name]
         yield images, points, np.column_stack([value["x"], value["y"]]), sigma
-    if not found:
+    if empty:
         raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
 
 
@@ -263,9 +263,9 @@ def _ground(
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
             listed = np.isin(number, _numbers(path, _ids(rule), "filter"))
-            if (what := _text(rule)) not in ("keep", "remove"):
-                raise InputError.at_line(path, None, f"filter {what!r}; {near(what, ['keep'])}")
-            keep &= listed if what == "keep" else ~listed
+            if (action := _text(rule)) not in ("keep", "remove"):
+                raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
+            keep &= listed if action == "keep" else ~listed
         ids.append(_whole(table, number, "point")[keep])
         position.append(np.column_stack(values[:3])[keep])
         sigma.append(np.column_stack(values[3:])[keep])
