@@ -193,49 +193,6 @@ def image_jacobian(X0, C, X, c, backward, unit, uv, work, A, K, B):
 
 
 @njit(cache=True)
-def linearise(rays, values, j, X, work, e, A, K, full, B):
-    """Compute the whitened residual and derivative of observation j of a point X.
-
-    Parameters
-    ----------
-    rays, values : Rays, Values
-        The observations, and where they are linearised.
-    j : int
-        Row of the observation.
-    X : ndarray, (3,)
-        The object point.
-    work, full : ndarray
-        (10,) and (2, 11) scratch.
-    e, A, K, B : ndarray
-        (2,) residual, (2, 6), (2, k) and (2, 3) derivatives by pose, unknown parameters of the
-        camera and point, written here.
-
-    Returns
-    -------
-    bool
-        As `image_residual`.
-    """
-    i = rays.image[j]
-    cam = rays.camera[i]
-    c = values.interior[cam]
-    X0, C, uv = values.position[i], values.C_mc[i], rays.uv[j]
-    backward, unit = rays.backward[cam], rays.unit[cam]
-    if not image_residual(X0, C, X, c, backward, unit, values.fold2[cam], uv, work, e):
-        return False
-    image_jacobian(X0, C, X, c, backward, unit, uv, work, A, full, B)
-    for row in range(2):
-        w = rays.weight[j, row]
-        e[row] *= w
-        for col in range(6):
-            A[row, col] *= w
-        for col in range(rays.columns.size):
-            K[row, col] = w * full[row, rays.columns[col]]
-        for col in range(3):
-            B[row, col] *= w
-    return True
-
-
-@njit(cache=True)
 def residuals(rays, values, e):
     """Compute all residuals observed - computed, pixels.
 
@@ -298,34 +255,181 @@ def invert3(V, out):
     return True
 
 
-@njit(cache=True)
-def add_product(S, row, col, L, R, sign):
-    """Add sign L^T R to the block of S at row, col; L is (2, a), R (2, b)."""
-    for i in range(L.shape[1]):
-        l0, l1 = sign * L[0, i], sign * L[1, i]
-        for j in range(R.shape[1]):
-            S[row + i, col + j] += l0 * R[0, j] + l1 * R[1, j]
+class Scratch(NamedTuple):
+    """Working arrays for one point: of r rays at most, k unknown parameters of a camera.
+
+    Parameters
+    ----------
+    L : (r, 2, 6 + k + 3) whitened derivatives of each ray by pose, camera and point.
+    e : (r, 2) whitened residuals of each ray.
+    ray : (r,) row of each ray among the observations.
+    column : (r, 6 + k + 3) columns of each ray's unknowns in the normal matrix.
+    W, T : (6 r + c k, 3) rows of W of the point, and of W V^-1.
+    row : (6 r + c k,) column of the normal matrix that each row of W belongs to.
+    slot : (c,) place of a camera among the rows of W, -1 where it has none.
+    work, full : (10,) and (2, 11) of single observations.
+    V, Vi : (3, 3) matrix of the point and its inverse.
+    g : (3,) right-hand side of the point.
+    """
+
+    L: Array
+    e: Array
+    ray: Rows
+    column: Rows
+    W: Array
+    T: Array
+    row: Rows
+    slot: Rows
+    work: Array
+    full: Array
+    V: Array
+    Vi: Array
+    g: Array
+
+
+def scratch_for(rays: Rays, n_cameras: int) -> Scratch:
+    """Return working arrays for all points of the observations.
+
+    Parameters
+    ----------
+    rays : Rays
+        The observations.
+    n_cameras : int
+        Number of cameras.
+
+    Returns
+    -------
+    Scratch
+        The arrays.
+    """
+    r, k = max(int(np.diff(rays.start).max(initial=1)), 1), rays.columns.size
+    rows = 6 * r + min(n_cameras, r) * k
+    return Scratch(
+        np.empty((r, 2, 9 + k)),
+        np.empty((r, 2)),
+        np.empty(r, dtype=np.int64),
+        np.empty((r, 9 + k), dtype=np.int64),
+        np.empty((rows, 3)),
+        np.empty((rows, 3)),
+        np.empty(rows, dtype=np.int64),
+        np.full(n_cameras, -1, dtype=np.int64),
+        np.empty(10),
+        np.empty((2, INTERIOR)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty(3),
+    )
 
 
 @njit(cache=True)
-def subtract_outer(S, row, col, T, W):
-    """Subtract T W^T from the block of S at row, col; T is (a, 3), W (b, 3)."""
-    for i in range(T.shape[0]):
-        t0, t1, t2 = T[i, 0], T[i, 1], T[i, 2]
-        for j in range(W.shape[0]):
-            S[row + i, col + j] -= t0 * W[j, 0] + t1 * W[j, 1] + t2 * W[j, 2]
+def linearise_point(rays, values, p, s):
+    """Linearise the active observations of one point.
+
+    Parameters
+    ----------
+    rays, values : Rays, Values
+        The observations, and where they are linearised.
+    p : int
+        Row of the point.
+    s : Scratch
+        L, e, ray, column, W and row are written; J^T P J and J^T P e of the point are added to V
+        and g.
+
+    Returns
+    -------
+    m : int
+        Number of active rays.
+    n : int
+        Number of rows of W; 0 of a point that is not eliminated.
+    """
+    k = rays.columns.size
+    wide, kept = 6 + k, rays.kept[p]
+    first_camera = 6 * values.position.shape[0]
+    X = values.point[p]
+    A, B = np.empty((2, 6)), np.empty((2, 3))
+    m = 0
+    for j in range(rays.start[p], rays.start[p + 1]):
+        if not rays.active[j]:
+            continue
+        i = rays.image[j]
+        cam = rays.camera[i]
+        c, X0, C, uv, e = (
+            values.interior[cam],
+            values.position[i],
+            values.C_mc[i],
+            rays.uv[j],
+            s.e[m],
+        )
+        backward, unit = rays.backward[cam], rays.unit[cam]
+        image_residual(X0, C, X, c, backward, unit, values.fold2[cam], uv, s.work, e)
+        image_jacobian(X0, C, X, c, backward, unit, uv, s.work, A, s.full, B)
+        for r in range(2):
+            w = rays.weight[j, r]
+            e[r] *= w
+            for a in range(6):
+                s.L[m, r, a] = w * A[r, a]
+            for a in range(k):
+                s.L[m, r, 6 + a] = w * s.full[r, rays.columns[a]]
+            for a in range(3):
+                s.L[m, r, wide + a] = w * B[r, a]
+        for a in range(6):
+            s.column[m, a] = 6 * i + a
+        for a in range(k):
+            s.column[m, 6 + a] = first_camera + k * cam + a
+        for a in range(3):
+            s.column[m, wide + a] = kept + a
+        s.ray[m] = j
+        m += 1
+    if kept >= 0:
+        return m, 0
+    n = 6 * m
+    for t in range(m):
+        cam = rays.camera[rays.image[s.ray[t]]]
+        if s.slot[cam] < 0:
+            s.slot[cam] = n
+            for a in range(k):
+                s.row[n + a] = s.column[t, 6 + a]
+                for b in range(3):
+                    s.W[n + a, b] = 0.0
+            n += k
+        for a in range(wide):
+            row = 6 * t + a if a < 6 else s.slot[cam] + a - 6
+            if a < 6:
+                s.row[row] = s.column[t, a]
+            for b in range(3):
+                if a < 6:
+                    s.W[row, b] = 0.0
+                for r in range(2):
+                    s.W[row, b] += s.L[t, r, a] * s.L[t, r, wide + b]
+        for a in range(3):
+            for r in range(2):
+                s.g[a] += s.L[t, r, wide + a] * s.e[t, r]
+                for b in range(3):
+                    s.V[a, b] += s.L[t, r, wide + a] * s.L[t, r, wide + b]
+    for t in range(m):
+        s.slot[rays.camera[rays.image[s.ray[t]]]] = -1
+    return m, n
 
 
 @njit(cache=True)
-def times_inverse(W, Vi, T):
-    """Compute T = W V^-1; W and T are (a, 3)."""
-    for i in range(W.shape[0]):
-        for j in range(3):
-            T[i, j] = W[i, 0] * Vi[0, j] + W[i, 1] * Vi[1, j] + W[i, 2] * Vi[2, j]
+def take_own(own_V, own_g, p, s):
+    """Begin the matrix and right-hand side of point p with what groups say of it alone."""
+    for a in range(3):
+        s.g[a] = own_g[p, a]
+        for b in range(3):
+            s.V[a, b] = own_V[p, a, b]
 
 
 @njit(cache=True)
-def normal_equations(rays, values, damping, V_prior, g_prior, S, g, g_reduced, diagonal, V, gp):
+def times_inverse(s, n):
+    """Compute T = W V^-1 of n rows."""
+    for a in range(n):
+        for b in range(3):
+            s.T[a, b] = s.W[a, 0] * s.Vi[0, b] + s.W[a, 1] * s.Vi[1, b] + s.W[a, 2] * s.Vi[2, b]
+
+
+@njit(cache=True)
+def normal_equations(rays, values, damping, own_V, own_g, s, S, g, g_reduced, diagonal, gp):
     """Add the image observations to the normal equations, points eliminated (J.6).
 
     Parameters
@@ -334,267 +438,162 @@ def normal_equations(rays, values, damping, V_prior, g_prior, S, g, g_reduced, d
         The observations, and where they are linearised.
     damping : float
         lambda: the diagonal of each point's matrix is enlarged by 1 + lambda.
-    V_prior, g_prior : ndarray
+    own_V, own_g : ndarray
         (np, 3, 3) and (np, 3) what groups say of each point alone.
+    s : Scratch
+        Working arrays.
     S : ndarray, (u, u)
         Normal matrix; its lower triangle is added to.
     g, g_reduced : ndarray, (u,)
-        J^T P e, and what is left of it when the points are eliminated, added to.
+        J^T P e, and what eliminating the points takes from it, added to.
     diagonal : ndarray, (u,)
         Diagonal of U, added to.
-    V, gp : ndarray
-        (np, 3, 3) matrices, not enlarged, and (np, 3) right-hand sides of the points, written here.
+    gp : ndarray, (np, 3)
+        Right-hand sides of the points, written here.
 
     Returns
     -------
     int
         First point whose matrix is singular, -1 if there is none.
     """
-    k = rays.columns.size
-    n_images, n_cameras = values.position.shape[0], values.interior.shape[0]
-    first_camera = 6 * n_images
-    longest = 1
+    wide = 6 + rays.columns.size
     for p in range(rays.start.size - 1):
-        longest = max(longest, rays.start[p + 1] - rays.start[p])
-    work, e, A, K = np.empty(10), np.empty(2), np.empty((2, 6)), np.empty((2, k))
-    full, B = np.empty((2, INTERIOR)), np.empty((2, 3))
-    W, T = np.empty((longest, 6, 3)), np.empty((longest, 6, 3))
-    Wc, Tc = np.empty((n_cameras, k, 3)), np.empty((n_cameras, k, 3))
-    cameras, seen_by = np.empty(n_cameras, dtype=np.int64), np.empty(longest, dtype=np.int64)
-    enlarged, Vi = np.empty((3, 3)), np.empty((3, 3))
-    for p in range(rays.start.size - 1):
-        kept = rays.kept[p]
-        m, n_seen = 0, 0
-        Vp, gpp = V[p], gp[p]
-        Vp[:] = V_prior[p]
-        gpp[:] = g_prior[p]
-        for j in range(rays.start[p], rays.start[p + 1]):
-            if not rays.active[j]:
-                continue
-            linearise(rays, values, j, values.point[p], work, e, A, K, full, B)
-            i = rays.image[j]
-            cam = rays.camera[i]
-            row, crow = 6 * i, first_camera + k * cam
-            add_product(S, row, row, A, A, 1.0)
-            add_product(S, crow, row, K, A, 1.0)
-            add_product(S, crow, crow, K, K, 1.0)
-            for a in range(6):
-                diagonal[row + a] += A[0, a] ** 2 + A[1, a] ** 2
-                g[row + a] += A[0, a] * e[0] + A[1, a] * e[1]
-            for a in range(k):
-                diagonal[crow + a] += K[0, a] ** 2 + K[1, a] ** 2
-                g[crow + a] += K[0, a] * e[0] + K[1, a] * e[1]
-            if kept >= 0:
-                add_product(S, kept, row, B, A, 1.0)
-                add_product(S, kept, crow, B, K, 1.0)
-                add_product(S, kept, kept, B, B, 1.0)
-                for a in range(3):
-                    diagonal[kept + a] += B[0, a] ** 2 + B[1, a] ** 2
-                    g[kept + a] += B[0, a] * e[0] + B[1, a] * e[1]
-                continue
-            add_product(Vp, 0, 0, B, B, 1.0)
-            for a in range(3):
-                gpp[a] += B[0, a] * e[0] + B[1, a] * e[1]
-            W[m] = 0.0
-            add_product(W[m], 0, 0, A, B, 1.0)
-            slot = -1
-            for t in range(n_seen):
-                if cameras[t] == cam:
-                    slot = t
-            if slot < 0:
-                slot, cameras[n_seen] = n_seen, cam
-                Wc[slot] = 0.0
-                n_seen += 1
-            add_product(Wc[slot], 0, 0, K, B, 1.0)
-            seen_by[m] = i
-            m += 1
-        if kept >= 0 or m == 0:
-            continue
-        enlarged[:] = Vp
+        take_own(own_V, own_g, p, s)
+        m, n = linearise_point(rays, values, p, s)
         for a in range(3):
-            enlarged[a, a] *= 1.0 + damping
-        if not invert3(enlarged, Vi):
+            gp[p, a] = s.g[a]
+        width = wide if rays.kept[p] < 0 else wide + 3
+        for t in range(m):
+            for a in range(width):
+                l0, l1, row = s.L[t, 0, a], s.L[t, 1, a], s.column[t, a]
+                g[row] += l0 * s.e[t, 0] + l1 * s.e[t, 1]
+                diagonal[row] += l0 * l0 + l1 * l1
+                for b in range(a + 1):
+                    S[row, s.column[t, b]] += l0 * s.L[t, 0, b] + l1 * s.L[t, 1, b]
+        if n == 0:
+            continue
+        for a in range(3):
+            s.V[a, a] *= 1.0 + damping
+        if not invert3(s.V, s.Vi):
             return p
-        for a in range(m):
-            times_inverse(W[a], Vi, T[a])
-        for a in range(n_seen):
-            times_inverse(Wc[a], Vi, Tc[a])
-        for a in range(m):
-            row = 6 * seen_by[a]
-            for b in range(m):
-                if seen_by[a] >= seen_by[b]:
-                    subtract_outer(S, row, 6 * seen_by[b], T[a], W[b])
-            for b in range(6):
-                g_reduced[row + b] -= (
-                    T[a, b, 0] * gpp[0] + T[a, b, 1] * gpp[1] + T[a, b, 2] * gpp[2]
-                )
-        for a in range(n_seen):
-            crow = first_camera + k * cameras[a]
-            for b in range(m):
-                subtract_outer(S, crow, 6 * seen_by[b], Tc[a], W[b])
-            for b in range(n_seen):
-                if cameras[a] >= cameras[b]:
-                    subtract_outer(S, crow, first_camera + k * cameras[b], Tc[a], Wc[b])
-            for b in range(k):
-                g_reduced[crow + b] -= (
-                    Tc[a, b, 0] * gpp[0] + Tc[a, b, 1] * gpp[1] + Tc[a, b, 2] * gpp[2]
-                )
+        times_inverse(s, n)
+        for a in range(n):
+            row = s.row[a]
+            t0, t1, t2 = s.T[a, 0], s.T[a, 1], s.T[a, 2]
+            g_reduced[row] -= t0 * s.g[0] + t1 * s.g[1] + t2 * s.g[2]
+            for b in range(n):
+                if s.row[b] <= row:
+                    S[row, s.row[b]] -= t0 * s.W[b, 0] + t1 * s.W[b, 1] + t2 * s.W[b, 2]
     return -1
 
 
 @njit(cache=True)
-def back_substitute(rays, values, damping, V, gp, dx, dp):
-    """Compute the corrections of the eliminated points (J.6).
+def back_substitute(rays, values, damping, own_V, own_g, s, dx, dp):
+    """Compute the corrections of all points (J.6).
 
     Parameters
     ----------
-    rays, values, damping
+    rays, values, damping, own_V, own_g, s
         As in `normal_equations`.
-    V, gp : ndarray
-        As `normal_equations` leaves them.
     dx : ndarray, (u,)
         Corrections of all other unknowns.
     dp : ndarray, (np, 3)
         Corrections of the points, m, written here.
     """
-    k = rays.columns.size
-    first_camera = 6 * values.position.shape[0]
-    work, e, A, K = np.empty(10), np.empty(2), np.empty((2, 6)), np.empty((2, k))
-    full, B = np.empty((2, INTERIOR)), np.empty((2, 3))
-    enlarged, Vi, g = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for p in range(rays.start.size - 1):
-        dp[p] = 0.0
-        if rays.kept[p] >= 0:
-            for a in range(3):
-                dp[p, a] = dx[rays.kept[p] + a]
-            continue
-        g[:] = gp[p]
-        for j in range(rays.start[p], rays.start[p + 1]):
-            if not rays.active[j]:
-                continue
-            linearise(rays, values, j, values.point[p], work, e, A, K, full, B)
-            row = 6 * rays.image[j]
-            crow = first_camera + k * rays.camera[rays.image[j]]
-            for r in range(2):
-                moved = 0.0
-                for a in range(6):
-                    moved += A[r, a] * dx[row + a]
-                for a in range(k):
-                    moved += K[r, a] * dx[crow + a]
-                for a in range(3):
-                    g[a] -= B[r, a] * moved
-        enlarged[:] = V[p]
         for a in range(3):
-            enlarged[a, a] *= 1.0 + damping
-        if invert3(enlarged, Vi):
+            dp[p, a] = dx[rays.kept[p] + a] if rays.kept[p] >= 0 else 0.0
+        if rays.kept[p] >= 0:
+            continue
+        take_own(own_V, own_g, p, s)
+        _, n = linearise_point(rays, values, p, s)
+        for a in range(n):
+            for b in range(3):
+                s.g[b] -= s.W[a, b] * dx[s.row[a]]
+        for a in range(3):
+            s.V[a, a] *= 1.0 + damping
+        if invert3(s.V, s.Vi):
             for a in range(3):
-                dp[p, a] = Vi[a, 0] * g[0] + Vi[a, 1] * g[1] + Vi[a, 2] * g[2]
+                dp[p, a] = s.Vi[a, 0] * s.g[0] + s.Vi[a, 1] * s.g[1] + s.Vi[a, 2] * s.g[2]
 
 
 @njit(cache=True)
-def quadratic(L, Q, R):
-    """Return L Q R^T of two rows L (a,) and R (b,)."""
-    total = 0.0
-    for i in range(L.size):
-        if L[i] != 0.0:
-            inner = 0.0
-            for j in range(R.size):
-                inner += Q[i, j] * R[j]
-            total += L[i] * inner
-    return total
-
-
-@njit(cache=True)
-def posterior(rays, values, V, Q, Q_point, redundancy):
+def posterior(rays, values, own_V, own_g, s, Q, Q_point, redundancy):
     """Compute cofactors of the points and redundancy numbers of the image observations (J.7).
 
     Parameters
     ----------
     rays, values : Rays, Values
         The observations, and the adjusted values.
-    V : ndarray, (np, 3, 3)
-        Normal matrices of the points.
+    own_V, own_g : ndarray
+        (np, 3, 3) and (np, 3) what groups say of each point alone.
+    s : Scratch
+        Working arrays.
     Q : ndarray, (u, u)
         Cofactors of all unknowns but eliminated points; zero in rows and columns of what is held.
     Q_point : ndarray, (np, 3, 3)
-        Cofactors of the points, m^2, written here; NaN of points without an active observation.
+        Cofactors of the points, m^2, written here but for points that nothing observes.
     redundancy : ndarray, (n, 2)
-        Redundancy numbers, written here; NaN of observations that are not active.
+        Redundancy numbers, written here but for observations that are not active.
     """
-    k = rays.columns.size
-    first_camera = 6 * values.position.shape[0]
-    longest = 1
+    wide = 6 + rays.columns.size
+    # of a ray: cofactors of its pose and camera, and of these with the point
+    Qx, Qxp, Qp = np.empty((wide, wide)), np.empty((wide, 3)), np.empty((3, 3))
+    QT = np.empty_like(s.W)
     for p in range(rays.start.size - 1):
-        longest = max(longest, rays.start[p + 1] - rays.start[p])
-    work, e, full = np.empty(10), np.empty(2), np.empty((2, INTERIOR))
-    A, K, B = np.empty((longest, 2, 6)), np.empty((longest, 2, k)), np.empty((longest, 2, 3))
-    wide = 6 + k
-    # one slot a ray: its pose and its camera, whose share in W is that of this ray
-    W, QT = np.zeros((longest * wide, 3)), np.zeros((longest * wide, 3))
-    index, own = np.empty(longest * wide, dtype=np.int64), np.empty(wide)
-    rows = np.empty(longest, dtype=np.int64)
-    Vi, Qp, local = np.empty((3, 3)), np.empty((3, 3)), np.empty((wide, wide))
-    for p in range(rays.start.size - 1):
-        m = 0
-        for j in range(rays.start[p], rays.start[p + 1]):
-            redundancy[j] = np.nan
-            if not rays.active[j]:
-                continue
-            linearise(rays, values, j, values.point[p], work, e, A[m], K[m], full, B[m])
-            row = 6 * rays.image[j]
-            crow = first_camera + k * rays.camera[rays.image[j]]
-            for a in range(wide):
-                index[wide * m + a] = row + a if a < 6 else crow + a - 6
-            rows[m] = j
-            m += 1
         kept = rays.kept[p]
-        Q_point[p] = np.nan
-        if m == 0:
-            if kept < 0 and invert3(V[p], Vi):
-                Q_point[p] = Vi
-            continue
-        n = m * wide
+        take_own(own_V, own_g, p, s)
+        m, n = linearise_point(rays, values, p, s)
         if kept >= 0:
             for a in range(3):
                 for b in range(3):
                     Qp[a, b] = Q[kept + a, kept + b]
-            for a in range(n):
-                for b in range(3):
-                    QT[a, b] = -Q[index[a], kept + b]
         else:
-            if not invert3(V[p], Vi):
+            if not invert3(s.V, s.Vi):
                 continue
-            for t in range(m):
-                for a in range(wide):
-                    for b in range(3):
-                        W[wide * t + a, b] = 0.0
-                        for r in range(2):
-                            l = A[t, r, a] if a < 6 else K[t, r, a - 6]
-                            W[wide * t + a, b] += l * B[t, r, b]
-            times_inverse(W[:n], Vi, QT[:n])
-            W[:n] = QT[:n]  # T of (J.7)
+            for a in range(3):
+                for b in range(3):
+                    Qp[a, b] = s.Vi[a, b]
+            times_inverse(s, n)
             for a in range(n):
-                s0, s1, s2 = 0.0, 0.0, 0.0
-                Qa = Q[index[a]]
+                row = s.row[a]
+                for c in range(3):
+                    QT[a, c] = 0.0
                 for b in range(n):
-                    q = Qa[index[b]]
-                    s0 += q * W[b, 0]
-                    s1 += q * W[b, 1]
-                    s2 += q * W[b, 2]
-                QT[a, 0], QT[a, 1], QT[a, 2] = s0, s1, s2
-            Qp[:] = Vi
-            for a in range(n):
+                    q = Q[row, s.row[b]]
+                    for c in range(3):
+                        QT[a, c] += q * s.T[b, c]
                 for b in range(3):
                     for c in range(3):
-                        Qp[b, c] += W[a, b] * QT[a, c]
-        Q_point[p] = Qp
+                        Qp[b, c] += s.T[a, b] * QT[a, c]
+        for a in range(3):
+            for b in range(3):
+                Q_point[p, a, b] = Qp[a, b]
         for t in range(m):
             for a in range(wide):
+                row = s.column[t, a]
                 for b in range(wide):
-                    local[a, b] = Q[index[wide * t + a], index[wide * t + b]]
+                    Qx[a, b] = Q[row, s.column[t, b]]
+                for c in range(3):
+                    Qxp[a, c] = Q[row, kept + c] if kept >= 0 else 0.0
+            for a in range(n):
+                for b in range(wide):
+                    if s.row[a] == s.column[t, b]:
+                        for c in range(3):
+                            Qxp[b, c] = -QT[a, c]
             for r in range(2):
-                own[:6] = A[t, r]
-                own[6:] = K[t, r]
-                variance = quadratic(own, local, own) + quadratic(B[t, r], Qp, B[t, r])
-                variance -= 2.0 * quadratic(own, QT[wide * t : wide * (t + 1)], B[t, r])
-                redundancy[rows[t], r] = 1.0 - variance
+                variance = 0.0
+                for a in range(wide + 3):
+                    inner = 0.0
+                    for b in range(wide + 3):
+                        if a < wide and b < wide:
+                            q = Qx[a, b]
+                        elif a < wide:
+                            q = Qxp[a, b - wide]
+                        elif b < wide:
+                            q = Qxp[b, a - wide]
+                        else:
+                            q = Qp[a - wide, b - wide]
+                        inner += q * s.L[t, r, b]
+                    variance += s.L[t, r, a] * inner
+                redundancy[s.ray[t], r] = 1.0 - variance

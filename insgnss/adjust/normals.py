@@ -119,7 +119,8 @@ class Normals:
     g : (u,) J^T P e of its columns.
     g_reduced : (u,) the same with the points eliminated.
     diagonal : (u,) diagonal of U.
-    V, gp : (m, 3, 3), (m, 3) matrices and right-hand sides of the points.
+    own_V, own_g : (m, 3, 3), (m, 3) what groups say of each point alone.
+    gp : (m, 3) right-hand sides of the points.
     damping : lambda.
     """
 
@@ -127,7 +128,8 @@ class Normals:
     g: Array
     g_reduced: Array
     diagonal: Array
-    V: Array
+    own_V: Array
+    own_g: Array
     gp: Array
     damping: float
 
@@ -170,25 +172,25 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
         S[np.ix_(columns, columns)] += N[np.ix_(taken, taken)]
         g[columns] += right[taken]
         diagonal[columns] += np.diagonal(N)[taken]
-    V, gp = np.empty((m, 3, 3)), np.empty((m, 3))
+    gp = np.empty((m, 3))
     singular = _kernels.normal_equations(
         problem.rays,
         values.kernel_values(),
         damping,
         V_own,
         g_own,
+        _kernels.scratch_for(problem.rays, len(values.interior)),
         S,
         g,
         reduced,
         diagonal,
-        V,
         gp,
     )
     if singular >= 0:
         raise DataError(
             f"object point {problem.block.points[singular]}: its rays are parallel; leave it out"
         )
-    return Normals(S, g, g + reduced, diagonal, V, gp, damping)
+    return Normals(S, g, g + reduced, diagonal, V_own, g_own, gp, damping)
 
 
 def columns_of(
@@ -324,7 +326,14 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     dx[free] = scale * solve_triangular(L, y, lower=True, trans="T", check_finite=False)
     dp = np.zeros((len(problem.block.points), 3))
     _kernels.back_substitute(
-        problem.rays, values.kernel_values(), normals.damping, normals.V, normals.gp, dx, dp
+        problem.rays,
+        values.kernel_values(),
+        normals.damping,
+        normals.own_V,
+        normals.own_g,
+        _kernels.scratch_for(problem.rays, len(values.interior)),
+        dx,
+        dp,
     )
     return dx, dp
 

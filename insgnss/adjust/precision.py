@@ -248,8 +248,18 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
         scale = result.sigma0**2 if result.redundancy > 0 else 1.0
     normals = assembled(problem, result.values)
     Q = cofactors(problem, normals)
-    point, r = np.empty((len(problem.block.points), 3, 3)), np.empty_like(problem.rays.uv)
-    _kernels.posterior(problem.rays, result.values.kernel_values(), normals.V, Q, point, r)
+    point = np.full((len(problem.block.points), 3, 3), np.nan)
+    r = np.full_like(problem.rays.uv, np.nan)
+    _kernels.posterior(
+        problem.rays,
+        result.values.kernel_values(),
+        normals.own_V,
+        normals.own_g,
+        _kernels.scratch_for(problem.rays, len(result.values.interior)),
+        Q,
+        point,
+        r,
+    )
     redundancy = np.empty_like(r)
     redundancy[problem.order] = np.clip(r, 0.0, None)
     sigma = problem.block.observations.sigma_px

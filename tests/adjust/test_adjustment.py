@@ -33,7 +33,7 @@ def vector_of(block, values):
 
 
 def residual_function(block, values, more):
-    """Whitened residuals of the vector of unknowns, written without the engine."""
+    """Whitened residuals of the vector of unknowns, written without the engine; one camera."""
     n, free = len(block.images), [INTERIOR.index(name) for name in block.cameras[0].free]
     seen = block.observations
 
@@ -44,16 +44,14 @@ def residual_function(block, values, more):
         k = len(free) * len(interior)
         interior[:, free] = x[6 * n : 6 * n + k].reshape(len(interior), -1)
         point = x[6 * n + k :].reshape(-1, 3)
-        e = [
-            computed(poses[i, :3], C[i], point[p], block.cameras[c], interior[c], seen.uv[j])
-            / seen.sigma_px[j]
-            for j, (i, p) in enumerate(zip(seen.image, seen.point, strict=True))
-            for c in [block.camera[i]]
-        ]
+        i, p = seen.image, seen.point
+        e = computed(poses[i, :3], C[i], point[p], block.cameras[0], interior[0], seen.uv)
         control = (block.control.position_m - point[block.control.point]) / np.sqrt(
             block.control.cov[0, 0, 0]
         )
-        return np.concatenate([*e, control.ravel(), more(poses[:, :3], C, interior, point)])
+        return np.concatenate(
+            [(e / seen.sigma_px).ravel(), control.ravel(), more(poses[:, :3], C, interior, point)]
+        )
 
     return residuals
 

@@ -12,13 +12,16 @@ from insgnss.records.block import INTERIOR, BrownCamera
 
 
 def computed(X0, C, X, cam, interior, uv):
-    """Observed - computed by (J.1) and (J.3) to (J.5), component by component."""
-    q = C.T @ (X - X0)
-    x, y = q[0] / q[2], q[1] / q[2]
+    """Observed - computed by (J.1) and (J.3) to (J.5), component by component; any number of
+    observations of one camera.
+    """
+    q = np.einsum("...ji,...j->...i", C, X - X0)
+    x, y = q[..., 0] / q[..., 2], q[..., 1] / q[..., 2]
+    u, v = np.moveaxis(uv, -1, 0)
     f, cx, cy, b1, b2, *k, p1, p2 = interior
     if cam.backward:
-        a = ((1 + b1) * (uv[0] - cx) + b2 * (uv[1] - cy)) / cam.unit_px
-        b = (uv[1] - cy) / cam.unit_px
+        a = ((1 + b1) * (u - cx) + b2 * (v - cy)) / cam.unit_px
+        b = (v - cy) / cam.unit_px
     else:
         a, b = x, y
     r2 = a**2 + b**2
@@ -26,8 +29,10 @@ def computed(X0, C, X, cam, interior, uv):
     da = a * radial + p1 * (r2 + 2 * a**2) + 2 * p2 * a * b
     db = b * radial + p2 * (r2 + 2 * b**2) + 2 * p1 * a * b
     if cam.backward:
-        return np.array([cam.unit_px * da - f * x, cam.unit_px * db - f * y])
-    return uv - (cx + (f + b1) * da + b2 * db, cy + f * db)
+        e = cam.unit_px * da - f * x, cam.unit_px * db - f * y
+    else:
+        e = u - cx - (f + b1) * da - b2 * db, v - cy - f * db
+    return np.stack(e, axis=-1)
 
 
 @pytest.mark.parametrize("backward", [False, True])
