@@ -70,6 +70,7 @@ normals        assembly and solution of the normal equations
 adjustment     the iteration, and its result
 precision      covariances, redundancy numbers, tests, variance components
 start          first values: resection and forward intersection
+outliers       robust weights, and rejection of gross errors by their tests
 ============== ===================================================================
 
 Sources: Brown (1971) for (J.3); Triggs et al. (2000), Bundle adjustment - a modern synthesis;

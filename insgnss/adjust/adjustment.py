@@ -1,7 +1,7 @@
 """The iteration: Levenberg-Marquardt on the normal equations of a block."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,11 @@ from ..base.errors import DataError
 from ..records.block import Array
 from . import _kernels
 from .normals import Problem, assembled, corrections, cost
+from .start import directions, intersected
 from .unknowns import POINT, Unknowns
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-7, 1e10
-MOST_STEPS = 60
+MOST_STEPS, MOST_ROUNDS = 60, 4
 CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
 CONVERGED_COST = 1e-9  # of the cost, by a refused step
 
@@ -58,10 +59,13 @@ def adjusted(
 ) -> Adjusted:
     """Adjust a block.
 
+    Image observations that cannot take part at the first values (of a point behind its camera,
+    say, because the first attitude is off) are tried again when the others have converged.
+
     Parameters
     ----------
     problem : Problem
-        The observations; those that are not valid at the first values do not take part.
+        The observations.
     values : Unknowns
         First values of all unknowns; points without a first value (NaN) do not take part.
     progress : callable, optional
@@ -75,19 +79,67 @@ def adjusted(
     Raises
     ------
     DataError
-        The observations do not determine the unknowns, or the iteration does not converge.
+        An image has no first values, the observations do not determine the unknowns, or the
+        iteration does not converge.
     """
-    problem = problem.with_active(valid(problem, values))
+    if not (finite := _oriented(values)).all():
+        names = [problem.block.images[i] for i in np.flatnonzero(~finite)]
+        raise DataError(
+            f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: no first values"
+            " of position and attitude; give them, or four points with coordinates that it sees"
+        )
+    steps, costs = 0, []
+    for _ in range(MOST_ROUNDS):
+        active = valid(problem, values)
+        result = _iterated(problem.with_active(active), values, steps, progress)
+        steps, values = result.iterations, result.values
+        costs.append(result.first_cost)
+        again = _intersected_again(problem, values)
+        if (valid(problem, again) == active).all():
+            break
+        values = again
+    return replace(result, first_cost=costs[0])
+
+
+def _oriented(values: Unknowns) -> NDArray[np.bool_]:
+    """Return which images have a pose (n,)."""
+    finite = np.isfinite(values.position).all(axis=1)
+    finite &= np.isfinite(values.C_mc).all(axis=(1, 2))
+    return np.asarray(finite)
+
+
+def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
+    """Return the values with points that did not take part intersected from the adjusted poses."""
+    missing = np.isnan(values.point[:, 0])
+    if not missing.any():
+        return values
+    seen = problem.block.observations
+    rows = missing[seen.point]
+    cameras = values.cameras(problem.block.cameras)
+    xy = directions(problem.block, cameras)[rows]
+    point = intersected(
+        values.position, values.C_mc, xy, seen.image[rows], seen.point[rows], missing.size
+    )
+    return values.with_points(np.where(missing[:, None], point, values.point))
+
+
+def _iterated(
+    problem: Problem,
+    values: Unknowns,
+    steps: int,
+    progress: Callable[[int, float], None] | None,
+) -> Adjusted:
+    """Iterate with the observations that are active, which are valid at the first values."""
     missing = ~problem.determined
     values = values.with_points(np.where(missing[:, None], 0.0, values.point))
     now, _ = cost(problem, values)
     first, freedom = now, max(redundancy_of(problem), 1)
     damping = 0.0
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(steps + 1, steps + MOST_STEPS + 1):
         try:
             dx, dp, predicted = _step(problem, values, damping)
         except DataError:
-            if damping > 0.0 or step > 1:
+            if damping > 0.0 or step > steps + 1:
                 raise
             # first values may be singular where the solution is not
             damping = FIRST_DAMPING

@@ -1,21 +1,25 @@
 """First values: forward intersection of points, resection of images."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.rotation import skew
-from ..records.block import Array, ImageBlock
+from ..records.block import Array, BrownCamera, ImageBlock
 from .camera import rays_of
 from .unknowns import Unknowns
 
 
-def directions(block: ImageBlock) -> Array:
+def directions(block: ImageBlock, cameras: Sequence[BrownCamera] = ()) -> Array:
     """Return the rays of all image observations of a block.
 
     Parameters
     ----------
     block : ImageBlock
         The block.
+    cameras : sequence of BrownCamera
+        Cameras in the place of its own, such as adjusted ones.
 
     Returns
     -------
@@ -24,7 +28,7 @@ def directions(block: ImageBlock) -> Array:
     """
     xy = np.empty((len(block.observations), 2))
     of_camera = block.camera[block.observations.image]
-    for c, camera in enumerate(block.cameras):
+    for c, camera in enumerate(cameras or block.cameras):
         rows = of_camera == c
         xy[rows] = rays_of(camera, block.observations.uv[rows])
     return xy
