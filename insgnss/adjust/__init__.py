@@ -65,6 +65,7 @@ Precision
 camera         (J.3) to (J.5) on arrays: rays of pixels, pixels of rays, the fold
 unknowns       values of the unknowns, and where each stands in the normal matrix
 groups         observation groups: poses, ground control, interior orientation
+aerial         observation groups: strips of poses through the mounting
 _kernels       image observations: residual, Jacobian, (J.6), (J.7)
 normals        assembly and solution of the normal equations
 adjustment     the iteration, and its result
