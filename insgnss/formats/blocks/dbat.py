@@ -238,6 +238,7 @@ def _image_points(
         value = {name: table.values[:, k] for k, name in enumerate(columns)}
         images = _row_of(table, _whole(table, value["im"], "image"), order)
         points = _whole(table, value["id"], "point")
+        _once(table, images, points, value["im"])
         both = element.get("sxy") or "1"
         try:
             sigma = np.full((len(images), 2), float(both))
@@ -249,6 +250,21 @@ def _image_points(
         yield images, points, np.column_stack([value["x"], value["y"]]), sigma
     if empty:
         raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
+
+
+def _once(
+    table: Table, images: NDArray[np.int64], points: NDArray[np.int64], numbers: Array
+) -> None:
+    """Refuse a table in which an image has two measurements of one point."""
+    order = np.lexsort((points, images))
+    twice = (np.diff(images[order]) == 0) & (np.diff(points[order]) == 0)
+    if twice.any():
+        row = int(order[1:][twice].min())
+        raise table.error_at(
+            row,
+            f"point {points[row]} is measured twice in image {numbers[row]:.0f}; delete one of the"
+            " lines",
+        )
 
 
 def _ground(
