@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from ..base.errors import DataError
 from ..records.block import Array
 from . import _kernels
-from .normals import Problem, assembled, corrections, cost
+from .normals import Problem, assembled, corrections, cost, factorised
 from .start import directions, intersected
 from .unknowns import POINT, Unknowns
 
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-7, 1e10
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-9, 1e10
+RAISED, GOOD_GAIN = 20.0, 0.5
 MOST_STEPS, MOST_ROUNDS = 60, 4
 CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
 CONVERGED_COST = 1e-9  # of the cost, by a refused step
@@ -149,20 +150,23 @@ def _iterated(
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
         negligible = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        gain = (now - new) / predicted if predicted > 0.0 else 0.0
         if accepted:
             values, now = trial, new
         if progress is not None:
             progress(step, now)
         if (negligible and damping == 0.0) or (small and not accepted):
             break
-        if accepted:
-            damping = 0.1 * damping if damping > 10.0 * LEAST_DAMPING else 0.0
-        else:
-            damping = max(10.0 * damping, FIRST_DAMPING)
+        if not accepted:
+            damping = max(RAISED * damping, LEAST_DAMPING)
             if damping > MOST_DAMPING:
                 raise DataError(_not_converged(step, first, now))
+        elif gain > GOOD_GAIN:
+            damping = damping / RAISED if damping > LEAST_DAMPING else 0.0
     else:
         raise DataError(_not_converged(MOST_STEPS, first, now))
+    if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
+        factorised(problem, assembled(problem, values))
     point = np.where(missing[:, None], np.nan, values.point)
     return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
 
@@ -187,7 +191,8 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
     """Return which active observations can take part, in the order of rays.
 
     These are observations of points with a first value before the camera and within the fold of its
-    polynomial, if at least two of them, or one and a group, see the point.
+    polynomial, that appear less than the image's size from where they were measured, if at least
+    two of them, or one and a group, see the point.
 
     Parameters
     ----------
@@ -201,7 +206,9 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
     """
     e = np.empty_like(problem.rays.uv)
     _kernels.residuals(problem.rays, values.kernel_values(), e)
+    size = np.array([max(c.width, c.height) for c in problem.block.cameras], dtype=np.float64)
     good = problem.rays.active & np.isfinite(e).all(axis=1)
+    good &= np.abs(e).max(axis=1) < size[problem.rays.camera[problem.rays.image]]
     observed = np.zeros(len(problem.block.points), dtype=bool)
     for group in problem.groups:
         observed[[row for name, row in group.keys if name == POINT]] = True

@@ -61,8 +61,11 @@ def nees(e, P):
 
 
 def test_covariances_cover_the_errors_of_thirty_blocks() -> None:
-    """Oracle: chi-square, 99 %: poses, points and camera of 30 blocks; sigma_0 and components."""
-    poses, points, cameras, costs, freedom, n_points = [], [], [], 0.0, 0, 0
+    """Oracle: chi-square, 99 %: poses, points and camera of 30 blocks, sigma_0; components and the
+    variance of w are one.
+    """
+    poses, points, cameras, costs, freedom = [], [], [], 0.0, 0
+    w: dict[str, list[np.ndarray]] = {}
     component: dict[str, list[float]] = {}
     for seed in range(30):
         made, result, precision = one_block(seed)
@@ -73,20 +76,26 @@ def test_covariances_cover_the_errors_of_thirty_blocks() -> None:
         rows = [INTERIOR.index(name) for name in CALIBRATED]
         e = (made.truth.interior - result.values.interior)[0, rows]
         cameras.append(nees(e, precision.cov(("camera", 0))))
-        for p in np.flatnonzero(np.isfinite(precision.point_cov[:, 0, 0]))[::7]:
-            e = made.truth.point[p] - result.values.point[p]
-            points.append(nees(e, precision.point_cov[p]))
-            n_points += 3
+        seen = np.flatnonzero(np.isfinite(precision.point_cov[:, 0, 0]))
+        p = seen[seed % seen.size]  # one: those of a block share the errors of its poses
+        points.append(nees(made.truth.point[p] - result.values.point[p], precision.point_cov[p]))
         costs += result.cost
         freedom += result.redundancy
+        for test in precision.groups:
+            w.setdefault(test.name, []).append(test.w)
+        w.setdefault("image observations", []).append(precision.w[np.isfinite(precision.w)])
         for found in precision.components():
             component.setdefault(found.name, []).append(found.variance)
-    for total, count in [(poses, 30 * 48), (cameras, 30 * 4), (points, n_points)]:
+    for total, count in [(poses, 30 * 48), (cameras, 30 * 4), (points, 30 * 3)]:
         assert within_99_percent(sum(total), count)
     assert within_99_percent(costs, freedom)
     assert set(component) == {
         *("image observations", "ground control", "pose", "interior orientation")
     }
+    for name, values in w.items():
+        values = np.concatenate(values)
+        # within an adjustment they are correlated: four standard deviations of independent ones
+        assert np.mean(values**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / values.size)), name
     for name in ("image observations", "pose"):
         assert 0.9 < np.mean(component[name]) < 1.1
 
