@@ -47,7 +47,8 @@ Normal equations
     them; a point that a group ties to other unknowns stays in S (`unknowns`).
 Iteration
     Levenberg-Marquardt: the diagonals of U and V are enlarged by the factor 1 + lambda. A step that
-    lowers the cost c = e^T P e is taken and lambda lowered; another is refused and lambda raised.
+    lowers the cost c = e^T P e is taken and lambda lowered, to zero where that does; another is
+    refused and lambda raised.
     The iteration has converged where the undamped step moves no unknown by more than a thousandth
     of its standard deviation, dx^T N dx < 1e-6 sigma_0^2, or where a refused step changes c by less
     than 1e-9 c (`adjustment`).

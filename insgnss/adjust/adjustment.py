@@ -14,7 +14,7 @@ from .start import directions, intersected
 from .unknowns import POINT, Unknowns
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-9, 1e10
-RAISED, GOOD_GAIN = 20.0, 0.5
+RAISED, LOWERED = 3.0, 0.2  # a refused step after another raises twice as much (Nielsen 1999)
 MOST_STEPS, MOST_ROUNDS = 60, 4
 CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
 CONVERGED_COST = 1e-9  # of the cost, by a refused step
@@ -135,14 +135,14 @@ def _iterated(
     values = values.with_points(np.where(missing[:, None], 0.0, values.point))
     now, _ = cost(problem, values)
     first, freedom = now, max(redundancy_of(problem), 1)
-    damping = 0.0
+    damping, raised, negligible = 0.0, RAISED, False
     for step in range(steps + 1, steps + MOST_STEPS + 1):
         try:
             dx, dp, predicted = _step(problem, values, damping)
         except DataError:
-            if damping > 0.0 or step > steps + 1:
+            if damping > 0.0 or negligible:
                 raise
-            # first values may be singular where the solution is not
+            # a place on the way may be singular where the solution is not
             damping = FIRST_DAMPING
             dx, dp, predicted = _step(problem, values, damping)
         trial = values.moved(problem.layout, dx, dp)
@@ -157,12 +157,14 @@ def _iterated(
             progress(step, now)
         if (negligible and damping == 0.0) or (small and not accepted):
             break
-        if not accepted:
-            damping = max(RAISED * damping, LEAST_DAMPING)
+        if accepted:
+            damping *= max(LOWERED, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
+            damping = damping if damping > LEAST_DAMPING and not negligible else 0.0
+            raised = RAISED
+        else:
+            damping, raised = max(raised * damping, LEAST_DAMPING), 2.0 * raised
             if damping > MOST_DAMPING:
                 raise DataError(_not_converged(step, first, now))
-        elif gain > GOOD_GAIN:
-            damping = damping / RAISED if damping > LEAST_DAMPING else 0.0
     else:
         raise DataError(_not_converged(MOST_STEPS, first, now))
     if damping > 0.0:  # a damped step has a solution where the unknowns are not determined

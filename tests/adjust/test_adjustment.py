@@ -300,6 +300,8 @@ def test_a_block_without_datum_is_refused_by_name(seed):
         adjusted(problem_of(made.block), first_values(made.block))
     held = np.zeros((len(made.block.images), 6), dtype=bool)
     held[0] = True
+    with pytest.raises(DataError, match="is not determined by the observations"):
+        adjusted(problem_of(replace(made.block, held=held)), made.truth)  # scale is missing
     held[2, 0] = True
     block = replace(made.block, held=held)
     result = adjusted(problem_of(block), made.truth)
