@@ -4,7 +4,9 @@ A few gross errors of many pixels hide each other and bend the whole block. So t
 with Huber's weights of a robust scale first (the median of the whitened residuals' lengths), and
 what lies far off then does not take part. After that Baarda's w decides: of each object point the
 observation with the largest w beyond the limit is rejected, all others are adjusted again, and so
-on until none is left. What was rejected is never taken again in silence: it is in the result.
+on until none is left. Of three rays that contradict each other nothing tells which one is wrong,
+and two that are left would fit whatever they are: such a point is rejected with all of its rays,
+unless a group observes it. What was rejected is in the result.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +19,7 @@ from . import _kernels
 from .adjustment import Adjusted, adjusted
 from .normals import Problem
 from .precision import Precision, precision_of
-from .unknowns import Unknowns
+from .unknowns import POINT, Unknowns
 
 LIMIT_W = 4.0
 """Of a thousand good observations one in fifteen is rejected by it."""
@@ -90,6 +92,7 @@ def without_outliers(
             break
     off, unit = _lengths(result, given)
     active &= ~(off > FAR * unit)
+    active &= ~_left_alone(problem, active)
     problem = replace(problem, rays=given)
     for _ in range(MOST_REJECTIONS):
         result = adjusted(problem.with_active(active), values)
@@ -99,6 +102,7 @@ def without_outliers(
         if not worst.any():
             break
         active &= ~worst
+        active &= ~_left_alone(problem, active)
     rejected = np.sort(problem.order[given.active & ~active])
     return Cleaned(precision, rejected)
 
@@ -117,6 +121,17 @@ def _kept_values(result: Adjusted, before: Unknowns) -> Unknowns:
     """Return adjusted values; points that did not take part keep their first ones."""
     point = result.values.point
     return result.values.with_points(np.where(np.isnan(point), before.point, point))
+
+
+def _left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rays of points that rejections left two of at most, and that no group observes."""
+    m = problem.rays.start.size - 1
+    point = np.repeat(np.arange(m), np.diff(problem.rays.start))
+    left = np.bincount(point[active], minlength=m)
+    alone = (left <= 2) & (left < np.bincount(point[problem.rays.active], minlength=m))
+    for group in problem.groups:
+        alone[[row for name, row in group.keys if name == POINT]] = False
+    return np.asarray(active & alone[point])
 
 
 def _worst_of_points(problem: Problem, w: Array, limit: float) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ SHAPE = {"strips": 2, "images": 6, "points": 150, "control": 8}
 
 def test_gross_errors_are_rejected_and_little_else() -> None:
     """Oracle: the planted errors, 2 % of the observations, of 5 to 300 pixels. All that exceed
-    twice their minimal detectable bias go, fewer than 1 % of the good ones.
+    twice their minimal detectable bias go, and fewer than 0.5 % of what belongs to other points.
     """
     made = simulated(31, cameras=(camera(free=("f", "k1")),), **SHAPE)
     groups = control_points(made.block.control)
@@ -33,11 +33,13 @@ def test_gross_errors_are_rejected_and_little_else() -> None:
     cleaned = without_outliers(problem_of(block, groups), first_values(block))
     visible = planted[size > 2.0 * good.detectable_px[planted].max(axis=1)]
     assert visible.size > 5
-    # of a point with two rays either may be the wrong one: the point is told by both
+    # two rays of which one is wrong across the base intersect somewhere else
     rays = np.bincount(block.observations.point, minlength=len(block.points))
     certain = visible[rays[block.observations.point[visible]] > 2]
     assert set(certain) <= set(cleaned.rejected)
-    assert len(set(cleaned.rejected) - set(planted)) < 0.01 * n
+    at_fault = np.unique(block.observations.point[planted])
+    others = ~np.isin(block.observations.point[cleaned.rejected], at_fault)
+    assert others.sum() < 0.005 * n
     assert 0.9 < cleaned.result.sigma0 < 1.1
 
 
@@ -55,7 +57,8 @@ def test_a_small_gross_error_is_rejected_by_its_w() -> None:
     uv[row, 0] += np.sign(good.w[row, 0]) * 1.5 * good.detectable_px[row, 0]
     block = with_pixels(made.block, uv)
     cleaned = without_outliers(problem_of(block, groups), made.truth)
-    assert cleaned.rejected.tolist() == [row]
+    assert row in cleaned.rejected
+    assert cleaned.rejected.size <= 4  # and one coordinate in 16 000, with its point
 
 
 def test_good_observations_stay() -> None:
