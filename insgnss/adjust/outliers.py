@@ -24,8 +24,9 @@ from .unknowns import POINT, Unknowns
 LIMIT_W = 4.0
 """Of a thousand good observations one in fifteen is rejected by it."""
 HUBER = 2.0
-FAR = 8.0
-"""Standard deviations by the robust scale beyond which an observation does not start."""
+FAR = 12.0
+"""Units of the robust scale beyond which an observation does not start: seven standard deviations,
+as residuals are smaller than errors."""
 ROBUST_ROUNDS, MOST_REJECTIONS = 6, 20
 MEDIAN_LENGTH = 1.1774  # of two standard normal components
 
