@@ -75,6 +75,7 @@ INNER = {  # folders inside rooms, from below; a folder stands on those before i
         "arrays",
         "logs",
         "bundle",
+        "blocks",
         "gis",
         "images",
         "experimental",

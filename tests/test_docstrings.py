@@ -13,7 +13,7 @@ from numpydoc_sections import documented, parameters, sections
 import insgnss
 
 ROOT = Path(insgnss.__file__).parent
-ROOMS = ("records", "geodesy", "orient", "navigation")
+ROOMS = ("records", "geodesy", "orient", "navigation", "adjust")
 FEWEST = 150
 """Functions and classes there are at least; fewer mean that the search is broken."""
 
@@ -29,7 +29,7 @@ def modules() -> Iterator[str]:
 def has_documentation(thing: Any) -> bool:
     """Tell whether a value is a function, a compiled kernel or a class that takes arguments."""
     if inspect.isclass(thing):
-        return not issubclass(thing, Enum | Exception)
+        return not issubclass(thing, Enum | Exception) and not getattr(thing, "_is_protocol", False)
     return inspect.isfunction(getattr(thing, "py_func", thing))
 
 

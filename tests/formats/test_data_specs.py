@@ -12,6 +12,7 @@ from oracles import oracle
 
 from insgnss.base.errors import InputError
 from insgnss.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
+from insgnss.formats.blocks.dbat import read_dbat
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
@@ -93,6 +94,31 @@ def test_rinex_page(tmp_path: Path) -> None:
     assert read_navigation(tmp_path / "x.18n").satellite.tolist() == ["G05"]
 
 
+def test_dbat_page(tmp_path: Path) -> None:
+    """Oracle: the numbers of the page's script and tables, by eye: 156 pixels in a millimetre, the
+    y of P2 turned down, the longest coordinate between the two images held.
+    """
+    for kind, name in (("script", "block.xml"), ("images", "images.txt"), ("eo", "eo.txt")):
+        (tmp_path / name).write_text(block("dbat", kind))
+    (tmp_path / "points.txt").write_text(block("dbat", "true"))
+    got = read_dbat(tmp_path / "block.xml")
+    (camera,) = got.cameras
+    assert camera.interior.tolist() == pytest.approx(
+        [24.3581 * 156, 18.1143 * 156, 12 * 156, 0, 0, 2.174e-4, -1.518e-7, 0, 0, 1e-5, -2e-5]
+    )
+    assert camera.backward
+    assert camera.unit_px == 156.0
+    assert camera.free == ("f", "cx", "cy", "k1", "k2")
+    assert got.images == ("IMG_0087.JPG", "IMG_0088.JPG")
+    assert got.held.tolist() == [[True] * 6, [False, True, False, False, False, False]]
+    assert got.observations.uv[1].tolist() == [2568.26, 1866.7021]
+    assert got.observations.sigma_px.tolist() == [[0.5, 0.5]] * 2
+    (tmp_path / "points.txt").write_text(block("dbat", "true") + block("dbat", "bad"))
+    with pytest.raises(InputError) as refusal:
+        read_dbat(tmp_path / "block.xml")
+    assert block("dbat", "message").strip() in str(refusal.value)
+
+
 def test_eo_json_page(tmp_path: Path) -> None:
     """Oracle: the page of the format."""
     path = tmp_path / "eo.json"
@@ -148,6 +174,7 @@ def test_every_page_is_tested() -> None:
     written = {form.page for form in EXPORTS.values()}
     tested = {
         *READERS,
+        "dbat",
         "sbet",
         "eo_json",
         "matlab",

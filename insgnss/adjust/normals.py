@@ -1,0 +1,418 @@
+"""Normal equations of a block: assembled from image observations and groups, and solved (J.6)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import DataError
+from ..records.block import INTERIOR, Array, ImageBlock
+from . import _kernels
+from .groups import ObservationGroup
+from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
+
+SMALLEST_EIGENVALUE = 1e-14
+"""Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
+1e-16; a strip of 60 images that hangs on three control points in a line has 1e-13, a good block
+1e-5."""
+POSE_NAMES = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What an adjustment minimises.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        Cameras, images and image observations.
+    groups : tuple of ObservationGroup
+        All other observations.
+    layout : Layout
+        Where the unknowns stand.
+    rays : Rays
+        Image observations in the order of their points, as the kernels take them.
+    order : ndarray of int
+        Row of the block's image observations of each of `rays`.
+    """
+
+    block: ImageBlock
+    groups: tuple[ObservationGroup, ...]
+    layout: Layout
+    rays: _kernels.Rays
+    order: NDArray[np.int64]
+
+    def with_active(self, active: NDArray[np.bool_]) -> "Problem":
+        """Return the problem with other image observations taking part.
+
+        Parameters
+        ----------
+        active : ndarray of bool, (n,)
+            Which take part, in the order of `rays`.
+
+        Returns
+        -------
+        Problem
+            The same otherwise.
+        """
+        return Problem(
+            self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
+        )
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(m,) which object points take part: seen, or observed by a group."""
+        seen = np.zeros(len(self.block.points), dtype=bool)
+        points = np.repeat(np.arange(seen.size), np.diff(self.rays.start))
+        seen[points[self.rays.active]] = True
+        for group in self.groups:
+            seen[[row for name, row in group.keys if name == POINT]] = True
+        return seen
+
+
+def problem_of(
+    block: ImageBlock,
+    groups: Sequence[ObservationGroup] = (),
+    blocks: Mapping[Key, Array] | None = None,
+) -> Problem:
+    """Return the problem of a block and its groups.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        Cameras, images and image observations.
+    groups : sequence of ObservationGroup
+        All other observations, ground control among them.
+    blocks : mapping, optional
+        Values of the unknowns that groups bring.
+
+    Returns
+    -------
+    Problem
+        With all image observations active.
+    """
+    layout = layout_of(block, blocks or {}, [group.keys for group in groups])
+    seen = block.observations
+    order = np.argsort(seen.point, kind="stable")
+    rays = _kernels.Rays(
+        np.searchsorted(seen.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
+        seen.image[order],
+        np.ascontiguousarray(seen.uv[order]),
+        1.0 / seen.sigma_px[order],
+        np.ones(len(seen), dtype=bool),
+        np.ascontiguousarray(block.camera, dtype=np.int64),
+        np.array([camera.backward for camera in block.cameras]),
+        np.array([camera.unit_px for camera in block.cameras], dtype=np.float64),
+        layout.columns,
+        layout.kept,
+    )
+    return Problem(block, tuple(groups), layout, rays, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Normals:
+    """Normal equations at one place, points eliminated with one damping.
+
+    Parameters
+    ----------
+    S : (u, u) normal matrix, its lower triangle, not damped on its diagonal.
+    g : (u,) J^T P e of its columns.
+    g_reduced : (u,) the same with the points eliminated.
+    diagonal : (u,) diagonal of U.
+    own_V, own_g : (m, 3, 3), (m, 3) what groups say of each point alone.
+    gp : (m, 3) right-hand sides of the points.
+    damping : lambda.
+    """
+
+    S: Array
+    g: Array
+    g_reduced: Array
+    diagonal: Array
+    own_V: Array
+    own_g: Array
+    gp: Array
+    damping: float
+
+
+def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Normals:
+    """Assemble the normal equations.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        Where they are linearised.
+    damping : float
+        lambda; the diagonals of the points are enlarged by it before they are eliminated.
+
+    Returns
+    -------
+    Normals
+        The normal equations.
+
+    Raises
+    ------
+    DataError
+        An object point is not determined by its rays.
+    """
+    u, m = problem.layout.size, len(problem.block.points)
+    S, g, reduced, diagonal = np.zeros((u, u)), np.zeros(u), np.zeros(u), np.zeros(u)
+    V_own, g_own = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    for group in problem.groups:
+        e, J = group.linearised(values)
+        weighted = group.weight @ J
+        N, right = J.T @ weighted, weighted.T @ e
+        (name, row), *others = group.keys
+        if name == POINT and not others and problem.layout.kept[row] < 0:
+            V_own[row] += N
+            g_own[row] += right
+            continue
+        columns, taken = columns_of(problem.layout, group.keys)
+        S[np.ix_(columns, columns)] += N[np.ix_(taken, taken)]
+        g[columns] += right[taken]
+        diagonal[columns] += np.diagonal(N)[taken]
+    gp = np.empty((m, 3))
+    singular = _kernels.normal_equations(
+        problem.rays,
+        values.kernel_values(),
+        damping,
+        V_own,
+        g_own,
+        _kernels.scratch_for(problem.rays, len(values.interior)),
+        S,
+        g,
+        reduced,
+        diagonal,
+        gp,
+    )
+    if singular >= 0:
+        raise DataError(
+            f"object point {problem.block.points[singular]}: its rays are parallel; leave it out"
+        )
+    return Normals(S, g, g + reduced, diagonal, V_own, g_own, gp, damping)
+
+
+def columns_of(
+    layout: Layout, keys: tuple[Key, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where the blocks of a group stand.
+
+    Parameters
+    ----------
+    layout : Layout
+        Where the unknowns stand.
+    keys : tuple
+        Blocks of the group.
+
+    Returns
+    -------
+    columns : ndarray of int
+        Columns of the normal matrix.
+    taken : ndarray of int
+        Columns of the group's Jacobian that belong to them; parameters of a camera that are no
+        unknowns have none.
+    """
+    columns, taken, offset = [], [], 0
+    for key in keys:
+        mine, parameters = layout.of(key)
+        columns.append(mine)
+        taken.append(offset + parameters)
+        offset += len(INTERIOR) if key[0] == CAMERA else mine.size
+    return np.concatenate(columns), np.concatenate(taken)
+
+
+def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Factorise the damped normal matrix of what is free.
+
+    Dense: some 1500 images. A sparse factorisation of larger blocks takes the place of this
+    function, of `corrections` and of `cofactors`, the only ones that use it.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    normals : Normals
+        What was assembled of them.
+
+    Returns
+    -------
+    L : ndarray, (f, f)
+        Lower triangle of the scaled matrix, scale N scale = L L^T.
+    scale : ndarray, (f,)
+        Inverse roots of the diagonal of U.
+    free : ndarray of int, (f,)
+        The columns that are free.
+
+    Raises
+    ------
+    DataError
+        A column is not determined, with its name.
+    """
+    from scipy.linalg import lapack
+
+    free = np.flatnonzero(~problem.layout.held)
+    diagonal = normals.diagonal[free]
+    if not (diagonal > 0.0).all():
+        raise DataError(_undetermined(problem, int(free[np.argmin(diagonal)])))
+    scale = 1.0 / np.sqrt(diagonal)
+    N = normals.S[np.ix_(free, free)] * scale
+    N *= scale[:, None]
+    N[np.diag_indices(free.size)] += normals.damping
+    # LAPACK counts columns first: the upper triangle of the transpose is our lower one
+    L, info = lapack.dpotrf(N.T, lower=0, overwrite_a=1, clean=1)
+    if info > 0:
+        raise DataError(_undetermined(problem, int(free[info - 1])))
+    if free.size and normals.damping == 0.0:
+        eigenvalue, vector = _smallest(L)
+        if eigenvalue < SMALLEST_EIGENVALUE:
+            raise DataError(_undetermined(problem, int(free[np.argmax(np.abs(vector))])))
+    return L.T, scale, free
+
+
+def _smallest(L: Array) -> tuple[float, Array]:
+    """Return the smallest eigenvalue of L L^T, and its vector, by inverse iteration.
+
+    It is no smaller than the true one, and near it where that is far from the next: as it is where
+    something is not determined.
+    """
+    from scipy.linalg import lapack
+
+    n = len(L)
+    vector = np.cos(np.arange(n) * 2.399963)  # in no direction of its own
+    size = 1.0
+    for _ in range(4):
+        vector /= np.linalg.norm(vector)
+        vector, _ = lapack.dpotrs(L, vector, lower=0)
+        size = float(np.linalg.norm(vector))
+    return 1.0 / size, vector
+
+
+def unknown_name(problem: Problem, column: int) -> str:
+    """Return the name of a column's unknown for people.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    column : int
+        Column of the normal matrix.
+
+    Returns
+    -------
+    str
+        Such as "k1 of camera P1" or "Z of image 8001.tif".
+    """
+    name, row = problem.layout.names()[column]
+    position = column - int(problem.layout.of((name, row))[0][0])
+    if name == POSE:
+        return f"{POSE_NAMES[position]} of image {problem.block.images[row]}"
+    if name == CAMERA:
+        parameter = INTERIOR[problem.layout.columns[position]]
+        return f"{parameter} of camera {problem.block.cameras[row].name}"
+    if name == POINT:
+        return f"{'XYZ'[position]} of point {problem.block.points[row]}"
+    return f"component {position} of {name} {row}"
+
+
+def _undetermined(problem: Problem, column: int) -> str:
+    """Say which unknown the observations do not determine."""
+    return (
+        f"{unknown_name(problem, column)} is not determined by the observations: the block lacks"
+        " control, or is held together by too few points; give ground control or aerial control, or"
+        " hold a pose"
+    )
+
+
+def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[Array, Array]:
+    """Solve the normal equations.
+
+    Parameters
+    ----------
+    problem, values, normals
+        The observations, where they were linearised, and what was assembled there.
+
+    Returns
+    -------
+    dx : ndarray, (u,)
+        Corrections of all columns; zero where they are held.
+    dp : ndarray, (m, 3)
+        Corrections of all points, m.
+    """
+    from scipy.linalg import solve_triangular
+
+    L, scale, free = factorised(problem, normals)
+    y = solve_triangular(L, scale * normals.g_reduced[free], lower=True, check_finite=False)
+    dx = np.zeros(problem.layout.size)
+    dx[free] = scale * solve_triangular(L, y, lower=True, trans="T", check_finite=False)
+    dp = np.zeros((len(problem.block.points), 3))
+    _kernels.back_substitute(
+        problem.rays,
+        values.kernel_values(),
+        normals.damping,
+        normals.own_V,
+        normals.own_g,
+        _kernels.scratch_for(problem.rays, len(values.interior)),
+        dx,
+        dp,
+    )
+    return dx, dp
+
+
+def cofactors(problem: Problem, normals: Normals) -> Array:
+    """Compute the cofactors of all unknowns but eliminated points.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    normals : Normals
+        What was assembled of them, not damped.
+
+    Returns
+    -------
+    ndarray, (u, u)
+        S^-1; zero in rows and columns of what is held.
+
+    Raises
+    ------
+    DataError
+        A column is not determined, with its name.
+    """
+    from scipy.linalg import lapack
+
+    L, scale, free = factorised(problem, normals)
+    inverse, _ = lapack.dpotri(L.T, lower=0, overwrite_c=0)
+    inverse = np.triu(inverse) * scale * scale[:, None]
+    inverse += np.triu(inverse, 1).T
+    if free.size == problem.layout.size:
+        return np.asarray(inverse)
+    Q = np.zeros((problem.layout.size,) * 2)
+    Q[np.ix_(free, free)] = inverse
+    return Q
+
+
+def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
+    """Compute e^T P e of all observations.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        The values of the unknowns.
+
+    Returns
+    -------
+    cost : float
+        e^T P e.
+    invalid : int
+        Number of active image observations without residual: behind the camera, or beyond the fold.
+    """
+    e = np.empty_like(problem.rays.uv)
+    total, invalid = _kernels.residuals(problem.rays, values.kernel_values(), e)
+    for group in problem.groups:
+        r, _ = group.linearised(values)
+        total += float(r @ group.weight @ r)
+    return float(total), int(invalid)

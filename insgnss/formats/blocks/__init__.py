@@ -1,0 +1,1 @@
+"""Image blocks: image observations, cameras and ground control of programs of photogrammetry."""

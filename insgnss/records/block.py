@@ -1,0 +1,257 @@
+"""An image block: cameras, images, image observations and ground control, as `adjust` takes it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import InputError
+from ._checked import Array, frozen
+
+INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+"""Parameters of interior orientation, in the order of their arrays."""
+
+
+@dataclass(frozen=True, eq=False)
+class BrownCamera:
+    """A frame camera with Brown's distortion; equations (J.3) to (J.5) of `insgnss.adjust`.
+
+    Pixels count from the outer corner of the upper left one, u to the right, v down: the centre of
+    that pixel is (0.5, 0.5).
+
+    Parameters
+    ----------
+    name : str
+        The camera's name.
+    width, height : int
+        Size of its images, pixels.
+    interior : array_like
+        (11,) values of `INTERIOR`: camera constant f and principal point cx, cy in pixels; b1, b2
+        in pixels of a forward camera, without unit of a backward one; k1 to k4, p1, p2 of lengths
+        in units of f (forward) or of `unit_px` (backward), y down. p1 belongs to r^2 + 2 x^2.
+    backward : bool
+        Whether the polynomial takes measured to ideal points.
+    unit_px : float
+        Pixels in the unit of a backward polynomial, such as those of a millimetre.
+    free : tuple of str
+        Parameters that an adjustment estimates; the others keep their values.
+
+    Raises
+    ------
+    InputError
+        A size, f or `unit_px` that is not positive, a name in `free` that is none of `INTERIOR`,
+        values that are not finite.
+    """
+
+    name: str
+    width: int
+    height: int
+    interior: Array
+    backward: bool = False
+    unit_px: float = 1.0
+    free: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        values = frozen(self, "interior", (len(INTERIOR),))
+        object.__setattr__(self, "free", tuple(self.free))
+        if min(self.width, self.height) <= 0 or values[0] <= 0.0 or not self.unit_px > 0.0:
+            raise InputError(
+                f"camera {self.name}: {self.width} x {self.height} pixels, f {values[0]:g} px, unit"
+                f" {self.unit_px:g} px; each must be positive"
+            )
+        if unknown := set(self.free) - set(INTERIOR):
+            raise InputError(
+                f"camera {self.name}: {', '.join(sorted(unknown))} is no parameter of interior"
+                f" orientation; there are {', '.join(INTERIOR)}"
+            )
+
+    def of(self, name: str) -> float:
+        """Return a parameter of interior orientation.
+
+        Parameters
+        ----------
+        name : str
+            One of `INTERIOR`.
+
+        Returns
+        -------
+        float
+            Its value.
+        """
+        return float(self.interior[INTERIOR.index(name)])
+
+    def with_(self, interior: ArrayLike) -> "BrownCamera":
+        """Return the camera with another interior orientation.
+
+        Parameters
+        ----------
+        interior : array_like, (11,)
+            Its values.
+
+        Returns
+        -------
+        BrownCamera
+            The same otherwise.
+        """
+        return replace(self, interior=np.asarray(interior, dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageObservations:
+    """Points measured in images.
+
+    Parameters
+    ----------
+    image, point : ndarray of int
+        (n,) rows of the block's images and object points.
+    uv : ndarray
+        (n, 2) pixels from the outer corner of the upper left pixel, right and down.
+    sigma_px : ndarray
+        (n, 2) standard deviations, pixels.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, values that are not finite, or a standard deviation that is not
+        positive.
+    """
+
+    image: NDArray[np.int64]
+    point: NDArray[np.int64]
+    uv: Array
+    sigma_px: Array
+
+    def __post_init__(self) -> None:
+        n = frozen(self, "uv", (None, 2)).shape[0]
+        frozen(self, "sigma_px", (n, 2))
+        for name in ("image", "point"):
+            rows = np.ascontiguousarray(getattr(self, name), dtype=np.int64).view()
+            if rows.shape != (n,) or (rows < 0).any():
+                raise InputError(f"ImageObservations.{name}: {n} rows from 0 must stand there")
+            rows.flags.writeable = False
+            object.__setattr__(self, name, rows)
+        if n and not self.sigma_px.min() > 0.0:
+            raise InputError(
+                f"ImageObservations.sigma_px: {self.sigma_px.min():g} px in row"
+                f" {int(self.sigma_px.min(axis=1).argmin())}; it must be positive"
+            )
+
+    def __len__(self) -> int:
+        """Return the number of observed points, each of two coordinates."""
+        return int(self.uv.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPoints:
+    """Points on the ground with coordinates and their covariance.
+
+    Parameters
+    ----------
+    point : ndarray of int
+        (n,) rows of the block's object points.
+    position_m : ndarray
+        (n, 3) coordinates in the axes of the block, m.
+    cov : ndarray
+        (n, 3, 3) covariance, m^2.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, values that are not finite, or a covariance that is not positive
+        definite.
+    """
+
+    point: NDArray[np.int64]
+    position_m: Array
+    cov: Array
+
+    def __post_init__(self) -> None:
+        n = frozen(self, "position_m", (None, 3)).shape[0]
+        frozen(self, "cov", (n, 3, 3))
+        rows = np.ascontiguousarray(self.point, dtype=np.int64)
+        if rows.shape != (n,):
+            raise InputError(f"GroundPoints.point: {rows.size} rows for {n} positions")
+        object.__setattr__(self, "point", rows)
+        if n and (smallest := np.linalg.eigvalsh(self.cov)[:, 0]).min() <= 0.0:
+            raise InputError(
+                f"GroundPoints.cov: of row {int(smallest.argmin())} not positive definite; give"
+                " each coordinate a standard deviation"
+            )
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return int(self.position_m.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class ImageBlock:
+    """Images of one or more cameras over common object points.
+
+    Axes are Cartesian (a tangent plane, or a local system of the object), right-handed. First
+    values of poses may be missing: their rows are not finite, and they come by resection.
+
+    Parameters
+    ----------
+    cameras : tuple of BrownCamera
+        The cameras.
+    images : tuple of str
+        (n,) names of the images.
+    camera : ndarray of int
+        (n,) row of each image's camera.
+    position_m : ndarray
+        (n, 3) first values of the projection centres, m; NaN where there are none.
+    C_mc : ndarray
+        (n, 3, 3) first values of the attitude, camera (x right, y down, z viewing direction) to the
+        axes of the block; NaN where there are none.
+    held : ndarray of bool
+        (n, 6) components of position and psi that keep their first values: the datum of a block
+        without control.
+    points : tuple of str
+        (m,) names of the object points.
+    observations : ImageObservations
+        What was measured in the images.
+    control, check : GroundPoints
+        Ground control points, and points with known coordinates that do not take part.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, or a row that points to what is not there.
+    """
+
+    cameras: tuple[BrownCamera, ...]
+    images: tuple[str, ...]
+    camera: NDArray[np.int64]
+    position_m: Array
+    C_mc: Array
+    held: NDArray[np.bool_]
+    points: tuple[str, ...]
+    observations: ImageObservations
+    control: GroundPoints
+    check: GroundPoints
+
+    def __post_init__(self) -> None:
+        n, m = len(self.images), len(self.points)
+        shapes = {"camera": (n,), "position_m": (n, 3), "C_mc": (n, 3, 3), "held": (n, 6)}
+        for name, shape in shapes.items():
+            if (got := np.shape(getattr(self, name))) != shape:
+                raise InputError(f"ImageBlock.{name}: shape {got}, expected {shape}")
+        rows = {
+            "camera": (self.camera, len(self.cameras)),
+            "observations.image": (self.observations.image, n),
+            "observations.point": (self.observations.point, m),
+            "control.point": (self.control.point, m),
+            "check.point": (self.check.point, m),
+        }
+        for name, (index, limit) in rows.items():
+            if index.size and (index.min() < 0 or index.max() >= limit):
+                raise InputError(
+                    f"ImageBlock.{name}: row {int(index.max())} of {limit}; it points to nothing"
+                )
+
+    @property
+    def oriented(self) -> NDArray[np.bool_]:
+        """(n,) which images have first values of position and attitude."""
+        finite = np.isfinite(self.position_m).all(axis=1)
+        finite &= np.isfinite(self.C_mc).all(axis=(1, 2))
+        return np.asarray(finite)

@@ -1,0 +1,86 @@
+"""Gross errors of image observations."""
+
+from dataclasses import replace
+
+import numpy as np
+from simulated_blocks import camera, simulated, with_pixels
+
+from insgnss.adjust.adjustment import adjusted
+from insgnss.adjust.groups import control_points
+from insgnss.adjust.normals import problem_of
+from insgnss.adjust.outliers import without_outliers
+from insgnss.adjust.precision import precision_of
+from insgnss.adjust.start import first_values
+from insgnss.geodesy.rotation import rotation_from_vector
+
+SHAPE = {"strips": 2, "images": 6, "points": 150, "control": 8}
+
+
+def test_gross_errors_are_rejected_and_little_else() -> None:
+    """Oracle: the planted errors, 2 % of the observations, of 5 to 300 pixels. All that exceed
+    twice their minimal detectable bias go, and fewer than 0.5 % of what belongs to other points.
+    """
+    made = simulated(31, cameras=(camera(free=("f", "k1")),), **SHAPE)
+    groups = control_points(made.block.control)
+    good = precision_of(adjusted(problem_of(made.block, groups), made.truth), 1.0)
+    rng = np.random.default_rng(2)
+    n = len(made.block.observations)
+    planted = rng.choice(n, n // 50, replace=False)
+    uv = made.block.observations.uv.copy()
+    size = np.exp(rng.uniform(np.log(5.0), np.log(300.0), planted.size))
+    uv[planted, rng.integers(0, 2, planted.size)] += size
+    block = with_pixels(made.block, uv)
+    cleaned = without_outliers(problem_of(block, groups), first_values(block))
+    visible = planted[size > 2.0 * good.detectable_px[planted].max(axis=1)]
+    assert visible.size > 5
+    # two rays of which one is wrong across the base intersect somewhere else
+    rays = np.bincount(block.observations.point, minlength=len(block.points))
+    certain = visible[rays[block.observations.point[visible]] > 2]
+    assert set(certain) <= set(cleaned.rejected)
+    at_fault = np.unique(block.observations.point[planted])
+    others = ~np.isin(block.observations.point[cleaned.rejected], at_fault)
+    assert others.sum() < 0.005 * n
+    assert 0.9 < cleaned.result.sigma0 < 1.1
+
+
+def test_a_small_gross_error_is_rejected_by_its_w() -> None:
+    """Oracle: the planted error of 1.03 minimal detectable biases, some five standard deviations,
+    in a point of many rays: too small for the robust weights.
+    """
+    made = simulated(34, cameras=(camera(free=()),), **SHAPE)
+    groups = control_points(made.block.control)
+    good = precision_of(adjusted(problem_of(made.block, groups), made.truth), 1.0)
+    seen = made.block.observations
+    many = np.bincount(seen.point)[seen.point] > 4
+    sound = (np.abs(good.w).max(axis=1) < 1.0) & (good.redundancy[:, 0] > 0.7)
+    row = int(np.flatnonzero(many & sound)[0])
+    uv = seen.uv.copy()
+    uv[row, 0] += np.sign(good.w[row, 0]) * 1.03 * good.detectable_px[row, 0]
+    block = with_pixels(made.block, uv)
+    cleaned = without_outliers(problem_of(block, groups), made.truth)
+    assert row in cleaned.rejected
+    assert cleaned.rejected.size <= 4  # and one coordinate in 16 000, with its point
+
+
+def test_good_observations_stay() -> None:
+    """Oracle: normal noise; at w = 4 one coordinate in 16 000 is rejected."""
+    made = simulated(32, cameras=(camera(free=()),), **SHAPE)
+    cleaned = without_outliers(
+        problem_of(made.block, control_points(made.block.control)), made.truth
+    )
+    assert cleaned.rejected.size <= 1
+
+
+def test_points_behind_their_camera_at_first_are_taken_when_poses_are_better() -> None:
+    """Oracle: the same block from true poses. The last image starts upside down."""
+    made = simulated(33, cameras=(camera(free=()),), **SHAPE)
+    problem = problem_of(made.block, control_points(made.block.control))
+    want = adjusted(problem, made.truth)
+    C = made.truth.C_mc.copy()
+    rays = made.block.observations.image == 3
+    few = made.truth.point.copy()
+    few[made.block.observations.point[rays][::2]] += (0.0, 0.0, 400.0)  # above the image
+    C[3] = rotation_from_vector([0.1, 0.0, 0.0]) @ C[3]
+    got = adjusted(problem, replace(made.truth, C_mc=C, point=few))
+    assert got.redundancy == want.redundancy
+    assert abs(got.cost - want.cost) < 1e-6 * want.cost
