@@ -14,6 +14,7 @@ from common import block_flight, median_cpu, one_thread
 
 from insgnss.align.initial import initial_state
 from insgnss.navigation.filter import make_history, run_filter
+from insgnss.navigation.layout import FixErrors
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import solve
 
@@ -27,7 +28,9 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=9)
     options = parser.parse_args()
 
-    case = block_flight(options.minutes)
+    # lever arm and stamps as `process` carries them by default
+    fix_errors = FixErrors(lever_arm_m=0.005, time_offset_s=2e-4)
+    case = block_flight(options.minutes, fix_errors=fix_errors)
     problem, start = case.problem, initial_state(case.problem).start
     solution = solve(problem, start)
     history = make_history(problem.epochs, problem.layout)

@@ -15,7 +15,7 @@ import numpy as np
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.navigation.epochs import make_epochs
 from insgnss.navigation.filter import gate_from_sigma
-from insgnss.navigation.layout import state_layout
+from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.problem import EstimationProblem
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.increments import body_increments, merge_marks
@@ -26,6 +26,7 @@ from insgnss.stochastic.model import load_noise_model
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 AXES = "right backward down"
+AS_KNOWN = FixErrors()  # no errors of the fixes among the states
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,17 @@ def one_thread() -> None:
         )
 
 
-def block_flight(minutes: float, rate_hz: float = 500.0, seed: int = 5, **changes: Any) -> Case:
+def block_flight(
+    minutes: float,
+    rate_hz: float = 500.0,
+    seed: int = 5,
+    fix_errors: FixErrors = AS_KNOWN,
+    **changes: Any,
+) -> Case:
     """The bar's flight: NavChip with turn-on biases (30 states), IMU axes permuted, 10 Hz fixes of
     2/2/3 cm, exposures.
 
+    fix_errors : errors of the fixes among the states.
     changes : fields of the flight plan, as in `simulate_flight`.
     """
     simulated = simulate_flight(
@@ -96,7 +104,7 @@ def block_flight(minutes: float, rate_hz: float = 500.0, seed: int = 5, **change
     marks, (at_fix, at_event) = merge_marks(fixes.time, simulated.events.time)
     frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
     inc = body_increments(simulated.imu, C_b_imu, marks)
-    layout = state_layout(load_noise_model("navchip"))
+    layout = state_layout(load_noise_model("navchip"), fixes=fix_errors)
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
     problem = EstimationProblem(
         inc, epochs, frame, layout, simulated.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1
