@@ -12,6 +12,7 @@ it reads no file. The modules follow the way of the search:
     turn_on_bias     the evidence for biases that the noise model lacks
     time_offset      the time offset that has to go into the stamps of the fixes
     decision         which candidate is adopted: `diagnose`
+    drift            what larger noise of the whole flight smooths over
     advice           the notes for the user: checks against the flight file, a message
     estimated        what a solution says of the constants and GNSS errors among its states
 """

@@ -15,6 +15,7 @@ from ..config.flight_file import Flight
 from ..diagnosis.candidates import with_layout
 from ..diagnosis.code_errors import code_errors, code_message
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure, rescue
+from ..diagnosis.drift import hidden_drift
 from ..diagnosis.incorrect_fixes import (
     Spell,
     incorrect_check,
@@ -215,8 +216,10 @@ def _solve(
     checks = (*checks, *noisy)
     if flight.gnss.stationary is None and not noisy:
         diagnosis = diagnose(search, start, solution)
+        drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
+        checks = checks if drift is None else (*checks, drift)
     if spells:
         checks = (*checks, incorrect_check(solution.problem, spells, True))
     if priced := undecided_spells(solution):

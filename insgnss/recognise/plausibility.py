@@ -79,6 +79,7 @@ NAMES = (
     "IMU scale factors",
     "IMU misalignments",
     "IMU noise",
+    "drift",
     "GNSS sigmas",
     "unseen constants",
     "incorrect fixes",

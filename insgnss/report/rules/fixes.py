@@ -34,6 +34,7 @@ ADOPTED = (
     "clock rate",
     "GNSS sigmas",
     "IMU noise",
+    "drift",
     "incorrect fixes",
 )
 ADOPTED_RANK = 2.0
