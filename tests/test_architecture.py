@@ -41,7 +41,8 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "adjust": BELOW_ALL | {"orient"},
     # formats: a simulated flight is written as a data set;
     # gnss: a simulated receiver flies under broadcast orbits
-    "simulation": BELOW_ALL | {"stochastic", "formats", "gnss", "orient"},
+    # adjust: pixels of its cameras
+    "simulation": BELOW_ALL | {"stochastic", "formats", "gnss", "orient", "adjust"},
     "report": BELOW_ALL,
 }
 ROOMS = set(STANDS_ON)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from ..base.errors import UsageError
 from .console import Progress
 from .verb import Verb, positive, show
 
@@ -39,6 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " from"
     )
     parser.add_argument("--raw-gnss", action="store_true", help=raw)
+    block = (
+        "write image observations, ground control and check points and a camera of ign8 or ign6x1"
+        " as well, with their truth"
+    )
+    parser.add_argument("--block", action="store_true", help=block)
+    parser.add_argument(
+        "--gross-errors",
+        type=float,
+        metavar="SHARE",
+        help="of --block: share of image observations that are off by 10 to 100 px (default: 0)",
+    )
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
     )
@@ -59,6 +71,12 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         from ..simulation.raw_gnss.scenario import RawGnssOptions
 
         arguments["raw_gnss"] = RawGnssOptions()
+    if options.block:
+        from ..simulation.image_block import BlockOptions
+
+        arguments["block"] = BlockOptions.of(options.flight, options.gross_errors or 0.0)
+    elif options.gross_errors is not None:
+        raise UsageError("--gross-errors is of image observations; give --block too")
     write_dataset(options.directory, imu_rate=options.imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
     message = f"{flight_file}\nnext: insgnss process {flight_file}"
@@ -69,7 +87,8 @@ VERB = Verb(
     "simulate",
     "write a simulated data set in the published tree, with the truth beside it",
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
-    " --minutes 15 --raw-gnss",
+    " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
+    " 0.01",
     add_arguments,
     run,
 )

@@ -10,10 +10,11 @@ The published tree (Figure 9 of paper 000), `flight.toml`, and the truth beside 
     01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv
     02_Processed/GPS-PPK/AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt,
         AntennaPos_Img_WGS84_tangentplane.txt
-    truth/EO_local-plane.txt, eo.npz, trajectory.npz, raw_gnss.npz
+    01_Observations/Camera/Block/image_points.csv, ground_points.csv, camera.toml    (with a block)
+    truth/EO_local-plane.txt, eo.npz, trajectory.npz, raw_gnss.npz, block.npz, camera.toml
 
-There are no images, no virtual reference station and no raw IMU files: nothing of theirs is
-simulated.
+With a block the ground targets of Camera/GCPs are those that its images show. There are no images,
+no virtual reference station and no raw IMU files: nothing of theirs is simulated.
 """
 
 import os
@@ -27,6 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
+from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.blocks.ground_points import write_ground_points
+from ..formats.blocks.image_points import write_image_points
 from ..formats.events.events import write_events
 from ..formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..formats.text.text import format_rows
@@ -34,6 +38,7 @@ from ..geodesy.rotation import CV_RUB, opk_from_rotation
 from ..records import ImuSamples, Quantity
 from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
 from .description import (
+    BLOCK,
     EVENTS,
     FIXES,
     IMU,
@@ -48,6 +53,7 @@ from .description import (
     true_tables,
 )
 from .faults import ImuFaults, RowFaults
+from .image_block import BlockOptions, SimulatedBlock, simulate_block
 from .layout import FlightPlan
 from .raw_gnss.receiver import GnssOptions
 from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, write_observations
@@ -64,11 +70,15 @@ _RELIEF_M = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """A written data set: its directory, its flight file, and what it was made of."""
+    """A written data set: its directory, its flight file, and what it was made of.
+
+    `block` is None where there is none.
+    """
 
     directory: Path
     flight_file: Path
     simulated: SimulatedFlight
+    block: SimulatedBlock | None = None
 
 
 def write_dataset(
@@ -93,6 +103,7 @@ def write_dataset(
     imu_rows: RowFaults | None = None,
     gnss_rows: RowFaults | None = None,
     flight_file: Tables | None = None,
+    block: BlockOptions | None = None,
     **changes: Any,
 ) -> Dataset:
     """Simulate a flight and write it as a data set that `flight.toml` describes.
@@ -107,7 +118,7 @@ def write_dataset(
         positions; None: none.
     imu_rate : Hz.
     noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
-    imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in
+    imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file, block : as in
     `write_simulated`; SI units by default.
 
     Raises
@@ -140,6 +151,7 @@ def write_dataset(
         imu_rows=imu_rows,
         gnss_rows=gnss_rows,
         flight_file=flight_file,
+        block=block,
     )
 
 
@@ -152,6 +164,7 @@ def write_simulated(
     imu_rows: RowFaults | None = None,
     gnss_rows: RowFaults | None = None,
     flight_file: Tables | None = None,
+    block: BlockOptions | None = None,
 ) -> Dataset:
     """Write what was simulated as a data set; whole or not at all.
 
@@ -162,11 +175,13 @@ def write_simulated(
     imu_rows, gnss_rows : disorder of the rows of the IMU and the GNSS file.
     flight_file : tables of keys that take the place of the true ones, to write a wrong flight file
         or to ask for more in it.
+    block : what is measured in the images; None: nothing. It changes no file of the flight.
 
     Raises
     ------
     UsageError
-        Where the directory is not empty or cannot be written, or the flight has no exposure.
+        Where the directory is not empty or cannot be written, the flight has no exposure, or a
+        block is asked of what is no survey flight.
     """
     target = _target(directory)
     if not simulated.events.images:
@@ -174,9 +189,10 @@ def write_simulated(
     units = units or Units.of(simulated.imu_options.quantity, None, None)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     draws = np.random.default_rng([seed, 1])
+    seen = None if block is None else simulate_block(simulated, block, seed)
     try:
         temporary.mkdir(parents=True)
-        _write_tree(temporary, simulated, units, draws, flight_file or {})
+        _write_tree(temporary, simulated, units, draws, flight_file or {}, seen)
         for rows, file in ((imu_rows, imu_file(simulated)), (gnss_rows, FIXES)):
             if rows is not None:
                 rows.disturb(temporary / file, draws.spawn(1)[0])
@@ -187,7 +203,7 @@ def write_simulated(
         raise UsageError(f"{target}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    return Dataset(target, target / "flight.toml", simulated)
+    return Dataset(target, target / "flight.toml", simulated, seen)
 
 
 def _target(directory: str | os.PathLike[str]) -> Path:
@@ -203,6 +219,7 @@ def _write_tree(
     units: Units,
     rng: np.random.Generator,
     flight_file: Tables,
+    block: SimulatedBlock | None,
 ) -> None:
     for folder in (Path(EVENTS).parent, TARGETS, IMU, PPK, "truth"):
         (root / folder).mkdir(parents=True, exist_ok=True)
@@ -210,7 +227,11 @@ def _write_tree(
     _write_imu(root / imu_file(simulated), simulated.imu, units)
     write_gnss_text(simulated.gnss, root / FIXES)
     _write_antenna_at_images(root / PPK, simulated, rng)
-    _write_targets(root / TARGETS, simulated, rng)
+    targets = _targets(simulated, rng)
+    if block is not None:
+        targets = list(block.ground.points), block.ground.position_m
+        _write_block(root, block)
+    _write_targets(root / TARGETS, simulated, *targets)
     _write_truth(root / "truth", simulated)
     if simulated.raw_gnss is not None:
         _write_raw_gnss(root, RinexNames.of(simulated), simulated.raw_gnss)
@@ -224,8 +245,8 @@ def _write_tree(
         )
     texts = {
         "flight.toml": flight_toml(tables, flight_file),
-        "README.md": readme(simulated),
-        "FLIGHT.md": flight_md(simulated),
+        "README.md": readme(simulated, block is not None),
+        "FLIGHT.md": flight_md(simulated, block),
     }
     for name, text in texts.items():
         (root / name).write_text(text, encoding="utf-8", newline="\n")
@@ -301,37 +322,54 @@ def _write_antenna_at_images(
     write_image_positions(enu, folder / "AntennaPos_Img_WGS84_tangentplane.txt")
 
 
-def _write_targets(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:
-    """Write ground targets scattered under the exposures, on a ground of little relief."""
+def _targets(simulated: SimulatedFlight, rng: np.random.Generator) -> tuple[list[str], Array]:
+    """Names and positions of targets under the exposures, on a ground of little relief."""
     flight, plane = simulated.flight, simulated.tangent_plane
     position = flight.motion.position(flight.time)[
         np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)
     ]
     position[:, :2] += 0.12 * -position[:, 2:] * rng.standard_normal((_TARGETS, 2))
     position[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
-    lat, lon, height = flight.motion.frame.geodetic_from_position(position)
-    enu = plane.position_from_geodetic(lat, lon, height)
-    numbers = np.arange(1, _TARGETS + 1)
+    geodetic = flight.motion.frame.geodetic_from_position(position)
+    return [str(k + 1) for k in range(_TARGETS)], plane.position_from_geodetic(*geodetic)
+
+
+def _write_targets(folder: Path, simulated: SimulatedFlight, names: list[str], enu: Array) -> None:
+    """Write ground targets in both frames."""
+    lat, lon, height = simulated.tangent_plane.geodetic_from_position(enu)
     tables = (
         (
             "WGS84.txt",
             "# id lat[deg] lon[deg] h[m]\n",
-            "%d %.10f %.10f %.4f\n",
-            np.column_stack([numbers, np.degrees(lat), np.degrees(lon), height]),
+            "%s %.10f %.10f %.4f\n",
+            np.column_stack([np.degrees(lat), np.degrees(lon), height]),
         ),
-        (
-            "WGS84_tangentplane.txt",
-            "# id e[m] n[m] u[m]\n",
-            "%d %.4f %.4f %.4f\n",
-            np.column_stack([numbers, enu]),
-        ),
+        ("WGS84_tangentplane.txt", "# id e[m] n[m] u[m]\n", "%s %.4f %.4f %.4f\n", enu),
     )
     for name, head, form, table in tables:
-        (folder / name).write_text(
-            head + "".join(form % tuple(row) for row in table.tolist()),
-            encoding="utf-8",
-            newline="\n",
-        )
+        rows = (form % (target, *row) for target, row in zip(names, table.tolist(), strict=True))
+        (folder / name).write_text(head + "".join(rows), encoding="utf-8", newline="\n")
+
+
+def _write_block(root: Path, block: SimulatedBlock) -> None:
+    """Write what was measured in the images, and the truth of it."""
+    (root / BLOCK).mkdir(parents=True)
+    write_image_points(block.measured, root / BLOCK / "image_points.csv")
+    axes = "tangent plane of flight.toml: east, north, up, m"
+    write_ground_points(block.ground, root / BLOCK / "ground_points.csv", [axes])
+    write_camera_toml(block.options.stated_camera, root / BLOCK / "camera.toml")
+    write_camera_toml(block.options.true_camera, root / "truth/camera.toml")
+    seen = block.measured.observations
+    np.savez(
+        root / "truth/block.npz",
+        allow_pickle=False,
+        points=np.array(block.measured.points),
+        position_enu=block.position_m,
+        image=seen.image,
+        point=seen.point,
+        uv=block.uv,
+        gross_error=block.gross,
+    )
 
 
 def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:

@@ -14,6 +14,7 @@ from ..base.units import parse_quantity
 from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import calendar_from_gps
 from ..records import Quantity
+from .image_block import SimulatedBlock
 from .scenario import EXACT_M, EXACT_S, SimulatedFlight
 
 Tables = Mapping[str, Any]
@@ -23,6 +24,7 @@ IMU = "01_Observations/IMU/Data/Pre_calibrated"
 PPK = "02_Processed/GPS-PPK"
 FIXES = f"{PPK}/AntennaPos_WGS84.txt"
 RINEX = "01_Observations/GPS/Data"
+BLOCK = "01_Observations/Camera/Block"
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,8 @@ D. A. Cucci and K. J. Paul, "Fixed-wing micro UAV open data with digicam and raw
 - `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
 - `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent
   plane (east, north, up).
-{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and
+{more_files}\
+- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and
   kind of sample in `flight.toml`.
 - `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events{own}.
 - `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all
@@ -193,21 +196,37 @@ _RAW = """\
 """
 
 
-def readme(simulated: SimulatedFlight) -> str:
+_BLOCK = """\
+- `01_Observations/Camera/Block`: what was measured in the images (which do not exist):
+  `image_points.csv` (pixels right and down from the outer corner of the upper left pixel),
+  `ground_points.csv` (the targets, surveyed: control and check points), `camera.toml` (a
+  calibration of before the flight, not the true one). The three are tables of
+  `insgnss.formats.blocks`.
+"""
+
+
+def readme(simulated: SimulatedFlight, with_block: bool = False) -> str:
     """README.md of the data set."""
+    files = _BLOCK if with_block else ""
+    more = (
+        ";\n  the true camera; of the block all points, pixels without error and which have a gross"
+        "\n  error, rows as in `image_points.csv`"
+        if with_block
+        else ""
+    )
     if simulated.raw_gnss is None:
-        return _README.format(absent="Images, RINEX and raw IMU files", raw="", own="", more="")
+        absent = "Images, RINEX and raw IMU files"
+        return _README.format(absent=absent, more_files=files, own="", more=more)
     own = (
         ", with errors of their own, not\n  those of the RINEX files, which `flight.toml` names in"
         " their place"
     )
-    more = ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
-    return _README.format(
-        absent="Images, a virtual reference station and raw IMU files", raw=_RAW, own=own, more=more
-    )
+    more += ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
+    absent = "Images, a virtual reference station and raw IMU files"
+    return _README.format(absent=absent, more_files=files + _RAW, own=own, more=more)
 
 
-def flight_md(simulated: SimulatedFlight) -> str:
+def flight_md(simulated: SimulatedFlight, block: SimulatedBlock | None = None) -> str:
     """FLIGHT.md of the data set."""
     flight, plan = simulated.flight, simulated.flight.plan
     lines = [
@@ -248,4 +267,30 @@ def flight_md(simulated: SimulatedFlight) -> str:
         lines.append(
             f"- RINEX: {rates}, {distance.min() / 1e3:.1f} to {distance.max() / 1e3:.1f} km apart"
         )
+    if block is not None:
+        lines += _block_lines(block)
     return "\n".join(lines) + "\n"
+
+
+def _block_lines(block: SimulatedBlock) -> list[str]:
+    """What was measured in the images, in figures."""
+    options, seen, check = block.options, block.measured.observations, block.ground.check
+    ties = len(block.measured.points) - check.size
+    east, north, up = (1e3 * sigma for sigma in options.ground_sigma_m)
+    camera = options.true_camera
+    return [
+        (
+            f"- Image points: {len(seen)} of {ties} tie points ({options.tie_sigma_px:g} px) and"
+            f" {check.size} targets ({options.target_sigma_px:g} px); gross errors:"
+            f" {int(block.gross.sum())}"
+        ),
+        (
+            f"- Targets: {int((~check).sum())} control and {int(check.sum())} check points,"
+            f" {east:g}, {north:g}, {up:g} mm (east, north, up)"
+        ),
+        f"- Terrain: rolling, {options.relief_m:g} m above and below the site at most",
+        (
+            f"- Camera: {camera.width} x {camera.height} pixels, true f {camera.of('f'):.3f} px;"
+            f" camera.toml says {options.stated_camera.of('f'):.3f} px"
+        ),
+    ]

@@ -12,7 +12,10 @@ from oracles import oracle
 
 from insgnss.base.errors import InputError
 from insgnss.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
+from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.dbat import read_dbat
+from insgnss.formats.blocks.ground_points import read_ground_points
+from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
@@ -43,6 +46,9 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "variances": read_variances,
     "relative_csv": read_relative_csv,
     "rinex": read_observations,
+    "image_points": read_image_points,
+    "ground_points": read_ground_points,
+    "camera_toml": read_camera_toml,
 }
 
 

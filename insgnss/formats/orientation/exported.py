@@ -57,26 +57,28 @@ YPR = AngleSet("yaw pitch roll", ypr_from_rotation, ypr_jacobian)
 RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
 
 
-def check_names(images: Sequence[str], separator: str | None) -> None:
-    """Refuse image names that a table with this separator would not give back.
+def check_names(names: Sequence[str], separator: str | None, of: str = "image") -> None:
+    """Refuse names that a table with this separator would not give back.
 
     Parameters
     ----------
-    images : sequence of str
+    names : sequence of str
         The names.
     separator : str, optional
         None stands for blanks. Comment signs are refused as well.
+    of : str
+        What they name, for the message.
 
     Raises
     ------
     InputError
         The first such name.
     """
-    for name in images:
+    for name in names:
         wrong = _unfit(name, separator)
         if wrong:
             raise InputError(
-                f"image name {name!r} {wrong}, which this format cannot hold; rename the image"
+                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
             )
 
 

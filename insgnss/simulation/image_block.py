@@ -1,0 +1,423 @@
+"""Images of a simulated flight: terrain, object points, image observations, and the truth of them.
+
+Terrain is a sum of long waves about the height of the site,
+
+    U(E, N) = U_0 + sum of a sin(2 pi (E cos c + N sin c) / L + phase),   L 300 to 900 m       (B.1)
+
+Its slopes stay below 19 deg with the relief of the paper's flights, and rays off the vertical by
+71 deg would be needed to hide a point: what lies within the format is seen. Pixels follow from true
+poses and the true camera by collinearity (J.1) and Brown's distortion (J.4) of `insgnss.adjust`.
+
+A tie point is measured in each image that sees it with the same probability, as matching does; a
+target on the ground is measured in every such image. What is drawn has streams of its own: neither
+the flight nor its sensors know whether there is a block, and gross errors change nothing else.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..adjust.camera import pixels_of
+from ..base.errors import UsageError, near
+from ..formats.blocks.ground_points import GroundTable
+from ..formats.blocks.image_points import ImagePoints
+from ..records import ExteriorOrientation
+from ..records.block import INTERIOR, BrownCamera, ImageObservations
+from .layout import CORRIDOR, PLANS
+from .scenario import SimulatedFlight
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+PAPER_FREE = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
+LEADING = ("f", "cx", "cy")
+GROSS_PX = (10.0, 100.0)
+_STREAM = 2  # of the seed of a data set; 1 is its files'
+_WAVES, _WAVE_M = 4, (300.0, 900.0)
+_BORDER_PX = 4.0  # of the format in which nothing is measured
+_AROUND = 0.6  # heights above ground from the nadir within which points are drawn
+_ROUNDS, _TARGET_RAYS, _TARGET_DRAWS = 200, 3, 40
+
+
+def _digicam(name: str, free: tuple[str, ...], **values: float) -> BrownCamera:
+    """Return a camera of Table 3 of paper 000, whose cx, cy count from the image's centre."""
+    values = {**values, "cx": 2560.0 + values["cx"], "cy": 1920.0 + values["cy"]}
+    interior = np.array([values.get(key, 0.0) for key in INTERIOR])
+    return BrownCamera(name, 5120, 3840, interior, free=free)
+
+
+IGN8 = _digicam(
+    "ign8",
+    PAPER_FREE,
+    f=5608.347,
+    cx=30.283,
+    cy=52.558,
+    k1=0.01619,
+    k2=-0.06237,
+    k3=0.06423,
+    b1=-0.04752,
+    b2=0.11218,
+    p1=-0.00093,
+    p2=0.00104,
+)
+"""The digiCAM as it was in flight ign8 of paper 000: the true camera."""
+IGN_CAL2 = _digicam(
+    "ignCal2",
+    PAPER_FREE,
+    f=5606.998,
+    cx=30.441,
+    cy=51.870,
+    k1=0.01717,
+    k2=-0.06895,
+    k3=0.07745,
+    b1=0.23226,
+    b2=-0.03034,
+    p1=-0.00089,
+    p2=0.00103,
+)
+"""The same camera by its calibration over a test field: what is known of it before."""
+
+
+@dataclass(frozen=True)
+class BlockOptions:
+    """What is measured in the images of a flight; Table 7 of paper 000 by default.
+
+    Parameters
+    ----------
+    tie_points : float
+        Tie points for each image.
+    matched : float
+        Probability that a tie point is measured in an image that sees it.
+    tie_sigma_px, target_sigma_px : float
+        Standard deviations of the coordinates of tie points and of targets.
+    control, check : int
+        Numbers of targets that are control and check points.
+    ground_sigma_m : tuple of float
+        (3) standard deviations of the surveyed targets, east, north, up.
+    relief_m : float
+        Largest height of the terrain above and below that of the site.
+    gross_errors : float
+        Share of observations that are off by 10 to 100 px.
+    true_camera, stated_camera : BrownCamera
+        The camera that took the images, and the one that is written as known.
+
+    Raises
+    ------
+    UsageError
+        A value that cannot be.
+    """
+
+    tie_points: float = 52.0
+    matched: float = 0.6
+    tie_sigma_px: float = 0.5
+    target_sigma_px: float = 0.2
+    control: int = 21
+    check: int = 4
+    ground_sigma_m: tuple[float, ...] = (0.010, 0.010, 0.015)
+    relief_m: float = 16.0
+    gross_errors: float = 0.0
+    true_camera: BrownCamera = field(default=IGN8)
+    stated_camera: BrownCamera = field(default=IGN_CAL2)
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("tie_points", 1.0, 1e5),
+            ("matched", 0.05, 1.0),
+            ("tie_sigma_px", 1e-6, 100.0),
+            ("target_sigma_px", 1e-6, 100.0),
+            ("control", 0, 10000),
+            ("check", 0, 10000),
+            ("relief_m", 0.0, 30.0),
+            ("gross_errors", 0.0, 0.5),
+        ):
+            if not low <= (value := getattr(self, name)) <= high:
+                raise UsageError(f"{name} {value:g} of a block; it lies within {low:g} to {high:g}")
+
+    @classmethod
+    def of(cls, flight: str, gross_errors: float = 0.0) -> "BlockOptions":
+        """Return the options of a flight of the open data set.
+
+        Parameters
+        ----------
+        flight : str
+            "ign8" or "ign6x1". The corridor has check points alone, and an adjustment estimates f,
+            cx, cy of its camera: what paper 000 calls Lead.
+        gross_errors : float
+            Share of observations with a gross error.
+
+        Returns
+        -------
+        BlockOptions
+            The options.
+
+        Raises
+        ------
+        UsageError
+            Another flight: it is no survey, or its images are not known.
+        """
+        if flight not in PLANS:
+            raise UsageError(
+                f"flight {flight!r} is no survey and has no image block; {near(flight, PLANS)}"
+            )
+        if flight != CORRIDOR.name:
+            return cls(gross_errors=gross_errors)
+        stated = replace(IGN_CAL2, free=LEADING)
+        return cls(82.0, control=0, check=24, gross_errors=gross_errors, stated_camera=stated)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBlock:
+    """What was measured in the images of a flight, and the truth of it.
+
+    Parameters
+    ----------
+    options : BlockOptions
+        How it was made.
+    measured : ImagePoints
+        The image observations, image by image.
+    ground : GroundTable
+        The surveyed targets, in the flight's tangent plane.
+    position_m : ndarray
+        (m, 3) true positions of the points of `measured`, tangent plane.
+    uv : ndarray
+        (n, 2) pixels without error.
+    gross : ndarray of bool
+        (n,) which observations have a gross error.
+    terrain : Terrain
+        The ground.
+    """
+
+    options: BlockOptions
+    measured: ImagePoints
+    ground: GroundTable
+    position_m: Array
+    uv: Array
+    gross: NDArray[np.bool_]
+    terrain: "Terrain"
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Rolling ground (B.1).
+
+    Parameters
+    ----------
+    height_m : float
+        U_0, in the tangent plane.
+    amplitude_m, wave, phase : ndarray
+        (k,) amplitudes, (2, k) wave numbers along east and north, rad/m, and (k,) phases.
+    """
+
+    height_m: float
+    amplitude_m: Array
+    wave: Array
+    phase: Array
+
+    def points(self, horizontal: Array) -> Array:
+        """Return points on the ground.
+
+        Parameters
+        ----------
+        horizontal : ndarray, (n, 2)
+            East and north, m.
+
+        Returns
+        -------
+        ndarray, (n, 3)
+            East, north, up.
+        """
+        up = self.height_m + np.sin(horizontal @ self.wave + self.phase) @ self.amplitude_m
+        return np.column_stack([horizontal, up])
+
+
+def simulate_block(
+    simulated: SimulatedFlight, options: BlockOptions | None = None, seed: int = 0
+) -> SimulatedBlock:
+    """Simulate what is measured in the images of a flight.
+
+    Parameters
+    ----------
+    simulated : SimulatedFlight
+        A survey flight.
+    options : BlockOptions, optional
+        What is measured; by default that of the flight in the open data set, or that of ign8.
+    seed : int
+        Of the block; the same numbers give the same block.
+
+    Returns
+    -------
+    SimulatedBlock
+        Observations and truth.
+
+    Raises
+    ------
+    UsageError
+        The flight is no survey, or too few of its images overlap.
+    """
+    flight, eo = simulated.flight, simulated.truth.eo
+    if flight.plan is None:
+        raise UsageError(
+            f"{flight.name} is no survey flight, so that it has no image block; fly ign8"
+        )
+    if options is None:
+        name = flight.plan.name
+        options = BlockOptions.of(name) if name in PLANS else BlockOptions()
+    source = np.random.default_rng([seed, _STREAM])
+    ground, ties, targets, noise, gross = source.spawn(5)
+    terrain = _terrain(flight.motion.frame.height, options.relief_m, ground)
+    tie = _tie_points(eo, terrain, options, ties)
+    target = _targets(eo, terrain, options, targets)
+    position = np.vstack([tie.position, target.position])
+    image = np.concatenate([tie.image, target.image])
+    point = np.concatenate([tie.point, target.point + len(tie.position)])
+    order = np.lexsort((point, image))
+    image, point = image[order], point[order]
+    uv = np.vstack([tie.uv, target.uv])[order]
+    is_tie = point < len(tie.position)
+    sigma = np.where(is_tie, options.tie_sigma_px, options.target_sigma_px)[:, None] * np.ones(2)
+    wrong = gross.random(len(uv)) < options.gross_errors
+    seen = uv + sigma * noise.standard_normal(uv.shape)
+    seen += wrong[:, None] * _displacements(uv, options.true_camera, gross)
+    names = [f"T{k + 1:06d}" for k in range(len(tie.position))]
+    surveyed = [f"G{k + 1:02d}" for k in range(len(target.position))]
+    return SimulatedBlock(
+        options,
+        ImagePoints(eo.images, (*names, *surveyed), ImageObservations(image, point, seen, sigma)),
+        _surveyed(surveyed, target.position, options, targets),
+        position,
+        uv,
+        wrong,
+        terrain,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Visible:
+    """Points and where they are seen: rows of images and points, and pixels."""
+
+    position: Array
+    image: Rows
+    point: Rows
+    uv: Array
+
+    def chosen(self, points: Sequence[int] | Rows) -> "_Visible":
+        """Return some of the points, in that order."""
+        row = np.full(len(self.position), -1)
+        row[points] = np.arange(len(points))
+        keep = row[self.point] >= 0
+        return _Visible(
+            self.position[points], self.image[keep], row[self.point[keep]], self.uv[keep]
+        )
+
+    def rays(self) -> Rows:
+        """Return in how many images each point is seen."""
+        return np.bincount(self.point, minlength=len(self.position))
+
+
+def _terrain(height_m: float, relief_m: float, rng: np.random.Generator) -> Terrain:
+    length, course = rng.uniform(*_WAVE_M, _WAVES), rng.uniform(0.0, 2.0 * np.pi, _WAVES)
+    wave = 2.0 * np.pi / length * np.array([np.cos(course), np.sin(course)])
+    amplitude = np.full(_WAVES, relief_m / _WAVES)
+    return Terrain(height_m, amplitude, wave, rng.uniform(0.0, 2.0 * np.pi, _WAVES))
+
+
+def _under_images(
+    eo: ExteriorOrientation, terrain: Terrain, count: int, rng: np.random.Generator
+) -> Array:
+    """Return points on the ground about the nadirs of images drawn at random."""
+    centre = eo.position_m[rng.integers(0, len(eo.images), count)]
+    reach = _AROUND * (centre[:, 2:] - terrain.height_m)
+    return terrain.points(centre[:, :2] + reach * rng.uniform(-1.0, 1.0, (count, 2)))
+
+
+def _seen(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> _Visible:
+    """Return where points appear within the format."""
+    images, points, pixels = [], [], []
+    high = np.array([camera.width, camera.height]) - _BORDER_PX
+    for i, (centre, C_mc) in enumerate(zip(eo.position_m, eo.C_mc, strict=True)):
+        q = (position - centre) @ C_mc
+        ahead = np.flatnonzero(q[:, 2] > np.abs(q[:, :2]).max(axis=1))
+        uv = pixels_of(camera, q[ahead, :2] / q[ahead, 2:])
+        inside = ((uv > _BORDER_PX) & (uv < high)).all(axis=1)
+        points.append(ahead[inside])
+        pixels.append(uv[inside])
+        images.append(np.full(len(points[-1]), i))
+    return _Visible(
+        position, np.concatenate(images), np.concatenate(points), np.concatenate(pixels)
+    )
+
+
+def _tie_points(
+    eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
+) -> _Visible:
+    """Return tie points, each measured in two images or more."""
+    wanted, batches = round(options.tie_points * len(eo.images)), []
+    for _ in range(_ROUNDS):
+        drawn = _seen(eo, _under_images(eo, terrain, wanted, rng), options.true_camera)
+        keep = rng.random(len(drawn.point)) < options.matched
+        drawn = _Visible(drawn.position, drawn.image[keep], drawn.point[keep], drawn.uv[keep])
+        batches.append(drawn.chosen(np.flatnonzero(drawn.rays() >= 2)))
+        if sum(len(batch.position) for batch in batches) >= wanted:
+            break
+    else:
+        raise UsageError(
+            f"the {len(eo.images)} images of this flight hardly overlap, so that no block of"
+            f" {wanted} tie points can be measured; ask for more minutes"
+        )
+    first = np.cumsum([0, *(len(batch.position) for batch in batches)])
+    whole = _Visible(
+        np.vstack([batch.position for batch in batches]),
+        np.concatenate([batch.image for batch in batches]),
+        np.concatenate([batch.point + k for batch, k in zip(batches, first, strict=False)]),
+        np.vstack([batch.uv for batch in batches]),
+    )
+    return whole.chosen(np.arange(wanted))
+
+
+def _targets(
+    eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
+) -> _Visible:
+    """Return targets far from each other, measured in three images or more; control comes first.
+
+    A flight too short for all of them has fewer.
+    """
+    wanted = options.control + options.check
+    drawn = _under_images(eo, terrain, max(_TARGET_DRAWS * wanted, 1), rng)
+    seen = _seen(eo, drawn, options.true_camera)
+    good = np.flatnonzero(seen.rays() >= _TARGET_RAYS)
+    horizontal = drawn[good, :2]
+    chosen: list[int] = []
+    gap = np.full(len(good), np.inf)
+    if len(good):
+        gap = np.linalg.norm(horizontal - horizontal.mean(axis=0), axis=1)
+    while len(chosen) < min(wanted, len(good)):
+        k = int(np.argmax(gap))
+        own = np.linalg.norm(horizontal - horizontal[k], axis=1)
+        gap = own if not chosen else np.minimum(gap, own)
+        chosen.append(k)
+    return seen.chosen(good[chosen] if chosen else good[:0])
+
+
+def _surveyed(
+    names: Sequence[str], position: Array, options: BlockOptions, rng: np.random.Generator
+) -> GroundTable:
+    """Return the targets as they were surveyed."""
+    sigma = np.array(options.ground_sigma_m)
+    n = len(names)
+    return GroundTable(
+        tuple(names),
+        position + sigma * rng.standard_normal((n, 3)),
+        np.tile(np.diag(sigma**2), (n, 1, 1)),
+        np.arange(n) >= options.control,
+    )
+
+
+def _displacements(uv: Array, camera: BrownCamera, rng: np.random.Generator) -> Array:
+    """Return displacements of all observations (n, 2) that stay within the format."""
+    length, way = rng.uniform(*GROSS_PX, len(uv)), rng.uniform(0.0, 2.0 * np.pi, len(uv))
+    step = length[:, None] * np.column_stack([np.cos(way), np.sin(way)])
+    moved = uv + step
+    high = np.array([camera.width, camera.height]) - _BORDER_PX
+    return np.where((moved < _BORDER_PX) | (moved > high), -step, step)
