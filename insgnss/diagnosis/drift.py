@@ -66,5 +66,5 @@ def hidden_drift(
 def _ratios(solution: Solution) -> np.ndarray:
     """Separations in their sigmas, (epochs, 9), 0 where they are not known."""
     apart, sigma = solution.separation, solution.separation_sigma
-    known = np.isfinite(apart) & np.isfinite(sigma) & (sigma > 0.0)
-    return np.abs(np.divide(apart, sigma, out=np.zeros_like(apart), where=known))
+    determined = np.isfinite(apart) & np.isfinite(sigma) & (sigma > 0.0)
+    return np.abs(np.divide(apart, sigma, out=np.zeros_like(apart), where=determined))
