@@ -135,6 +135,7 @@ def test_matplotlib_gets_a_place_without_a_line(locked, tmp_path):
     assert done.stdout == f"{tmp_path / 'own'}\n"
 
 
+@pytest.mark.slow
 def test_the_command_says_so_in_one_line_and_help_does_not(locked, tmp_path):
     """Oracle: standard error and exit code."""
     nowhere = {"HOME": locked / "insgnss/__main__.py/none", "TMPDIR": tmp_path}

@@ -67,6 +67,7 @@ def _run(house: Path, **variables: str) -> tuple[float, int]:
     return float(value), int(hits)
 
 
+@pytest.mark.slow
 def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(house, monkeypatch):
     """Oracle: the sums, by hand; numba alone goes on returning the first one."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
@@ -84,6 +85,7 @@ def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(h
     )  # outdated code is overwritten
 
 
+@pytest.mark.slow
 def test_the_directory_that_the_user_names_is_taken(house, tmp_path):
     """Oracle: numba's variable; the file system."""
     assert _run(house, NUMBA_CACHE_DIR=str(tmp_path / "own")) == (20.0, 0)
@@ -92,6 +94,7 @@ def test_the_directory_that_the_user_names_is_taken(house, tmp_path):
     assert not (house / "__pycache__").exists()
 
 
+@pytest.mark.slow
 def test_a_numba_of_other_inner_names_keeps_nothing(house, monkeypatch):
     """Oracle: no code on disk, and right results: better slow than outdated."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)

@@ -130,6 +130,7 @@ def test_arrays_and_tables_give_the_same(form, records, estimated, flight):
     )
 
 
+@pytest.mark.slow
 def test_options_act_as_in_a_flight_file(records, flight):
     """Oracle: `process` of the flight with the same keys changed."""
     changes = {
@@ -382,6 +383,7 @@ def test_advice_for_arrays_says_by_what_to_multiply(records, flight, sensor, fac
     assert "imu." not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_fixes_that_fit_no_motion_are_no_lack_of_manoeuvres():
     """Oracle: a block flown from the ground, heights in feet; the note on a bore-sight of 15 deg,
     which a result would show, is said as well.
@@ -398,6 +400,7 @@ def test_fixes_that_fit_no_motion_are_no_lack_of_manoeuvres():
         insgnss.estimate(sim.imu, feet, sim.events, mounting=mounting)
 
 
+@pytest.mark.slow
 def test_a_car_keeps_its_way_by_the_non_holonomic_constraint():
     """Oracle: the simulated truth in a minute without GNSS: without the constraint errors are
     nearly twice as large (seed 4: 3.9 m against 2.0 m, sigma 2.2 m against 1.6 m)."""

@@ -341,6 +341,7 @@ def test_lever_arm_is_held_by_its_sigma(air):
     assert tight.sigma <= 1e-3
 
 
+@pytest.mark.slow
 def test_robust_gives_suspicious_fixes_less_weight(air):
     """Oracle: every tenth fix is four sigma too high, which passes the gate."""
 

@@ -784,6 +784,7 @@ def test_static_counts_are_told_as_such():
     assert "position" in result.missing
 
 
+@pytest.mark.slow
 def test_several_recordings_in_a_directory_are_listed():
     """Oracle: the six files of the recording."""
     if not (DATA / "adis16405_static").is_dir():

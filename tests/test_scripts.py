@@ -92,6 +92,7 @@ def test_tune_from_static_recordings(tmp_path: Path) -> None:
     assert_is_picture(tmp_path / "tune_from_static.png")
 
 
+@pytest.mark.slow
 def test_compare_noise_models(tmp_path: Path) -> None:
     """Oracle: the simulated model and a recording that no model has seen, in the script's own
     assertion.

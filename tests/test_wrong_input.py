@@ -943,6 +943,7 @@ def test_a_directory_in_the_place_of_a_product_is_refused(data, capsys):
     _refused(capsys, data.root, INPUT, ("report.json is a directory",))
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_nothing(data, capsys, monkeypatch):
     """Oracle: design 6, all products or none; the last file finds no space."""
 
@@ -1024,6 +1025,7 @@ def test_a_missing_sample_is_bridged_and_told(data, capsys):
         ("time_offset", _columns(GNSS, 0, lambda t: t - 0.05)),
     ],
 )
+@pytest.mark.slow
 def test_the_advice_on_lever_arm_and_clock_puts_it_right(data, capsys, key, change):
     """Oracle: the refused flight runs once the state is estimated, and estimates the change that
     was made.
@@ -1050,6 +1052,7 @@ def test_a_gap_is_bridged_or_divides_the_flight_and_is_told(data, capsys, length
     assert bool(told) == (length > 1.0)
 
 
+@pytest.mark.slow
 def test_a_row_that_stands_twice_is_left_out_and_told(data, capsys):
     """Oracle: the row that was doubled."""
     data.lines(IMU, lambda x: [*x[:500], x[499], *x[500:]])
@@ -1061,6 +1064,7 @@ def test_a_row_that_stands_twice_is_left_out_and_told(data, capsys):
     ]
 
 
+@pytest.mark.slow
 def test_the_advice_on_a_clock_in_utc_puts_it_right(data, capsys):
     """Oracle: the refused flight runs once what the line says is done."""
     _columns(GNSS, 0, lambda t: t - 18.0)(data)
@@ -1068,6 +1072,7 @@ def test_the_advice_on_a_clock_in_utc_puts_it_right(data, capsys):
     assert _processed(capsys, data)["counts"]["fixes_rejected"] == 0
 
 
+@pytest.mark.slow
 def test_a_flight_can_be_cut_before_a_gap(data, capsys):
     """Oracle: the flight cut before a gap; the images after it are left out and told."""
     _rows(IMU, lambda t: (t < 100.0) | (t >= 103.0))(data)

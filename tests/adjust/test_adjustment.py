@@ -99,6 +99,7 @@ def covariance(jacobian):
 
 
 @pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.slow
 def test_against_scipy(backward):
     """Oracle: scipy's trust region on all unknowns at once with numeric derivatives: cost, values
     to 0.01 sigma, standard deviations to 1e-4.

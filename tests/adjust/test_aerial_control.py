@@ -128,6 +128,7 @@ def test_positions_alone(small) -> None:
     assert got_J.tolist() == J[rows].tolist()
 
 
+@pytest.mark.slow
 def test_mounting_is_found_within_its_covariance() -> None:
     """Oracle: chi-square, 99 %, over twelve blocks: lever arm with bore-sight, time offset and
     strips together, and poses; ground control holds the datum.

@@ -151,6 +151,7 @@ def test_straight_flight_shows_no_heading(seed):
         initial_state(flown.problem)
 
 
+@pytest.mark.slow
 def test_slight_gusts_give_a_heading_within_its_sigma_or_none():
     """Oracle: exact motion. Gusts of three percent of the usual move a straight flight by
     millimetres only.

@@ -76,6 +76,7 @@ def quiet() -> Solution:
     return solved(flown(240.0, 11, factor=1.0))
 
 
+@pytest.mark.slow
 def test_tripled_white_noise_is_recovered_with_honest_standard_errors(tripled):
     """Oracle: the simulator's factor of three: ten errors in their standard errors, whose squares
     are chi-square (99.8 % bounds).

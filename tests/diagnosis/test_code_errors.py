@@ -71,6 +71,7 @@ def found(problem, start):
     return errors
 
 
+@pytest.mark.slow
 def test_white_fixes_are_not_time_correlated(flown):
     """Oracle: what was planted; the sigma of a white share of 1800 fixes is 2 %."""
     errors = found(*coded(flown, 1.0, 60.0))

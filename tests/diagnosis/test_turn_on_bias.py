@@ -59,6 +59,7 @@ def test_biases_that_the_model_lacks_are_refused_by_name(tmp_path):
     assert str(refusal.value).endswith('accept = ["turn-on bias"] in the flight file overrules')
 
 
+@pytest.mark.slow
 def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
     """Oracle: the same flight with the name in `accept`, as its refusal says: it is processed with
     the model as it is, and told as such.

@@ -489,6 +489,7 @@ def moved(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_a_real_moving_receiver_is_fixed(moved):
     """Oracle: the bar of 97 %; others get 344 of 360 with an earlier version of the engine."""
     run, _ = moved

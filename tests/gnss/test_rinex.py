@@ -762,6 +762,7 @@ TYPES_3 = ["C1C", "L1C", "D1C", "S1C", "C2W", "L2W", "D2W", "S2W"]
         ("cssrlib_rtk/SEPT078M1.21O", 15000),
     ],
 )
+@pytest.mark.slow
 def test_recordings_agree_with_georinex(name, count):
     """Oracle: georinex, on real files of several receivers; its times apart, which are early where
     a stamp is no whole second.

@@ -520,6 +520,7 @@ def test_the_engine_moves_as_the_model_says(aloft, systems, tolerance):
     assert (np.abs(rest) < tolerance).all(), (moved, rest)
 
 
+@pytest.mark.slow
 def test_an_unknown_weather_stays_within_its_sigma(aloft):
     """Oracle: the same truth, corrected by the standard atmosphere: three standard deviations of
     the correction's own covariance.

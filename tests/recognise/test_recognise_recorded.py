@@ -124,6 +124,7 @@ def test_recording_is_recognised(recording):
 
 
 @pytest.mark.parametrize("recording", RECORDINGS)
+@pytest.mark.slow
 def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
     """Oracle: the README of the recording, for each 100 s alone: what is said must be right, most
     of it may be left unsaid.

@@ -572,6 +572,7 @@ def test_rays_of_two_receivers_meet_the_shell_where_vectors_do():
 
 
 @needs_engine
+@pytest.mark.slow
 def test_the_engine_finds_the_simulated_motion(flight, exact, tmp_path):
     """Oracle: exact simulated motion, solved by RTKLIB from what was written.
 

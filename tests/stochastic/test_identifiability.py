@@ -179,6 +179,7 @@ def test_intervals_of_table_5_hold_the_truth(campaign):
     )  # but for the time that is not identifiable
 
 
+@pytest.mark.slow
 def test_verdicts_on_table_5(campaign):
     """Oracle: theory; 45 s can be had from four hours, 2060 s cannot: its standard error is a
     factor of four.

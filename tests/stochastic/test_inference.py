@@ -170,6 +170,7 @@ def test_a_density_of_zero_has_an_upper_limit():
     )  # the weights are those of the step before
 
 
+@pytest.mark.slow
 def test_profile_limits_are_those_of_a_general_minimiser(inferred):
     """Oracle: scipy's Nelder-Mead over the other parameters; Q rises by 3.84 at the limits."""
     found = inferred[0]

@@ -102,6 +102,7 @@ def test_drawn_penalty_agrees_with_the_closed_one():
 @pytest.mark.parametrize(
     ("axis", "truth"), [(SLOW, "WN+GM"), (WALK, "WN+RW"), (AxisNoise(white_noise=1.0), "WN")]
 )
+@pytest.mark.slow
 def test_the_true_model_is_chosen(axis, truth):
     """Oracle: simulation. The criterion takes one parameter too many in a sixth of cases, as
     Akaike's; never one too few here.
