@@ -7,6 +7,7 @@ default in its help. Only the standard library is needed.
 import argparse
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from .schema import Declared, options_of
 _TYPES: dict[str, Any] = {
     "covariance": Path,
     "event_numbers": int,
+    "existing": Path,
     "file": Path,
     "files": Path,
     "images": Path,
@@ -46,6 +48,39 @@ def add_options(
         for item in options_of("", [table]):
             if item.option.cli:
                 _add(parser, item, item.name in required)
+
+
+def add_options_of_tables(
+    parser: argparse.ArgumentParser, tables: Mapping[str, Iterable[type]]
+) -> None:
+    """Add the arguments of tables whose options may share names.
+
+    The parsed values have the names of table and option, with two underscores between them.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Gets the arguments.
+    tables : mapping
+        The dataclasses of each table.
+    """
+    for name, classes in tables.items():
+        for item in options_of(name, tuple(classes)):
+            if item.option.cli:
+                _add(parser, replace(item, name=f"{name}__{item.name}"), False)
+
+
+def given_of_tables(
+    parsed: argparse.Namespace, tables: Mapping[str, Iterable[type]]
+) -> dict[str, dict[str, Any]]:
+    """The values of the options of each table by name, of those that somebody gave."""
+    given: dict[str, dict[str, Any]] = {name: {} for name in tables}
+    for name, classes in tables.items():
+        for item in options_of(name, tuple(classes)):
+            value = getattr(parsed, f"{name}__{item.name}", None)
+            if value is not None and value != []:
+                given[name][item.name] = tuple(value) if isinstance(value, list) else value
+    return given
 
 
 def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:

@@ -103,8 +103,17 @@ def files(table: Table, item: Declared) -> tuple[Path, ...]:
 
 
 def directory(table: Table, item: Declared) -> Path:
-    """The path of a directory that is there or is to be made."""
-    return table.resolve(table.text(item.name))
+    """The name of a directory that is there or is to be made, relative to the file or absolute."""
+    return Path(table.text(item.name))
+
+
+def existing(table: Table, item: Declared) -> Path:
+    """The path of a file or directory that is there."""
+    path = table.resolve(table.text(item.name))
+    if not path.exists():
+        problem = f"{path} does not exist; paths are relative to {table.path.name}"
+        raise table.error(item.name, problem)
+    return path
 
 
 def images(table: Table, item: Declared) -> Path:
@@ -168,6 +177,7 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "columns": columns,
     "directory": directory,
     "event_numbers": event_numbers,
+    "existing": existing,
     "file": file,
     "files": files,
     "flag": flag,

@@ -432,6 +432,7 @@ _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
     "covariance": lambda item, value: _other_class(item.type, value),
     "directory": _no_path,
     "event_numbers": _no_event_numbers,
+    "existing": _no_path,
     "file": _no_path,
     "files": _no_paths,
     "flag": _no_flag,

@@ -1,66 +1,92 @@
-"""An image block from its plain tables: image observations, ground points, camera, first poses."""
+"""An image block from what its sources know: image observations, cameras, ground points, poses."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, near
-from ...records.block import BrownCamera, GroundPoints, ImageBlock, ImageObservations
+from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ...records.solutions import ExteriorOrientation
 from .ground_points import GroundTable
 from .image_points import ImagePoints
+from .measured_block import MeasuredBlock
 
 BESIDE_PX = 1.0
 """By how much an observation may lie beside the image: conventions of its border differ."""
 
 
-def joined(
-    measured: ImagePoints,
-    camera: BrownCamera,
-    ground: GroundTable | None = None,
-    eo: ExteriorOrientation | None = None,
-) -> ImageBlock:
-    """Join the tables of a block by the names of images and points.
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A block, and where its images stand in the orientation that it was joined with.
 
     Parameters
     ----------
-    measured : ImagePoints
-        The image observations; the images of the block are those that have some.
-    camera : BrownCamera
-        The camera of all images.
+    block : ImageBlock
+        The block.
+    eo_row : ndarray of int
+        (n,) row of each image in the orientation; -1 of those that it does not have.
+    """
+
+    block: ImageBlock
+    eo_row: NDArray[np.int64]
+
+
+def joined(
+    known: MeasuredBlock, ground: GroundTable | None = None, eo: ExteriorOrientation | None = None
+) -> Joined:
+    """Join what is known of a block by the names of images and points.
+
+    Names of images are the same where they differ by directory, ending or case alone, as those of
+    photographs and of their events do.
+
+    Parameters
+    ----------
+    known : MeasuredBlock
+        Image observations and cameras; its poses are first values of images that `eo` does not
+        name, where they stand in the axes of the block.
     ground : GroundTable, optional
         Ground points in the axes of the block; those that are measured in no image are left out.
     eo : ExteriorOrientation, optional
-        First values of the poses in these axes; images that it does not name have none.
+        First values of the poses in these axes.
 
     Returns
     -------
-    ImageBlock
-        The block.
+    Joined
+        The block; images without observations are left out.
 
     Raises
     ------
     InputError
-        An observation that lies beside the image, or tables of which one knows no image or no
-        point of the other.
+        No camera, an observation that lies beside its image, or tables of which one knows no image
+        or no point of the other.
     """
-    _within(measured, camera)
+    known = _observed(known)
+    measured = known.measured
     n = len(measured.images)
+    if not known.cameras:
+        raise InputError(
+            "no camera: the image observations come without one; give a camera file"
+            " (data_specs/camera_toml.md)"
+        )
+    _within(measured, known.cameras, known.camera)
     position, C_mc = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+    if not known.local:
+        position, C_mc = np.array(known.position_m), np.array(known.C_mc)
+    row = np.full(n, -1, dtype=np.int64)
     if eo is not None:
-        row_by_name = {name: k for k, name in enumerate(eo.images)}
-        matches = [
-            (i, row_by_name[name]) for i, name in enumerate(measured.images) if name in row_by_name
-        ]
-        _some(len(matches), measured.images, eo.images, "image")
-        here, there = np.array(matches).T
-        position[here], C_mc[here] = eo.position_m[there], eo.C_mc[there]
+        row = matched(measured.images, eo.images)
+        _some(int((row >= 0).sum()), measured.images, eo.images, "image")
+        there = row >= 0
+        position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
+        position[~there], C_mc[~there] = np.nan, np.nan
     control, check = _ground(measured, ground)
-    return ImageBlock(
-        (camera,),
+    block = ImageBlock(
+        known.cameras,
         measured.images,
-        np.zeros(n, dtype=np.int64),
+        known.camera,
         position,
         C_mc,
         np.zeros((n, 6), dtype=bool),
@@ -68,6 +94,69 @@ def joined(
         measured.observations,
         control,
         check,
+    )
+    return Joined(block, row)
+
+
+def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
+    """Return the row of each name among other names.
+
+    Parameters
+    ----------
+    names, others : sequence of str
+        Names of images.
+
+    Returns
+    -------
+    ndarray of int, (n,)
+        Rows of `others`: of the same name, else of the only one that differs by directory, ending
+        or case alone; -1 where there is none.
+
+    Raises
+    ------
+    InputError
+        Two names that would stand for one image.
+    """
+    exact = {name: k for k, name in enumerate(others)}
+    by_stem: dict[str, list[int]] = {}
+    for k, name in enumerate(others):
+        by_stem.setdefault(_stem(name), []).append(k)
+    rows = np.full(len(names), -1, dtype=np.int64)
+    for i, name in enumerate(names):
+        candidates = by_stem.get(_stem(name), [])
+        rows[i] = exact.get(name, candidates[0] if len(candidates) == 1 else -1)
+    taken = rows[rows >= 0]
+    if np.unique(taken).size < taken.size:
+        twice = int(taken[np.argmax(np.bincount(taken)[taken] > 1)])
+        same = [names[i] for i in np.flatnonzero(rows == twice)[:2]]
+        raise InputError(
+            f"images {same[0]!r} and {same[1]!r} would both be {others[twice]!r}; rename one"
+        )
+    return rows
+
+
+def _stem(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).stem.lower()
+
+
+def _observed(known: MeasuredBlock) -> MeasuredBlock:
+    """Return the block without images in which nothing was measured."""
+    seen = known.measured.observations
+    keep = np.unique(seen.image)
+    if keep.size == 0:
+        raise InputError("no image observation at all; give a table or project that has some")
+    if keep.size == len(known.measured.images):
+        return known
+    new = np.full(len(known.measured.images), -1, dtype=np.int64)
+    new[keep] = np.arange(keep.size)
+    images = tuple(known.measured.images[k] for k in keep)
+    observations = replace(seen, image=new[seen.image])
+    return replace(
+        known,
+        camera=known.camera[keep],
+        measured=replace(known.measured, images=images, observations=observations),
+        position_m=known.position_m[keep],
+        C_mc=known.C_mc[keep],
     )
 
 
@@ -95,17 +184,22 @@ def _some(matches: int, names: Sequence[str], others: Sequence[str], kind: str) 
         )
 
 
-def _within(measured: ImagePoints, camera: BrownCamera) -> None:
+def _within(
+    measured: ImagePoints, cameras: Sequence[BrownCamera], camera: NDArray[np.int64]
+) -> None:
     """Refuse observations beside the image: other units, another origin, another camera."""
     seen: ImageObservations = measured.observations
-    beside = np.maximum(-seen.uv, seen.uv - (camera.width, camera.height)).max(axis=1)
+    size: Array = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
+    limit = size[camera[seen.image]]
+    beside = np.maximum(-seen.uv, seen.uv - limit).max(axis=1)
     out = beside > BESIDE_PX
     if out.any():
         row = int(np.argmax(out))
         u, v = seen.uv[row]
+        width, height = limit[row]
         raise InputError(
             f"image {measured.images[seen.image[row]]!r}, point"
             f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies beside the image"
-            f" of {camera.width} x {camera.height} pixels ({int(out.sum())} of {len(out)} do);"
+            f" of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
             " coordinates count from its upper left corner, right and down, in pixels"
         )

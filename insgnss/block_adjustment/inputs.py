@@ -1,0 +1,217 @@
+"""Files of a block file, joined to one block in the tangent plane of its aerial control."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, near
+from ..config.block_file import BlockFile
+from ..formats.blocks.camera_toml import read_camera_toml
+from ..formats.blocks.ground_points import GroundTable
+from ..formats.blocks.joined import joined
+from ..formats.blocks.measured_block import MeasuredBlock
+from ..formats.blocks.read import read_ground, read_measured_block
+from ..formats.orientation.eo_json import read_eo_json
+from ..geodesy.frames import TangentPlane
+from ..records import ExteriorOrientation
+from ..records.block import INTERIOR, Array, BrownCamera, ImageBlock
+
+USUAL_FREE = ("f", "cx", "cy")
+FAR_M = 100e3
+"""Ground points farther from the images than this stand in other axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What an adjustment starts from.
+
+    Parameters
+    ----------
+    file : BlockFile
+        What was asked for.
+    block : ImageBlock
+        Images, cameras, observations, ground points, in the axes of the tangent plane; without
+        aerial control in those of the ground points.
+    eo : ExteriorOrientation or None
+        The aerial control.
+    eo_row : ndarray of int
+        (n,) row of each image in it; -1 of images without aerial control.
+    notes : tuple of str
+        What was left out or assumed, sentence by sentence.
+    """
+
+    file: BlockFile
+    block: ImageBlock
+    eo: ExteriorOrientation | None
+    eo_row: NDArray[np.int64]
+    notes: tuple[str, ...]
+
+
+def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
+    """Read and join the files of a block file.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Inputs
+        The block.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    """
+    notes: list[str] = []
+    progress("reading image observations")
+    known = read_measured_block(file.images.file, file.images.format, file.images.sigma_px)
+    known = _without_images(known, file.images.skip)
+    known = replace(known, cameras=_cameras(file, known))
+    if known.cameras and len(known.camera) and known.camera.max(initial=0) >= len(known.cameras):
+        known = replace(known, camera=np.zeros_like(known.camera))
+    eo = None
+    if file.aerial_control.file is not None:
+        progress("reading aerial control")
+        eo = read_eo_json(file.aerial_control.file)
+    ground = _ground(file, known, eo, notes)
+    made = joined(known, ground, eo)
+    block, rows = made.block, made.eo_row
+    if eo is not None and (without := int((rows < 0).sum())):
+        notes.append(
+            f"{without} of {len(rows)} images have no aerial control, {block.images[int(np.argmin(rows))]}"
+            " first: they are oriented by image observations alone"
+        )
+    if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
+        notes.append(f"{unseen} images of the aerial control have no image observations")
+    notes += _left_out(ground, block)
+    return Inputs(file, block, eo, rows, tuple(notes))
+
+
+def _without_images(known: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock:
+    """Return the block without the observations of some images."""
+    if not skip:
+        return known
+    images = known.measured.images
+    if odd := [name for name in skip if name not in images]:
+        raise InputError(f"images.skip: {odd[0]!r} is no image of it; {near(odd[0], images[:200])}")
+    seen = known.measured.observations
+    left = np.array([name in skip for name in images])
+    keep = ~left[seen.image]
+    observations = type(seen)(
+        seen.image[keep], seen.point[keep], seen.uv[keep], seen.sigma_px[keep]
+    )
+    return replace(known, measured=replace(known.measured, observations=observations))
+
+
+def _cameras(file: BlockFile, known: MeasuredBlock) -> tuple[BrownCamera, ...]:
+    """Return the cameras, with the parameters that are estimated."""
+    if file.camera.file is not None:
+        cameras: tuple[BrownCamera, ...] = (read_camera_toml(file.camera.file),)
+    else:
+        cameras = tuple(
+            camera
+            if camera.free
+            else replace(
+                camera,
+                free=tuple(n for n in INTERIOR if n in USUAL_FREE or camera.of(n) != 0.0),
+            )
+            for camera in known.cameras
+        )
+    if file.camera.free is None:
+        return cameras
+    return tuple(replace(camera, free=file.camera.free) for camera in cameras)
+
+
+def _ground(
+    file: BlockFile, known: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
+) -> GroundTable | None:
+    """Return the ground points in the axes of the block."""
+    ground, crs, source = known.ground, known.crs, file.images.file
+    if file.ground.file is not None:
+        source = file.ground.file
+        ground, crs = read_ground(source)
+    if ground is None or not ground.points:
+        return None
+    crs = file.ground.crs or crs
+    ground = _roles(file, ground)
+    if eo is None:
+        return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
+    plane = TangentPlane(*eo.origin)
+    if crs is not None:
+        from ..geodesy.projection import MapProjection
+
+        ground = ground.in_plane(MapProjection(crs, file.ground.geoid), plane)
+    away = np.linalg.norm(
+        ground.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0), axis=1
+    )
+    if (away > FAR_M).any():
+        k = int(np.argmax(away))
+        x, y, z = ground.position_m[k]
+        advice = (
+            "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
+            if crs is None
+            else f"{crs} is not their CRS, or easting and northing are exchanged"
+        )
+        raise InputError.at_line(
+            source,
+            None,
+            f"point {ground.points[k]!r} ({x:.0f}, {y:.0f}, {z:.0f}) lies {away[k] / 1e3:.0f} km"
+            f" from the images; {advice}",
+        )
+    return ground
+
+
+def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:
+    """Return the points without those that are left out, and with check points by name."""
+    for key in ("check", "skip"):
+        for name in getattr(file.ground, key):
+            if name not in ground.points:
+                raise InputError(
+                    f"ground.{key}: {name!r} is no ground point; {near(name, ground.points[:200])}"
+                )
+    check = ground.check | np.array([name in file.ground.check for name in ground.points])
+    keep = np.flatnonzero([name not in file.ground.skip for name in ground.points])
+    names = tuple(ground.points[k] for k in keep)
+    return GroundTable(names, ground.position_m[keep], ground.cov[keep], check[keep])
+
+
+def _in_own_plane(
+    ground: GroundTable, crs: str, geoid: Path | None, notes: list[str]
+) -> GroundTable:
+    """Return points of a CRS in a tangent plane at their middle, where nothing else gives one."""
+    from ..geodesy.projection import MapProjection
+
+    projection = MapProjection(crs, geoid)
+    middle = ground.position_m.mean(axis=0, keepdims=True)
+    lat, lon, h = projection.inverse(middle)
+    notes.append(
+        f"axes are those of the tangent plane at {np.degrees(lat[0]):.6f},"
+        f" {np.degrees(lon[0]):.6f} deg, {h[0]:.1f} m, the middle of the ground points"
+    )
+    return ground.in_plane(projection, TangentPlane(float(lat[0]), float(lon[0]), float(h[0])))
+
+
+def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
+    """Say which ground points are measured in no image."""
+    if ground is None:
+        return []
+    names = set(block.points)
+    missing = [name for name in ground.points if name not in names]
+    if not missing:
+        return []
+    some = ", ".join(missing[:5]) + (" ..." if missing[5:] else "")
+    return [f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {some}"]
+
+
+def velocity_of(eo: ExteriorOrientation) -> tuple[Array, Array] | None:
+    """Return velocity and rate of the images, None where the file has none."""
+    velocity, rate = getattr(eo, "velocity_mps", None), getattr(eo, "rate_radps", None)
+    return None if velocity is None or rate is None else (velocity, rate)

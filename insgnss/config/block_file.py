@@ -1,0 +1,314 @@
+"""The block file (block.toml): what `insgnss adjust` reads, estimates and writes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from ..base.errors import InputError, OptionError, near
+from ..base.tables import Table, read_toml
+from ..records.block import INTERIOR
+from .resolve import resolved
+from .schema import Triple, check, option, options_of
+from .values import take
+
+CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
+DIRECTORY = "adjusted"
+
+
+@dataclass(frozen=True)
+class ImagesInput:
+    """Table [images]: what was measured in the images, and the images as their program has them."""
+
+    file: Path = option(
+        ...,
+        "image observations: a table (image_points.md), or a project of a photogrammetry program",
+        kind="existing",
+        form="file or directory",
+        cli="--images",
+        metavar="FILE",
+        cli_meaning="image observations: a table, or a project of a photogrammetry program",
+    )
+    format: str = option(
+        "auto",
+        "format of the file, by the names of measured_block.md; auto: as its name and beginning say",
+        cli="--images-format",
+        metavar="NAME",
+    )
+    sigma_px: float | None = option(
+        None,
+        "standard deviation of image coordinates that have none of their own",
+        unit="px",
+        low=1e-6,
+        high=1000.0,
+        usual="that of the file, or 1",
+        cli="--sigma-px",
+        metavar="PX",
+    )
+    skip: tuple[str, ...] = option(
+        (), "names of images that are left out", cli="--skip-images", metavar="NAME"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "images")
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """Table [camera]: the camera of all images, where the project has none or a worse one."""
+
+    file: Path | None = option(
+        None,
+        "camera (camera_toml.md) of all images",
+        usual="those of the project",
+        cli="--camera",
+        metavar="FILE",
+    )
+    free: tuple[str, ...] | None = option(
+        None,
+        f"parameters of interior orientation that are estimated, of {' '.join(INTERIOR)}; [] none",
+        kind="texts",
+        usual="those of the camera's file; of a project f, cx, cy and what is not zero",
+        cli="--free",
+        metavar="NAME",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "camera")
+        for name in self.free or ():
+            if name not in INTERIOR:
+                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, INTERIOR)}")
+
+
+@dataclass(frozen=True)
+class AerialControlTable:
+    """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
+
+    file: Path | None = option(
+        None, "eo.json of a processed flight; without it the block has no aerial control"
+    )
+    covariance: Literal["auto", "strip", "chain", "image"] = option(
+        "auto",
+        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz '
+        'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
+        '"image": of each image alone; "auto": the first of these that is there',
+    )
+    boresight_sigma_deg: float = option(
+        1.0,
+        "standard deviation of what is left of the bore-sight about each axis, which is estimated; "
+        "0: it is as the flight file has it",
+        unit="deg",
+        low=0.0,
+        high=180.0,
+        cli="--boresight-sigma",
+        metavar="DEG",
+    )
+    lever_arm_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of what is left of the lever arm, camera x, y, z, which is estimated",
+        unit="m",
+        kind="sigmas",
+        usual="it is as the flight file has it",
+    )
+    time_offset_sigma_s: float = option(
+        0.0,
+        "standard deviation of the delay of the exposures behind their stamps, which is estimated; "
+        "0: there is none",
+        unit="s",
+        low=0.0,
+        high=10.0,
+        cli="--delay-sigma",
+        metavar="S",
+    )
+    shift_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of a shift of each flight line, east, north, up, which is estimated",
+        unit="m",
+        kind="sigmas",
+        usual="none",
+    )
+    drift_sigma_mps: Triple | None = option(
+        None,
+        "standard deviations of a drift of each flight line, which is estimated",
+        unit="m/s",
+        kind="sigmas",
+        usual="none",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "aerial_control")
+
+
+@dataclass(frozen=True)
+class GroundTableInput:
+    """Table [ground]: points with known coordinates."""
+
+    file: Path | None = option(
+        None,
+        "ground control and check points: a table (ground_points.md), or what a program has them in",
+        usual="those of the project",
+        cli="--ground",
+        metavar="FILE",
+    )
+    crs: str | None = option(
+        None,
+        "their projected CRS, such as EPSG:2056+5728 (with heights); without it they stand in the "
+        "tangent plane of aerial_control.file",
+        usual="that of the file, or the tangent plane",
+        cli="--crs",
+        metavar="CRS",
+    )
+    geoid: Path | None = option(
+        None, "grid of geoid heights, for heights above sea level", cli="--geoid", metavar="GRID"
+    )
+    check: tuple[str, ...] = option(
+        (),
+        "names of points that are check points, whatever the file says",
+        cli="--check",
+        metavar="NAME",
+    )
+    skip: tuple[str, ...] = option((), "names of points that are left out")
+
+    def __post_init__(self) -> None:
+        check(self, "ground")
+        if self.geoid is not None and self.crs is None:
+            raise OptionError("ground.geoid", "has no meaning without ground.crs; give both")
+
+
+@dataclass(frozen=True)
+class AdjustmentTable:
+    """Table [adjustment]: how observations are weighed and judged."""
+
+    reweight: tuple[str, ...] = option(
+        ("image observations",),
+        "groups of observations whose variances are multiplied by their components: image "
+        "observations, ground control, aerial control; of the others a component that contradicts "
+        "them is reported",
+    )
+    limit_w: float = option(
+        4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
+    )
+    keep_all: bool = option(False, "no observation is rejected, whatever its residual")
+
+    def __post_init__(self) -> None:
+        check(self, "adjustment")
+        groups = ("image observations", "ground control", "aerial control")
+        for name in self.reweight:
+            if name not in groups:
+                raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")
+
+
+@dataclass(frozen=True)
+class BlockOutput:
+    """Table [output]: where the products go, and what else is written."""
+
+    directory: Path = option(
+        Path(DIRECTORY),
+        "directory of the products, made where it is missing",
+        kind="directory",
+        form="directory",
+        usual=f'"{DIRECTORY}"',
+    )
+    formats: tuple[str, ...] = option(
+        ("eo_local_plane",), "exports of the adjusted orientation, as output.formats of a flight"
+    )
+    cameras: tuple[str, ...] = option(
+        CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "output")
+        for name in self.cameras:
+            if name not in CAMERA_FORMATS:
+                raise OptionError("output.cameras", f"{name!r}: {near(name, CAMERA_FORMATS)}")
+
+
+@dataclass(frozen=True)
+class BlockFile:
+    """A block file, complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    """
+
+    path: Path = field(kw_only=True)
+    name: str = option("", "name of the block", kind="name", usual="name of the directory")
+    images: ImagesInput = field(kw_only=True)
+    camera: CameraTable = field(default_factory=CameraTable)
+    aerial_control: AerialControlTable = field(default_factory=AerialControlTable)
+    ground: GroundTableInput = field(default_factory=GroundTableInput)
+    adjustment: AdjustmentTable = field(default_factory=AdjustmentTable)
+    output: BlockOutput = field(default_factory=BlockOutput)
+
+    def __post_init__(self) -> None:
+        check(self, "")
+
+    def resolved(self) -> dict[str, Any]:
+        """Every value with its default filled in, as plain JSON types."""
+        return resolved(self)
+
+
+BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
+    "": (BlockFile,),
+    "images": (ImagesInput,),
+    "camera": (CameraTable,),
+    "aerial_control": (AerialControlTable,),
+    "ground": (GroundTableInput,),
+    "adjustment": (AdjustmentTable,),
+    "output": (BlockOutput,),
+}
+"""The dataclasses whose options are the keys of each table."""
+
+
+def load_block(path: str | Path) -> BlockFile:
+    """Read and check a block file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the directory that holds its `block.toml`.
+
+    Returns
+    -------
+    BlockFile
+        Complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a file it names is wrong.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "block.toml"
+    if not path.is_file():
+        raise InputError.at_line(
+            path, None, "does not exist; give a block file, or eo.json with --images and --ground"
+        )
+    keys = {
+        name: tuple(item.name for item in options_of(name, classes))
+        for name, classes in BLOCK_TABLES.items()
+    }
+    keys[""] += tuple(name for name in BLOCK_TABLES if name)
+    root = read_toml(path, keys)
+    root.check_keys()
+    if "images" not in root.data:
+        raise root.error("images", "is missing; name the image observations: [images] file = ...")
+    tables = {name: _made(root, name) for name in BLOCK_TABLES if name}
+    output = tables["output"]
+    directory = root.resolve(str(output.directory))
+    if directory.exists() and not directory.is_dir():
+        raise root.table("output").error("directory", f"{directory} is a file")
+    tables["output"] = replace(output, directory=directory)
+    return BlockFile(path=path, **take(root, [BlockFile]), **tables)
+
+
+def _made(root: Table, name: str) -> Any:
+    """The dataclass of a table; what it refuses is told at the line of the key."""
+    table, (kind,) = root.table(name), BLOCK_TABLES[name]
+    try:
+        return kind(**take(table, [kind]))
+    except OptionError as refusal:
+        raise table.error(refusal.key.rpartition(".")[2], refusal.problem) from None
