@@ -76,6 +76,15 @@ def load(tmp_path):
     return write_and_load
 
 
+def test_a_flight_file_by_a_relative_path_names_the_same_places(load, tmp_path, monkeypatch):
+    """Oracle: the same file by its absolute path."""
+    flight = load(CONTRACT)
+    monkeypatch.chdir(tmp_path.parent)
+    relative = load_flight(f"{tmp_path.name}/flight.toml")
+    assert relative.output.directory.resolve() == flight.output.directory
+    assert relative.imu.file.resolve() == flight.imu.file.resolve()
+
+
 def test_the_contract_example_loads(load, tmp_path):
     """Oracle: the values written in the example itself."""
     flight = load(CONTRACT)

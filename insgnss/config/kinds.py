@@ -103,8 +103,8 @@ def files(table: Table, item: Declared) -> tuple[Path, ...]:
 
 
 def directory(table: Table, item: Declared) -> Path:
-    """The path of a directory that is there or is to be made."""
-    return table.resolve(table.text(item.name))
+    """The name of a directory that is there or is to be made, relative to the file or absolute."""
+    return Path(table.text(item.name))
 
 
 def images(table: Table, item: Declared) -> Path:
