@@ -1,0 +1,333 @@
+"""What an adjusted block says of itself in sentences: what contradicts, what was determined or not.
+
+A group of observations contradicts its standard deviations where its variance component lies
+outside the two-sided 99.9 % bounds of chi-square over its redundancy, and is worse by a fifth. What
+explains it has been tried (`trials`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..report.rules.wording import Limit, lengths
+from .pattern import Pattern, patterns
+from .solve import GROUND, IMAGE, Solved
+from .trials import Trial, trials
+
+OUTSIDE, WORSE = 0.9995, 1.2
+GROSS_W = 4.0
+PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
+MANY_REJECTED = 0.05
+DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
+SIGNIFICANT = 3.0
+AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)}
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What is said of an adjusted block.
+
+    Parameters
+    ----------
+    headline : str
+        The most important thing, without full stop.
+    findings : tuple of Limit
+        What stands out, the worst first; of rank one and more it contradicts.
+    determined : tuple of tuple of str
+        Each unknown with its verdict, "determined", "improved" or "not determined", and a sentence.
+    patterns : tuple of Pattern
+        Of the residuals on the format, a camera each.
+    tried : tuple of Trial
+        What was tried to explain a contradiction.
+    """
+
+    headline: str
+    findings: tuple[Limit, ...]
+    determined: tuple[tuple[str, str, str], ...]
+    patterns: tuple[Pattern, ...]
+    tried: tuple[Trial, ...]
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether anything contradicts."""
+        return any(finding.rank >= 1.0 for finding in self.findings)
+
+
+def judged(
+    solved: Solved, figures: Mapping[str, Any], progress: Callable[[str], None]
+) -> Judgement:
+    """Judge an adjusted block.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    figures : mapping
+        Its figures.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Judgement
+        Headline, findings, what was determined.
+    """
+    beyond = list(_components(figures))
+    drawn = patterns(solved)
+    beyond += _checks(figures)
+    beyond += _patterns(figures, drawn)
+    tried: tuple[Trial, ...] = ()
+    if any(finding.rank >= 1.0 for finding in beyond):
+        tried = trials(solved, _excess(figures), progress)
+        beyond = [_explained(finding, tried) for finding in beyond]
+    findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
+    findings += _correlations(figures)
+    ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
+    return Judgement(
+        _headline(figures, ordered), ordered, tuple(_determined(figures)), drawn, tried
+    )
+
+
+def _bounds(redundancy: float) -> tuple[float, float]:
+    """Return the two-sided 99.9 % bounds of a variance component."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf((1.0 - OUTSIDE, OUTSIDE), redundancy) / redundancy
+    return float(low), float(high)
+
+
+def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    for c in figures["components"]:
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] == "mounting":
+            continue
+        factor = c["factor"]
+        if factor != 1.0:  # its variances were multiplied
+            times = float(np.sqrt(factor))
+            if times > 3.0 or times < 1.0 / 3.0:
+                yield Limit(
+                    c["name"],
+                    1.0 if times > 3.0 else 0.5,
+                    f"{c['name']} have {times:.2g} times the standard deviations that were stated",
+                    "state what they have, or look for another camera model or wrong points",
+                )
+            continue
+        low, high = _bounds(c["redundancy"])
+        v = c["variance"]
+        times = float(np.sqrt(v))
+        if v > max(high, WORSE**2):
+            yield Limit(
+                c["name"],
+                times,
+                f"{c['name']} contradicts the rest: its residuals are {times:.1f} times what its"
+                f" standard deviations allow (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
+            )
+        elif v < min(low, 1.0 / WORSE**2):
+            yield Limit(
+                c["name"],
+                0.5,
+                f"{c['name']} is better than stated: its residuals are {times:.2f} times what its"
+                f" standard deviations say (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
+            )
+
+
+def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    squares = [c["normalised_square"] for c in figures["check_points"] if "difference_m" in c]
+    if not squares:
+        return
+    low, high = _bounds(3.0 * len(squares))
+    mean = sum(squares) / (3.0 * len(squares))
+    if mean > max(high, WORSE**2):
+        worst = max(
+            (c for c in figures["check_points"] if "difference_m" in c),
+            key=lambda c: c["normalised_square"],
+        )
+        yield Limit(
+            "check points",
+            float(np.sqrt(mean)),
+            f"check points lie {np.sqrt(mean):.1f} times as far off as their standard deviations"
+            f" allow, {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
+            " (east, north, up)",
+        )
+
+
+def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Limit]:
+    for camera, pattern in zip(figures["cameras"], drawn, strict=True):
+        if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
+            yield Limit(
+                "camera",
+                1.0 + pattern.rms,
+                f"residuals of camera {camera['name']} repeat from image to image:"
+                f" {pattern.rms:.2f} px by their place on the format, which its interior"
+                " orientation does not describe",
+            )
+
+
+def _excess(figures: Mapping[str, Any]) -> float:
+    """Return by how much the cost of groups is above their redundancy."""
+    return sum(
+        max(0.0, (c["variance"] - 1.0) * c["redundancy"])
+        for c in figures["components"]
+        if c["variance"] is not None
+    )
+
+
+def _explained(finding: Limit, tried: tuple[Trial, ...]) -> Limit:
+    """Add what explains a contradiction: the best of those that do."""
+    if finding.rank < 1.0 or not tried:
+        return finding
+    good = [trial for trial in tried if trial.explains]
+    if not good:
+        names = ", ".join(trial.name for trial in tried)
+        return Limit(
+            finding.topic, finding.rank, finding.text, f"none of {names} explains it; look for"
+            " gross errors, exchanged names, or standard deviations that are too small"
+        )
+    best = good[0]
+    return Limit(
+        finding.topic,
+        finding.rank,
+        finding.text,
+        f"{best.name} of {shown(best)} explains it: {advice(best)}",
+    )
+
+
+def shown(trial: Trial) -> str:
+    """Return the values of a trial as people read them."""
+    factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}.get(
+        trial.unit, (1.0, "px")
+    )
+    words = " / ".join(f"{factor * v:+.3g}" for v in trial.value[:3])
+    sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
+    return f"{words} {unit} (sigma {sigma})"
+
+
+def advice(trial: Trial) -> str:
+    """Return what to do about what a trial showed."""
+    if trial.key == "ground.crs":
+        return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
+    if trial.key == "camera.free":
+        return "estimate it with camera.free"
+    return f"estimate it with {trial.key}"
+
+
+def _control(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Ground control points with gross errors."""
+    for point in figures["ground_control"]:
+        w = max(abs(x) for x in point["w"])
+        if w > GROSS_W:
+            residual = lengths([1e3 * x for x in point["residual_m"]])
+            yield Limit(
+                GROUND,
+                w / GROSS_W,
+                f"ground control point {point['point']} does not fit: {residual} (east, north, up),"
+                f" {w:.1f} sigma",
+                "check its coordinates and its image measurements, or make it a check point by"
+                " ground.check",
+            )
+
+
+def _rejected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    counts = figures["counts"]
+    share = counts["rejected"] / max(1, counts["rejected"] + counts["image_observations"])
+    if share > MANY_REJECTED:
+        yield Limit(
+            IMAGE,
+            share / MANY_REJECTED,
+            f"{100 * share:.0f} % of the image observations were rejected as gross errors",
+            "see adjust.json for images and points",
+        )
+
+
+def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    for name, own in figures["mounting"].items():
+        value, sigma = np.array(own["value"]), np.array(own["sigma"])
+        if (np.abs(value) > SIGNIFICANT * sigma).any():
+            factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}[
+                own["unit"]
+            ]
+            words = " / ".join(f"{factor * v:+.3g}" for v in value)
+            yield Limit(
+                name,
+                0.4,
+                f"the {name} differs from that of the flight file by {words} {unit}"
+                f" ({np.max(np.abs(value) / sigma):.0f} sigma)",
+                "process the flight with --mounting mounting.toml to have it in every product",
+            )
+
+
+def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    for pair in figures["correlations"][:3]:
+        if abs(pair["correlation"]) > 0.95 and not _polynomial(pair):
+            yield Limit(
+                "correlation",
+                0.3,
+                f"{pair['first']} and {pair['second']} are hardly told apart (correlation"
+                f" {pair['correlation']:+.3f})",
+            )
+
+
+def _polynomial(pair: Mapping[str, Any]) -> bool:
+    """Whether both are coefficients of one radial polynomial, of which the sum counts."""
+    first, second = pair["first"].split()[0], pair["second"].split()[0]
+    return first[0] == second[0] == "k" and first[1:].isdigit() and second[1:].isdigit()
+
+
+def _determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    for camera in figures["cameras"]:
+        for name, own in camera["parameters"].items():
+            if not own["estimated"]:
+                continue
+            moved = own["value"] - own["first"]
+            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
+            sure = abs(own["value"]) > SIGNIFICANT * own["sigma"]
+            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
+            yield (
+                f"{name} of {camera['name']}",
+                verdict,
+                f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
+            )
+    for name, own in figures["mounting"].items():
+        factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}[
+            own["unit"]
+        ]
+        for axis, value, sigma, before in zip(
+            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
+        ):
+            ratio = sigma / before
+            verdict = "determined" if ratio < DETERMINED else "improved"
+            if ratio > UNDETERMINED:
+                verdict = "not determined"
+            yield (
+                f"{name} {axis}".strip(),
+                verdict,
+                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
+                f" {factor * before:.2g})",
+            )
+
+
+def _headline(figures: Mapping[str, Any], findings: tuple[Limit, ...]) -> str:
+    """The most important thing: a contradiction, else the precision."""
+    precision = precision_sentence(figures)
+    wrong = [finding for finding in findings if finding.rank >= 1.0]
+    return f"{wrong[0].sentence}; {precision}" if wrong else precision
+
+
+def precision_sentence(figures: Mapping[str, Any]) -> str:
+    """Return number and precision of the images, and what check points say."""
+    sigma = np.median([image["sigma_m"] for image in figures["images"]], axis=0)
+    angles = np.degrees(np.median([image["sigma_rad"] for image in figures["images"]], axis=0))
+    text = (
+        f"{len(figures['images'])} images: median sigmas {lengths([1e3 * x for x in sigma])}"
+        f" (E, N, U), tilt {max(angles[:2]):.2g} deg, heading {angles[2]:.2g} deg"
+    )
+    checks = [c for c in figures["check_points"] if "difference_m" in c]
+    if checks:
+        d = np.array([c["difference_m"] for c in checks])
+        rms = np.sqrt((d**2).mean(axis=0))
+        text += f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+    return text
+
+
