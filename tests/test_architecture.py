@@ -50,6 +50,8 @@ STANDS_ON |= {
     "exporting": ROOMS,
     "comparison": ROOMS,
     "proof": ROOMS | {"exporting"},
+    # exporting: formats of the adjusted orientation; processing: files that appear whole
+    "block_adjustment": ROOMS | {"exporting", "processing"},
     "processing": ROOMS | {"exporting"},
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
@@ -57,10 +59,12 @@ STANDS_ON |= {
     "cli": (
         (ROOMS - {"adjust"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
+        | {"block_adjustment"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
-    "api": ROOMS | {"processing", "inspection", "tuning", "exporting", "comparison"},
+    "api": ROOMS
+    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"},
     # loaded when a public name is first used
     "__init__": ROOMS | {"api", "processing", "tuning"},
     "__main__": {"cli"},

@@ -19,14 +19,17 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
-from . import calibrate, compare, demo, export, inspect, ppk, process, simulate, tune, verify
+from . import adjust, calibrate, compare, demo, export, inspect, ppk, process, simulate, tune, verify
 from .console import Parser, Progress
 from .verb import report_error
 
 INTERRUPTED = 130
 VERBS = tuple(
     module.VERB
-    for module in (demo, simulate, inspect, process, verify, export, calibrate, tune, compare, ppk)
+    for module in (
+        *(demo, simulate, inspect, process, verify, export, adjust),
+        *(calibrate, tune, compare, ppk),
+    )
 )
 
 

@@ -1,9 +1,87 @@
 """Pieces of HTML: escaped text, tables, values of three axes."""
 
+import base64
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 Row = Sequence[str]
+
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8;
+  --rule: #d5dae1; --soft: #5b6675;
+  --ok: #00734f; --note: #a65200; --bad: #b3261e; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --paper: #14181e; --pale: #1e242c;
+  --rule: #38424f; --soft: #9aa6b5;
+  --ok: #4cc9a0; --note: #f0a35a; --bad: #ff8a80; } }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
+  max-width: 1040px; margin: 0 auto;
+  padding: 1.5rem 1rem 4rem; overflow-wrap: break-word; }
+h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; }
+.headline { margin: .4rem 0 1.2rem; padding: .7rem 1rem; background: var(--pale);
+  border-left: 4px solid var(--ok); }
+.headline.doubtful { border-color: var(--note); } .headline.bad { border-color: var(--bad); }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+td, th { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule);
+  vertical-align: top; }
+th { color: var(--soft); font-weight: 600; } td.number { text-align: right; white-space: nowrap; }
+  th.number { text-align: right; }
+.wide { overflow-x: auto; } .ok { color: var(--ok); } .note { color: var(--note); }
+  .contradiction { color: var(--bad); font-weight: 600; }
+figure { margin: 0 0 1.2rem; } figure img { width: 100%; height: auto; background: #fff;
+  border: 1px solid var(--rule); border-radius: 4px; }
+figcaption, .soft { color: var(--soft); } code { font: 13px ui-monospace, monospace;
+  overflow-wrap: anywhere; }
+summary { cursor: pointer; } li { margin: .35rem 0; } .help { color: var(--ok); }
+""".strip()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn figure: PNG bytes, title, and how to read it."""
+
+    name: str
+    title: str
+    reading: str
+    png: bytes
+
+
+def document(
+    title: str, headline: str, mood: str, body: Iterable[str], heading: str | None = None
+) -> Iterator[str]:
+    """A whole page, piece by piece.
+
+    Parameters
+    ----------
+    title, headline : texts without HTML; the headline without full stop.
+    mood : "good", "doubtful" or "bad".
+    body : HTML below the headline.
+    heading : above the headline, by default the title.
+    """
+    yield (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}'
+        "</title>\n"
+    )
+    yield (
+        '<meta name="viewport" content="width=device-width,'
+        f' initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
+    )
+    yield (
+        f'<h1>{escape(heading or title)}</h1>\n<p class="headline'
+        f' {mood}">{escape(headline)}.</p>\n'
+    )
+    yield from body
+    yield "</main>\n</body>\n</html>\n"
+
+
+def pictured(picture: Picture) -> str:
+    """A picture with its title and how to read it."""
+    title = escape(picture.title)
+    return (
+        f'<h2>{title}</h2>\n<figure id="{escape(picture.name)}">\n<img alt="{title}"'
+        f' src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">\n'
+        f"<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n"
+    )
 
 
 def escape(value: object) -> str:

@@ -7,7 +7,6 @@ was checked and thrown away, from what it was made. Every text is escaped; the p
 inside the page.
 """
 
-import base64
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
@@ -17,42 +16,14 @@ from typing import Any
 from ..base.files import atomic_write
 from ..records import Diagnostics, ExteriorOrientation
 from .figures import gnss
-from .figures.run import Picture, pictures
-from .markup import escape, folded, table
+from .figures.run import pictures
+from .markup import Picture, document, escape, folded, pictured, table
 from .rules.wording import millimetres
 from .sections import constants, flight_lines, key_numbers, limits, segments_and_stationary_periods
 from .summary import plain
 
 # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
 FAR_ABOVE = 2.0
-
-_STYLE = """
-:root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8;
-  --rule: #d5dae1; --soft: #5b6675;
-  --ok: #00734f; --note: #a65200; --bad: #b3261e; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --paper: #14181e; --pale: #1e242c;
-  --rule: #38424f; --soft: #9aa6b5;
-  --ok: #4cc9a0; --note: #f0a35a; --bad: #ff8a80; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 1040px; margin: 0 auto;
-  padding: 1.5rem 1rem 4rem; overflow-wrap: break-word; }
-h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; }
-.headline { margin: .4rem 0 1.2rem; padding: .7rem 1rem; background: var(--pale);
-  border-left: 4px solid var(--ok); }
-.headline.doubtful { border-color: var(--note); } .headline.bad { border-color: var(--bad); }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-td, th { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule);
-  vertical-align: top; }
-th { color: var(--soft); font-weight: 600; } td.number { text-align: right; white-space: nowrap; }
-  th.number { text-align: right; }
-.wide { overflow-x: auto; } .ok { color: var(--ok); } .note { color: var(--note); }
-  .contradiction { color: var(--bad); font-weight: 600; }
-figure { margin: 0 0 1.2rem; } figure img { width: 100%; height: auto; background: #fff;
-  border: 1px solid var(--rule); border-radius: 4px; }
-figcaption, .soft { color: var(--soft); } code { font: 13px ui-monospace, monospace;
-  overflow-wrap: anywhere; }
-summary { cursor: pointer; } li { margin: .35rem 0; } .help { color: var(--ok); }
-""".strip()
 
 
 def write_report(
@@ -91,32 +62,21 @@ def write_report_json(summary: Mapping[str, Any], path: str | Path) -> None:
 
 def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
     """The HTML of the page, piece by piece."""
-    name = summary["name"] or "flight"
-    yield (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}:'
-        " insgnss report</title>\n"
+    return document(
+        f"{summary['name'] or 'flight'}: insgnss report",
+        summary["headline"],
+        _mood(summary),
+        _body(summary, drawn),
+        heading=summary["name"] or "flight",
     )
-    yield (
-        '<meta name="viewport" content="width=device-width,'
-        f' initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
-    )
-    yield (
-        f'<h1>{escape(name)}</h1>\n<p class="headline'
-        f' {_mood(summary)}">{escape(summary["headline"])}.</p>\n'
-    )
+
+
+def _body(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
     yield from (limits(summary), flight_lines(summary), key_numbers(summary), constants(summary))
-    for picture in drawn:
-        title = escape(picture.title)
-        yield (
-            f'<h2>{title}</h2>\n<figure id="{escape(picture.name)}">\n<img alt="{title}"'
-            ' src="data:image/png;base64,'
-        )
-        yield base64.b64encode(picture.png).decode("ascii")
-        yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
+    yield from (pictured(picture) for picture in drawn)
     if not summary["standing"]:
         yield from (_innovations(summary), _residuals(summary), _rejected(summary), _gaps(summary))
     yield from (segments_and_stationary_periods(summary), _checks(summary), _made_from(summary))
-    yield "</main>\n</body>\n</html>\n"
 
 
 def _mood(summary: Mapping[str, Any]) -> str:

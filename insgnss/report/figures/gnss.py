@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .run import Picture
+from ..markup import Picture
 from .style import (
     ACCENT,
     AXIS_COLOURS,

@@ -6,7 +6,6 @@ Time runs in minutes since the first epoch. Long lines are thinned to their extr
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
 from ..flightlines import FlightLine, flight_lines
+from ..markup import Picture
 from ..marks import LINE_SHADE, MOST_NUMBERS, Marks, mark, marks_of
 from ..summary import image_sigmas
 from . import support
@@ -33,16 +33,6 @@ from .style import (
 )
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A drawn figure: PNG bytes, title, and how to read it."""
-
-    name: str
-    title: str
-    reading: str
-    png: bytes
 
 
 def pictures(

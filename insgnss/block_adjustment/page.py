@@ -1,0 +1,196 @@
+"""adjust.html: the page of an adjusted block, without scripts or outside files."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.files import atomic_write
+from ..report.figures.block import Field, Ground, pictures
+from ..report.markup import document, escape, folded, pictured, sentence, table
+from ..report.rules.wording import lengths
+from .judgement import Judgement
+from .solve import Solved
+
+
+def write_page(
+    path: Path, solved: Solved, figures: Mapping[str, Any], judgement: Judgement
+) -> None:
+    """Draw and write the page, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    solved : Solved
+        The block.
+    figures : mapping
+        Its figures.
+    judgement : Judgement
+        What is said of it.
+    """
+    mood = "bad" if judgement.contradicted else "good"
+    atomic_write(
+        path,
+        document(
+            f"{figures['name']}: adjustment",
+            judgement.headline,
+            mood,
+            _body(solved, figures, judgement),
+        ),
+    )
+
+
+def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> Iterator[str]:
+    yield _findings(judgement)
+    yield _numbers(figures)
+    yield _determined(judgement)
+    drawn = pictures(figures, _fields(solved, judgement), _ground_of(solved))
+    yield from map(pictured, drawn)
+    yield _components(figures)
+    yield _control(figures)
+    yield _checks(figures)
+    yield _images(figures)
+    yield _notes(figures)
+
+
+def _ground_of(solved: Solved) -> Ground:
+    """Return where images and points lie."""
+    values = solved.result.values
+    point = values.point[np.isfinite(values.point[:, 0])]
+    return Ground(values.position, point, solved.control.lines)
+
+
+def _fields(solved: Solved, judgement: Judgement) -> list[Field]:
+    """Return the mean residuals of each camera."""
+    return [
+        Field(camera.name, (camera.width, camera.height), p.centre, p.mean, p.sigma)
+        for camera, p in zip(
+            solved.result.problem.block.cameras, judgement.patterns, strict=True
+        )
+    ]
+
+
+def _findings(judgement: Judgement) -> str:
+    if not judgement.findings:
+        return "<h2>What stands out</h2>\n<p>Nothing.</p>\n"
+    items = "".join(
+        f'<li class="{"contradiction" if f.rank >= 1.0 else ""}">{escape(sentence(f.text))}'
+        + (f' <span class="help">{escape(sentence(f.help))}</span>' if f.help else "")
+        + "</li>\n"
+        for f in judgement.findings
+    )
+    return f"<h2>What stands out</h2>\n<ul>\n{items}</ul>\n"
+
+
+def _numbers(figures: Mapping[str, Any]) -> str:
+    c = figures["counts"]
+    points = figures["points"]["median_sigma_m"]
+    rows = [
+        ("images", f"{c['images']}, {c['with_aerial_control']} with aerial control"),
+        ("object points", f"{c['points']}"),
+        ("image observations", f"{c['image_observations']}, {c['rejected']} rejected"),
+        ("ground control, check points", f"{c['ground_control']}, {c['check_points']}"),
+        ("flight lines", f"{c['flight_lines']}"),
+        ("redundancy", f"{figures['redundancy']}"),
+        ("steps of the iteration", f"{figures['iterations']}"),
+        ("covariance of aerial control", figures["covariance_of_aerial_control"]),
+    ]
+    if points is not None:
+        rows.append(("median sigma of object points", lengths([1e3 * x for x in points])))
+    if (px := figures["points"]["median_detectable_px"]) is not None:
+        rows.append(("gross error of an image observation that would show", f"{px:.1f} px"))
+    return "<h2>In numbers</h2>\n" + table([(escape(a), escape(b)) for a, b in rows])
+
+
+def _determined(judgement: Judgement) -> str:
+    rows = [(escape(a), escape(b), escape(c)) for a, b, c in judgement.determined]
+    if not rows:
+        return ""
+    return "<h2>What was determined</h2>\n" + table(rows, ("unknown", "verdict", "value"))
+
+
+def _components(figures: Mapping[str, Any]) -> str:
+    rows = [
+        (
+            escape(c["name"]),
+            str(c["observations"]),
+            f"{c['redundancy']:.1f}",
+            "–" if c["variance"] is None else f"{c['variance']:.3f}",
+            "–" if c["factor"] == 1.0 else f"{c['factor'] ** 0.5:.3f}",
+        )
+        for c in figures["components"]
+    ]
+    head = (
+        "observations",
+        "number",
+        "redundancy",
+        "variance component",
+        "their sigmas were multiplied by",
+    )
+    return "<h2>Variance components</h2>\n" + table(rows, head, numbers=True)
+
+
+def _control(figures: Mapping[str, Any]) -> str:
+    rows = [
+        (
+            escape(p["point"]),
+            str(p["images"]),
+            *(f"{1e3 * x:+.1f}" for x in p["residual_m"]),
+            f"{max(p['w'], key=abs):+.1f}",
+            *("–" if x is None else f"{1e3 * x:.0f}" for x in p["detectable_m"]),
+        )
+        for p in figures["ground_control"]
+    ]
+    if not rows:
+        return ""
+    head = ("point", "images", "E, mm", "N, mm", "U, mm", "largest w")
+    head += ("error that would show: E", "N", "U")
+    body = table(rows, head, numbers=True)
+    if len(rows) > 30:
+        body = folded(f"{len(rows)} points", body)
+    return "<h2>Ground control: surveyed minus adjusted</h2>\n" + body
+
+
+def _checks(figures: Mapping[str, Any]) -> str:
+    rows = [
+        (
+            escape(p["point"]),
+            str(p["images"]),
+            *(
+                f"{1e3 * x:+.1f} ± {1e3 * s:.1f}"
+                for x, s in zip(p["difference_m"], p["sigma_m"], strict=True)
+            ),
+            f"{p['normalised_square'] / 3.0:.2f}",
+        )
+        for p in figures["check_points"]
+        if "difference_m" in p
+    ]
+    if not rows:
+        return ""
+    head = ("point", "images", "E, mm", "N, mm", "U, mm", "square a sigma, expected 1")
+    return "<h2>Check points: surveyed minus adjusted</h2>\n" + table(rows, head, numbers=True)
+
+
+def _images(figures: Mapping[str, Any]) -> str:
+    rows = [
+        (
+            escape(i["image"]),
+            str(i["observations"]),
+            str(i["rejected"]),
+            "–" if i["rms_px"] is None else f"{i['rms_px']:.2f}",
+            lengths([1e3 * x for x in i["sigma_m"]]),
+            " / ".join(f"{np.degrees(x):.4f}" for x in i["sigma_rad"]),
+            lengths([1e3 * x for x in i["moved_m"]]) if "moved_m" in i else "no aerial control",
+        )
+        for i in figures["images"]
+    ]
+    head = ("image", "points", "rejected", "rms, px", "sigma E N U", "sigma psi, deg", "moved by")
+    body = table(rows, head, numbers=True)
+    return "<h2>Images</h2>\n" + (folded(f"{len(rows)} images", body) if len(rows) > 20 else body)
+
+
+def _notes(figures: Mapping[str, Any]) -> str:
+    items = "".join(f"<li>{escape(sentence(note))}</li>\n" for note in figures["notes"])
+    return f"<h2>Notes</h2>\n<ul>\n{items}</ul>\n" if items else ""

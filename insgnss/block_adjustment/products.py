@@ -1,0 +1,302 @@
+"""Products of an adjusted block, all of them or none.
+
+eo.json       orientation of the images with aerial control, which `insgnss export` takes
+exports       as output.formats asks for
+poses.csv     every image, also those without a stamp
+camera_*      cameras with standard deviations
+mounting.toml tables that `insgnss process --mounting` takes
+adjust.json   everything that was found
+adjust.html   the page
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.unknowns import POSE
+from ..base.errors import UsageError
+from ..base.files import atomic_write, json_ready
+from ..formats.blocks.camera_toml import write_camera_toml
+from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
+from ..processing.staging import Staging
+from ..records import ExteriorOrientation
+from ..records.block import Array, BrownCamera
+from .judgement import Judgement
+from .page import write_page
+from .solve import Solved
+
+DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
+
+
+def written(
+    solved: Solved, figures: dict[str, Any], judgement: Judgement, directory: Path
+) -> tuple[Path, ...]:
+    """Write every product.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    figures : dict
+        Its figures; the products are added to them.
+    judgement : Judgement
+        What is said of it.
+    directory : Path
+        Where they go.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    UsageError
+        A product would take the place of an input, or cannot be what the block file asks for.
+    """
+    from ..exporting.export import Target, export
+    from ..formats import EXPORTS
+
+    file = solved.inputs.file
+    eo = adjusted_orientation(solved, judgement)
+    with Staging(directory) as staging:
+        into = staging.directory
+        names = dict.fromkeys([*file.output.formats, "eo_json"]) if eo is not None else {}
+        for name in names:
+            if name not in EXPORTS:
+                raise UsageError(f"output.formats: {name!r} is no export format")
+            options: dict[str, Any] = {}
+            export(eo, name, into / EXPORTS[name].product, Target(), **options)  # type: ignore[arg-type]
+        write_poses(solved, into / POSES)
+        _write_cameras(solved, into)
+        if (text := mounting_toml(solved)) is not None:
+            atomic_write(into / MOUNTING, text)
+        figures["products"] = sorted(
+            [*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE]
+        )
+        atomic_write(
+            into / DOCUMENT,
+            json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False) + "\n",
+        )
+        write_page(into / PAGE, solved, figures, judgement)
+        moves = staging.moves()
+        _refuse_overwriting(solved, [goal for _, goal in moves])
+        for source, goal in moves:
+            os.replace(source, goal)
+    return tuple(goal for _, goal in moves)
+
+
+def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
+    file = solved.inputs.file
+    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    taken = {path.resolve() for path in (*inputs, file.ground.file) if path is not None}
+    for goal in goals:
+        if goal.resolve() in taken:
+            raise UsageError(
+                f"the product {goal} would overwrite an input; give another directory by --out"
+            )
+
+
+def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
+    """Return the orientation of the images that have aerial control, in the order of its stamps.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    judgement : Judgement
+        What is said of it.
+
+    Returns
+    -------
+    ExteriorOrientation or None
+        Covariances are those of the adjustment, that of neighbours too; None where there is no
+        aerial control and so no stamps.
+    """
+    eo, rows = solved.inputs.eo, solved.inputs.eo_row
+    if eo is None:
+        return None
+    images = np.flatnonzero(rows >= 0)
+    images = images[np.argsort(rows[images])]
+    own, values = rows[images], solved.result.values
+    cov = solved.precision.pose_cov[images]
+    cross: Array | None = np.zeros((max(images.size - 1, 0), 6, 6))
+    for k in range(images.size - 1):
+        pair = ((POSE, int(images[k])), (POSE, int(images[k + 1])))
+        cross[k] = solved.precision.cov(*pair)[:6, 6:]
+    history = (
+        *eo.history,
+        f"adjusted with {solved.result.problem.rays.active.sum()} image observations of"
+        f" {len(rows)} images: {judgement.headline}",
+    )
+    boresight = eo.boresight
+    if (E := values.blocks.get((BORESIGHT, 0))) is not None:
+        boresight = changed_boresight(eo, E)
+    return replace(
+        eo,
+        images=tuple(eo.images[k] for k in own),
+        time=eo.time[own],
+        position_m=values.position[images],
+        C_mc=values.C_mc[images],
+        cov=cov,
+        cross=cross,
+        boresight=boresight,
+        history=history,
+        **_motion(eo, own),
+    )
+
+
+def _motion(eo: ExteriorOrientation, rows: Array) -> dict[str, Any]:
+    """Return velocities and rates of some images, as far as there are some."""
+    return {
+        name: value[rows]
+        for name in ("velocity_mps", "rate_radps")
+        if (value := getattr(eo, name, None)) is not None
+    }
+
+
+def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
+    """Return the bore-sight matrix B of the mounting that the adjustment found.
+
+    With C_o = C_mb (T B)^T observed and C = C_o E, C = C_mb (T B')^T asks for T B' = E^T T B.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The aerial control, with B and T that were applied.
+    E : ndarray, (3, 3)
+        Camera to nominal camera, (J.9) of `insgnss.adjust.aerial`.
+
+    Returns
+    -------
+    ndarray, (3, 3)
+        B'.
+    """
+    T = eo.camera_from_body
+    return nearest_rotation(T.T @ E.T @ T @ eo.boresight)
+
+
+def write_poses(solved: Solved, path: Path) -> None:
+    """Write the pose of every image with standard deviations.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    path : path
+        The file.
+    """
+    values, images = solved.result.values, solved.result.problem.block.images
+    opk = opk_from_rotation(values.C_mc @ CV_RUB)
+    cov = solved.precision.pose_cov
+    F = np.linalg.inv(opk_jacobian(opk))
+    angles = np.einsum("nij,njk,nik->ni", F, cov[:, 3:, 3:], F)
+    sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2)[:, :3], 0.0))
+    table = np.hstack(
+        [values.position, np.degrees(opk), sigma, np.degrees(np.sqrt(np.maximum(angles, 0.0)))]
+    )
+    form = "%s" + ",%.4f" * 3 + ",%.7f" * 3 + ",%.5f" * 3 + ",%.7f" * 3 + ",%s\n"
+    rows = (
+        form % (name, *values, "yes" if row >= 0 else "no")
+        for name, values, row in zip(images, table.tolist(), solved.inputs.eo_row, strict=True)
+    )
+    head = (
+        "# projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"
+        " right-up-back camera to the axes of the block; standard deviations\n"
+        "image,x,y,z,omega,phi,kappa,sd_x,sd_y,sd_z,sd_omega,sd_phi,sd_kappa,aerial_control\n"
+    )
+    atomic_write(path, "".join([head, *rows]))
+
+
+def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
+    """Return the cameras with adjusted interior orientation.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        The cameras.
+    """
+    return solved.result.values.cameras(solved.result.problem.block.cameras)
+
+
+def _write_cameras(solved: Solved, into: Path) -> None:
+    cameras = adjusted_cameras(solved)
+    for k, camera in enumerate(cameras):
+        number = f"_{k + 1}" if len(cameras) > 1 else ""
+        write_camera_toml(camera, into / f"camera{number}.toml")
+
+
+def mounting_toml(solved: Solved) -> str | None:
+    """Return tables [mounting] and [camera] with what the adjustment found.
+
+    Lever arms and delay are corrections of what the flight was processed with, which report.json
+    beside its eo.json says.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    str or None
+        The tables; None where no parameter of the mounting was estimated.
+    """
+    eo, blocks = solved.inputs.eo, solved.result.values.blocks
+    estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
+    if eo is None or not estimated:
+        return None
+    before = _processed_with(solved)
+    lines = [
+        f"# found by insgnss adjust from {eo.images[0]} to {eo.images[-1]}; sigmas behind the #",
+        "# insgnss process flight.toml --mounting mounting.toml",
+        "[mounting]",
+    ]
+    sigma = {
+        name: np.sqrt(np.diagonal(solved.precision.cov((name, 0)))) for name in estimated
+    }
+    if BORESIGHT in estimated:
+        B = changed_boresight(eo, blocks[(BORESIGHT, 0)])
+        rows = ", ".join(f"[{', '.join(f'{x:.12f}' for x in row)}]" for row in B)
+        of = " ".join(f"{np.degrees(x):.4f}" for x in sigma[BORESIGHT])
+        lines.append(f"boresight = [{rows}]  # {of} deg about the camera's x, y, z")
+    if LEVER_ARM in estimated:
+        change = blocks[(LEVER_ARM, 0)]
+        of = " ".join(f"{x:.4f}" for x in sigma[LEVER_ARM])
+        for key in ("antenna_m", "imu_m"):
+            if before is not None:
+                value = np.array(before["mounting"][key]) + change
+                lines.append(f"{key} = [{', '.join(f'{x:.5f}' for x in value)}]  # {of} m")
+            else:
+                words = " ".join(f"{x:+.5f}" for x in change)
+                lines.append(f"# {key}: add {words} m (no report.json beside eo.json)")
+    if TIME_OFFSET in estimated:
+        change = float(blocks[(TIME_OFFSET, 0)][0])
+        of = f"{float(sigma[TIME_OFFSET][0]):.6f} s"
+        if before is not None and before.get("camera"):
+            value = before["camera"]["time_offset_s"] + change
+            lines += ["[camera]", f"time_offset_s = {value:.7f}  # {of}"]
+        else:
+            lines.append(f"# camera.time_offset_s: add {change:+.7f} ({of})")
+    return "\n".join(lines) + "\n"
+
+
+def _processed_with(solved: Solved) -> Mapping[str, Any] | None:
+    """Return the flight file as it was resolved, None where no report says it."""
+    beside = Path(solved.inputs.file.aerial_control.file or ".").parent / "report.json"
+    try:
+        flight = json.loads(beside.read_text(encoding="utf-8"))["flight"]
+    except (OSError, ValueError, KeyError):
+        return None
+    return flight if isinstance(flight, dict) and "mounting" in flight else None

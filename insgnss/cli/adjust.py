@@ -1,0 +1,97 @@
+"""The verb `adjust`: integrated sensor orientation of an image block."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..base.errors import UsageError
+from ..base.wording import spoken_as
+from ..config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
+from ..config.command_line import add_options_of_tables, given_of_tables, names_of
+from .console import Progress
+from .verb import Verb, show_result
+
+if TYPE_CHECKING:
+    from ..block_adjustment.run import AdjustmentResult
+
+EXAMPLE = """\
+  insgnss adjust block.toml
+  insgnss adjust 02_Processed/GPS-INS/eo.json --images image_points.csv \\
+      --camera camera.toml --ground ground_points.csv
+  insgnss adjust eo.json --images project.psx --ground gcp.csv --crs EPSG:2056+5728 --check G4 G7"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb: those that the tables of the block file declare."""
+    parser.add_argument(
+        "block",
+        type=Path,
+        metavar="BLOCK",
+        help="the block file, its directory, or the eo.json of a processed flight with --images",
+    )
+    add_options_of_tables(parser, BLOCK_TABLES)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help=f"where the products go (default: {DIRECTORY} beside BLOCK, or as it says)",
+    )
+
+
+def block_of(options: argparse.Namespace) -> BlockFile:
+    """Return the block that the command line asks for.
+
+    Raises
+    ------
+    UsageError
+        Options that do not go together.
+    """
+    given = given_of_tables(options, BLOCK_TABLES)
+    named = names_of(BLOCK_TABLES)
+    if options.block.suffix.lower() != ".json":
+        for table, values in given.items():
+            if values:
+                key = f"{table}.{next(iter(values))}"
+                raise UsageError(
+                    f"{named[key]} goes with an eo.json; the block file says the rest: {key}"
+                )
+        return load_block(options.block)
+    if "file" not in given["images"]:
+        raise UsageError(
+            "adjust: image observations are missing; give --images, a table or the project of a"
+            " photogrammetry program"
+        )
+    tables = {name: BLOCK_TABLES[name][0] for name in given if name}
+    given["aerial_control"]["file"] = options.block
+    with spoken_as(named):
+        made = {name: kind(**given[name]) for name, kind in tables.items()}
+    made["output"] = replace(BlockOutput(), directory=options.block.parent / DIRECTORY)
+    for name, path in (
+        ("--images", made["images"].file),
+        ("--camera", made["camera"].file),
+        ("--ground", made["ground"].file),
+        ("BLOCK", options.block),
+    ):
+        if path is not None and not path.exists():
+            raise UsageError(f"adjust: {name} {path} does not exist; check the path")
+    name = options.block.absolute().parent.name
+    return BlockFile(path=options.block, name=name, **made)
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    file = block_of(options)
+    from ..block_adjustment.run import adjust
+
+    result: AdjustmentResult = adjust(file, options.out, progress)
+    return show_result(options, progress, result)
+
+
+VERB = Verb(
+    "adjust",
+    "adjust an image block with aerial control: integrated sensor orientation",
+    EXAMPLE,
+    add_arguments,
+    run,
+)
