@@ -21,6 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="where the products go (default: output.directory of the flight file)",
     )
+    parser.add_argument(
+        "--mounting",
+        type=Path,
+        metavar="FILE",
+        help=(
+            "tables [mounting] and [camera] time_offset_s, such as mounting.toml of insgnss adjust,"
+            " in the place of those of the flight file"
+        ),
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -28,6 +37,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..config.load import load_flight
 
     flight = load_flight(options.flight)
+    if options.mounting is not None:
+        from ..config.mounting_file import remounted
+
+        flight = remounted(flight, options.mounting)
     from ..processing import pipeline
 
     result = pipeline.process(flight, options.out, progress)
@@ -37,7 +50,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 VERB = Verb(
     "process",
     "raw data in, exterior orientation, trajectory and report out",
-    "  insgnss process ign8/flight.toml --out results",
+    "  insgnss process ign8/flight.toml --out results\n  insgnss process ign8/flight.toml --mounting"
+    " adjusted/mounting.toml --out remounted",
     add_arguments,
     run,
 )

@@ -80,6 +80,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     write_dataset(options.directory, imu_rate=options.imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
     message = f"{flight_file}\nnext: insgnss process {flight_file}"
+    if options.block:
+        message += f", then insgnss adjust {options.directory / 'block.toml'}"
     return show(options, progress, lambda: message, lambda: {"flight": flight_file})
 
 

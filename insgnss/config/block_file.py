@@ -210,7 +210,10 @@ class BlockOutput:
         usual=f'"{DIRECTORY}"',
     )
     formats: tuple[str, ...] = option(
-        ("eo_local_plane",), "exports of the adjusted orientation, as output.formats of a flight"
+        ("eo_local_plane",),
+        "exports of the adjusted orientation, as output.formats of a flight",
+        kind="formats",
+        form="list of texts",
     )
     cameras: tuple[str, ...] = option(
         CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
@@ -296,6 +299,10 @@ def load_block(path: str | Path) -> BlockFile:
     root.check_keys()
     if "images" not in root.data:
         raise root.error("images", "is missing; name the image observations: [images] file = ...")
+    control = root.table("aerial_control")
+    if not control.resolve(str(control.text("file", "."))).exists():
+        problem = f"{control.text('file')} does not exist; run insgnss process on the flight first"
+        raise control.error("file", problem)
     tables = {name: _made(root, name) for name in BLOCK_TABLES if name}
     output = tables["output"]
     directory = root.resolve(str(output.directory))

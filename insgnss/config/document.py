@@ -1,4 +1,4 @@
-"""The page data_specs/flight_file.md, as far as the schema knows what it says.
+"""The pages data_specs/flight_file.md and block_file.md, as far as the schema knows what they say.
 
 Prose is written by hand; what stands between two comments of the page is rendered:
 
@@ -6,8 +6,8 @@ Prose is written by hand; what stands between two comments of the page is render
     ...
     <!-- end of rendered -->
 
-`python -m insgnss.config.document` renders the page of the working directory anew, or the page that
-it is given. A test holds the page against `rendered`.
+`python -m insgnss.config.document` renders the pages of the working directory anew, or those that
+it is given. A test holds the pages against `rendered`.
 """
 
 import re
@@ -19,12 +19,13 @@ from typing import Any
 
 from ..base.files import atomic_write
 from ..base.wording import listed
+from .block_file import BLOCK_TABLES
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
 from .retired import retired_keys
 from .schema import Declared, declared, options_of
 
-PAGE = Path("data_specs/flight_file.md")
+PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
 WIDTH = 120
 
 _BLOCK = re.compile(r"(<!-- rendered: (\w+) -->\n).*?(<!-- end of rendered -->)", re.DOTALL)
@@ -79,6 +80,16 @@ def _keys() -> str:
     return _table(["key", "value", "default", "meaning"], rows)
 
 
+def _block_keys() -> str:
+    """Every key of a block file."""
+    rows = []
+    for table, classes in BLOCK_TABLES.items():
+        for item in options_of(table, classes):
+            key = ".".join(filter(None, (table, item.name)))
+            rows.append([f"`{key}`", value_words(item), default_words(item), item.option.meaning])
+    return _table(["key", "value", "default", "meaning"], rows)
+
+
 def _covariance() -> str:
     """The keys of gnss.covariance."""
     rows = [
@@ -119,6 +130,7 @@ def _retired() -> str:
 
 PARTS: Mapping[str, Callable[[], str]] = {
     "keys": _keys,
+    "block_keys": _block_keys,
     "covariance": _covariance,
     "classes": _classes,
     "checks": _checks,
@@ -187,10 +199,11 @@ def _literal(value: Any) -> str:
     return f'"{value}"'
 
 
-def main(page: Path = PAGE) -> None:
-    """Render a page anew."""
-    atomic_write(page, rendered(page.read_text(encoding="utf-8")))
+def main(*pages: Path) -> None:
+    """Render pages anew."""
+    for page in pages:
+        atomic_write(page, rendered(page.read_text(encoding="utf-8")))
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:2]))
+    main(*(map(Path, sys.argv[1:]) if sys.argv[1:] else PAGES))

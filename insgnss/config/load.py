@@ -84,7 +84,7 @@ def load_flight(path: str | Path) -> Flight:
         imu=imu,
         gnss=gnss,
         camera=_camera(camera, gnss.raw is not None) if camera else None,
-        mounting=_mounting(root.table("mounting")),
+        mounting=mounting_of(root.table("mounting")),
         tangent_plane=_tangent_plane(plane) if plane else None,
         output=_output(root.table("output")),
         initial=InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
@@ -215,7 +215,8 @@ def _camera(table: Table, raw: bool) -> CameraInput:
     return CameraInput(**({"events": None} | values), match=match, rover_events=rover_events)
 
 
-def _mounting(table: Table) -> Mounting:
+def mounting_of(table: Table) -> Mounting:
+    """The mounting of a table [mounting]."""
     given = {k: v for k, v in take(table, [MountingTable]).items() if v is not None}
     angles = given.pop("boresight_deg", None)
     try:

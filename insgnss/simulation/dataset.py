@@ -2,7 +2,7 @@
 
 The published tree (Figure 9 of paper 000), `flight.toml`, and the truth beside it.
 
-    flight.toml  README.md  FLIGHT.md
+    flight.toml  README.md  FLIGHT.md  block.toml (with a block)
     01_Observations/Camera/Data/Events.txt
     01_Observations/Camera/GCPs/WGS84.txt, WGS84_tangentplane.txt
     01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g          (with raw GNSS only)
@@ -39,6 +39,7 @@ from ..records import ImuSamples, Quantity
 from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
 from .description import (
     BLOCK,
+    BLOCK_TOML,
     EVENTS,
     FIXES,
     IMU,
@@ -354,6 +355,7 @@ def _write_targets(folder: Path, simulated: SimulatedFlight, names: list[str], e
 def _write_block(root: Path, block: SimulatedBlock) -> None:
     """Write what was measured in the images, and the truth of it."""
     (root / BLOCK).mkdir(parents=True)
+    (root / "block.toml").write_text(BLOCK_TOML, encoding="utf-8", newline="\n")
     write_image_points(block.measured, root / BLOCK / "image_points.csv")
     axes = "tangent plane of flight.toml: east, north, up, m"
     write_ground_points(block.ground, root / BLOCK / "ground_points.csv", [axes])

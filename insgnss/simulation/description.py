@@ -200,8 +200,25 @@ _BLOCK = """\
 - `01_Observations/Camera/Block`: what was measured in the images (which do not exist):
   `image_points.csv` (pixels right and down from the outer corner of the upper left pixel),
   `ground_points.csv` (the targets, surveyed: control and check points), `camera.toml` (a
-  calibration of before the flight, not the true one). The three are tables of
-  `insgnss.formats.blocks`.
+  calibration of before the flight, not the true one). `block.toml` names them for `insgnss adjust`,
+  once the flight is processed.
+"""
+BLOCK_TOML = f"""\
+# insgnss process flight.toml, then insgnss adjust block.toml
+[images]
+file = "{BLOCK}/image_points.csv"
+
+[camera]
+file = "{BLOCK}/camera.toml"
+
+[aerial_control]
+file = "02_Processed/GPS-INS/eo.json"
+
+[ground]
+file = "{BLOCK}/ground_points.csv"
+
+[output]
+directory = "02_Processed/Adjustment"
 """
 
 
