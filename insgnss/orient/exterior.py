@@ -104,6 +104,31 @@ def exterior_orientation(
     )
 
 
+def pose_derivatives(at_exposure: Trajectory, mounting: Mounting, plane: TangentPlane) -> Array:
+    """Return J of (O.2) of every exposure, by which errors of several of them are turned together.
+
+    Parameters
+    ----------
+    at_exposure : Trajectory
+        The trajectory at the times of the n exposures.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    plane : TangentPlane
+        The tangent plane.
+
+    Returns
+    -------
+    Array
+        (n, 6, 9): errors of projection centre and camera in tangent-plane axes by those of
+        position, velocity (which make none) and psi of the navigation centre, in axes north, east,
+        down at the point.
+    """
+    C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
+    J = np.zeros((len(at_exposure), 6, 9))
+    J[:, :, POSE] = _pose_jacobian(C_mn, C_mn @ at_exposure.C_nb @ mounting.camera_lever_b)
+    return J
+
+
 def _pose_jacobian(C_mn: Array, lever_m: Array) -> Array:
     """(n, 6, 6) of (O.2)."""
     J = np.zeros((lever_m.shape[0], 6, 6))
