@@ -73,6 +73,7 @@ def bend(time: np.ndarray) -> insgnss.Trajectory:
 def test_rows_are_chosen_by_name_index_slice_mask_and_time():
     """Oracle: numpy on the arrays of the record."""
     eo = orientation()
+    eo = replace(eo, velocity_mps=np.ones((N, 3)) * eo.time[:, None], rate_radps=eo.position_m)
     cases = [
         ("DSC0002", [2]),
         (3, [3]),
@@ -90,7 +91,7 @@ def test_rows_are_chosen_by_name_index_slice_mask_and_time():
         part = eo[key]
         assert type(part) is insgnss.ExteriorOrientation
         assert part.images == tuple(eo.images[k] for k in rows)
-        for field in ("time", "position_m", "C_mc", "cov"):
+        for field in ("time", "position_m", "C_mc", "cov", "velocity_mps", "rate_radps"):
             np.testing.assert_array_equal(getattr(part, field), getattr(eo, field)[rows])
         np.testing.assert_array_equal(part.origin, eo.origin)
     assert eo.between(10.0, 30.0).images == eo.images[1:4]

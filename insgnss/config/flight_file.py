@@ -162,6 +162,11 @@ class Output:
         low=-500.0,
         high=9000.0,
     )
+    strip_covariance: bool = option(
+        True,
+        "write eo_covariance.npz, the covariance of all poses of each flight line, for an"
+        " adjustment of the images",
+    )
 
     def __post_init__(self) -> None:
         from ..formats import EXPORTS

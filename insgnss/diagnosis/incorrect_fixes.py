@@ -28,6 +28,7 @@ import numpy as np
 
 from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POS, POSITION, REJECTED
+from ..navigation.event_chain import SharedError
 from ..navigation.filter import make_history, run_filter
 from ..navigation.kernels.records import Epochs, FilterHistory
 from ..navigation.problem import EstimationProblem, InitialState
@@ -247,16 +248,17 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
     Parameters
     ----------
     solution : Solution
-        The solved flight, whose covariances are changed in index.
+        The solved flight, whose covariances are changed in place.
     spells : list of Spell
         The spells.
 
     Returns
     -------
     Solution
-        The same.
+        The same, whose events know what they share.
     """
     resets = np.flatnonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+    shared = []
     for spell in spells:
         added = np.outer(spell.step, spell.step) + np.diag(spell.step_sigma**2)
         # the rejected fixes after its last one do not yet bring the solution to their level
@@ -266,7 +268,9 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
         inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= last)
         neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
         solution.event_cross[neighbours, POS, POS] += added
-    return solution
+        shared.append(SharedError(spell.first, last, added))
+    chain = replace(solution.chain, shared=(*solution.chain.shared, *shared))
+    return replace(solution, chain=chain)
 
 
 def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool) -> Check:

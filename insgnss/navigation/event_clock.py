@@ -93,6 +93,36 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     return local_trajectory(solution, index, time, nav, cov, cross, gps_week)
 
 
+def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
+    """Return what the errors of all states at the epoch of an event make of its navigation errors.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight.
+    of_receiver : bool
+        Whether the clock of the fixes stamped the events, so that they are moved (X.2).
+
+    Returns
+    -------
+    Array
+        (events, 9, n): the errors, in axes north, east, down at the point, of what `trajectory` or
+        `receiver_events` gives, by the errors of the n states in l.
+    """
+    frame, index = solution.problem.frame, solution.event_epochs
+    nav, T = solution.nav[index], np.zeros((index.size, N_NAV, solution.P.shape[1]))
+    T[:, :, :N_NAV] = np.eye(N_NAV)
+    if of_receiver and solution.problem.layout.offset >= 0 and index.size:
+        nav, A, u = _moved(solution, index, event_delay(solution))
+        T[:, :, :N_NAV] = A
+        T[:, :, _states(solution)] = u[:, :, None] * _of_constants(solution, index)[:, None, :]
+    lat, lon, _ = frame.geodetic_from_position(nav[:, POS])
+    C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
+    for block in (POS, VEL, PSI):
+        T[:, block] = C_nl @ T[:, block]
+    return T
+
+
 def _states(solution: Solution) -> np.ndarray:
     """Rows of offset and, where there is one, rate among all states."""
     layout = solution.problem.layout

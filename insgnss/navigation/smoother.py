@@ -30,6 +30,15 @@ lose, and with it that of events:
     P_s = (1 - C Phi) P (1 - C Phi)' + C (Q + P_s') C'                                        (B.6)
     cov_s(x_j, x_k) = cov(x_j, x_k) P_k^-1 P_s,k                                              (B.7)
 
+Between any two events j < k, not neighbours alone, the errors of all n states are followed: M_k,
+the product of (1 - k h) and Phi over the epochs after event k - 1 up to event k, takes x_k-1 to
+x_k, and what the later data add stands on the right as in (B.5), or (B.7) within an outage,
+
+    cov_s(x_j, x_k) = P_j M_j+1' ... M_k' (1 - Lambda_k P_k)                                  (B.8)
+
+(`event_chain`). The chain of neighbours' blocks of (B.5) is none of it: position, velocity and psi
+alone are no Markov process beside biases and errors of the fixes.
+
 The means keep (B.1), whose terms are far smaller. `filter.OUTAGE_S` says between which fixes the
 process noise Q is kept for it.
 
@@ -64,6 +73,8 @@ class Smoothed:
     event_cross : Array
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one (of the first: zero).
+    event_filter, event_gain : Array
+        (events, n, n) P_k of the filter and the last factor of (B.8).
     separation_epoch : ndarray
         (s,) the epochs at which the forward/backward separation was worked out.
     separation, separation_sigma : Array
@@ -74,6 +85,8 @@ class Smoothed:
     delta: Array
     P: Array | None
     event_cross: Array
+    event_filter: Array
+    event_gain: Array
     separation_epoch: np.ndarray
     separation: Array
     separation_sigma: Array
@@ -103,15 +116,37 @@ def run_smoother(
     m, n = history.m.shape
     delta = np.empty((m, n))
     event_cross = np.zeros((history.cross.shape[0], N_NAV, N_NAV))
+    of_events = (history.cross.shape[0] if full else 0, n, n)
+    event_filter, event_gain = np.zeros(of_events), np.zeros(of_events)
     chosen = np.zeros(0, dtype=np.int64)
     if full and separations:
         chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
     keep = np.full(m, ABSENT, dtype=np.int64)
     keep[chosen] = np.arange(chosen.size)
     information, adjoint = np.zeros((chosen.size, n, n)), np.zeros((chosen.size, n))
-    run_backward(epochs, history, full, delta, event_cross, keep, information, adjoint)
+    run_backward(
+        epochs,
+        history,
+        full,
+        delta,
+        event_cross,
+        event_filter,
+        event_gain,
+        keep,
+        information,
+        adjoint,
+    )
     separation, sigma = _separation(information, adjoint)
-    return Smoothed(delta, history.P if full else None, event_cross, chosen, separation, sigma)
+    return Smoothed(
+        delta,
+        history.P if full else None,
+        event_cross,
+        event_filter,
+        event_gain,
+        chosen,
+        separation,
+        sigma,
+    )
 
 
 def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:

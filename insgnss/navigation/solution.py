@@ -22,6 +22,7 @@ from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
 from .codes import AX, AY, AZ, IMU, NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
+from .event_chain import EventChain
 from .filter import make_history, run_filter
 from .kernels.records import FilterHistory
 from .problem import EstimationProblem, InitialState
@@ -63,6 +64,8 @@ class Solution:
         (s, 9) backward minus forward of the navigation states, and its standard deviation.
     passes : int
         Forward passes run.
+    chain : EventChain
+        What ties the events, for the covariance of several of them.
     """
 
     problem: EstimationProblem
@@ -79,6 +82,7 @@ class Solution:
     separation: Array
     separation_sigma: Array
     passes: int
+    chain: EventChain
 
     @property
     def time(self) -> Array:
@@ -199,6 +203,7 @@ def _solution(
         smoothed.separation,
         smoothed.separation_sigma,
         passes,
+        EventChain.of_passes(problem.epochs, history, smoothed),
     )
 
 

@@ -14,6 +14,11 @@ point and what psi makes of the lever arm; the camera's psi is the body's, in m:
 
     J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ]
     cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'                                           (O.2)
+
+The projection centre moves with the navigation point and around it, the camera turns as the body,
+omega^b with respect to the Earth:
+
+    omega_m = C_mn C_nb omega^b,    dX_m/dt = C_mn v_n + omega_m x C_mn C_nb c^b              (O.3)
 """
 
 import numpy as np
@@ -34,7 +39,7 @@ def exterior_orientation(
     plane: TangentPlane,
     history: tuple[str, ...] = (),
 ) -> ExteriorOrientation:
-    """Compute the exterior orientation of every event with its covariances (O.1, O.2).
+    """Compute the exterior orientation of every event with its covariances (O.1 to O.3).
 
     Parameters
     ----------
@@ -53,7 +58,8 @@ def exterior_orientation(
     -------
     ExteriorOrientation
         Position (m) and attitude of each image in the axes of the tangent plane, with (n, 6, 6)
-        covariances and (n - 1, 6, 6) cross-covariances of neighbours.
+        covariances and (n - 1, 6, 6) cross-covariances of neighbours; velocity and angular rate
+        where the trajectory has rates.
 
     Raises
     ------
@@ -75,6 +81,11 @@ def exterior_orientation(
     cross = np.zeros((max(n - 1, 0), 6, 6))
     if at_exposure.cross is not None:
         cross = J[:-1] @ at_exposure.cross[:, POSE[:, None], POSE] @ J_t[1:]
+    velocity = rate = None
+    if at_exposure.rate_b is not None:
+        rate = np.einsum("nij,nj->ni", C_mb, at_exposure.rate_b)
+        velocity = np.einsum("nij,nj->ni", C_mn, at_exposure.velocity_ned)
+        velocity = velocity + np.cross(rate, lever_m)
     return ExteriorOrientation(
         events.images,
         events.time,
@@ -88,7 +99,34 @@ def exterior_orientation(
         mounting.boresight,
         mounting.camera_from_body,
         history,
+        velocity_mps=velocity,
+        rate_radps=rate,
     )
+
+
+def pose_derivatives(at_exposure: Trajectory, mounting: Mounting, plane: TangentPlane) -> Array:
+    """Return J of (O.2) of every exposure, by which errors of several of them are turned together.
+
+    Parameters
+    ----------
+    at_exposure : Trajectory
+        The trajectory at the times of the n exposures.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    plane : TangentPlane
+        The tangent plane.
+
+    Returns
+    -------
+    Array
+        (n, 6, 9): errors of projection centre and camera in tangent-plane axes by those of
+        position, velocity (which make none) and psi of the navigation centre, in axes north, east,
+        down at the point.
+    """
+    C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
+    J = np.zeros((len(at_exposure), 6, 9))
+    J[:, :, POSE] = _pose_jacobian(C_mn, C_mn @ at_exposure.C_nb @ mounting.camera_lever_b)
+    return J
 
 
 def _pose_jacobian(C_mn: Array, lever_m: Array) -> Array:

@@ -9,16 +9,19 @@ from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
 from ..navigation.dense import dense_trajectory
-from ..navigation.event_clock import receiver_events
+from ..navigation.event_clock import event_derivatives, receiver_events
 from ..navigation.solution import trajectory
-from ..orient.exterior import exterior_orientation
+from ..orient.exterior import exterior_orientation, pose_derivatives
+from ..orient.strips import strip_rows
 from ..prepare.clock import take_events
-from ..records import ExteriorOrientation, GnssFixes, Trajectory
+from ..records import Array, ExteriorOrientation, GnssFixes, Trajectory
+from ..records.strips import StripCovariance
 from .checks import refuse_unobservable
 from .estimation_problem import EPOCH_HZ
 from .recording import Recording
 from .segment import Segment
 
+ROUNDING = 5e-10  # of variances, what is added where images a tenth of a second apart need it
 ORIGIN_DIGITS = 2  # decimals of a degree of the tangent plane's origin by default
 
 
@@ -76,7 +79,7 @@ def orient_images(
     DataError
         Where no image lies in a segment, or the attitudes are not determined.
     """
-    events, week = recording.events, recording.gps_week
+    events = recording.events
     if events is None:
         return None
     oriented = np.concatenate([segment.at_event for segment in segments])
@@ -85,23 +88,91 @@ def orient_images(
             f"{events.source}: no image lies in a segment that could be solved; see the gaps of "
             "`insgnss inspect`"
         )
-    of_receiver = recording.event_clock == "receiver"
     exposed = Trajectory.joined(
-        [
-            receiver_events(segment.solution, week)
-            if of_receiver
-            else trajectory(segment.solution, segment.solution.event_epochs, week, events=True)
-            for segment in segments
-            if segment.at_event.size
-        ]
+        [_exposed(recording, segment) for segment in segments if segment.at_event.size]
     )
     refuse_unobservable(flight, exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
     taken = take_events(events, oriented)
-    if of_receiver:
+    if recording.event_clock == "receiver":
         taken = replace(taken, time=exposed.time)
     eo = exterior_orientation(exposed, taken, flight.mounting, plane, history)
     return replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch)
+
+
+def strip_covariances(
+    flight: Flight, recording: Recording, segments: Sequence[Segment], eo: ExteriorOrientation
+) -> tuple[tuple[StripCovariance, ...], str]:
+    """Return the covariance of all poses of each flight line.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+    eo : ExteriorOrientation
+        The orientation of their images, whose covariances stand on the diagonals.
+
+    Returns
+    -------
+    strips : tuple of StripCovariance
+        The strips; one whose covariance is not positive definite within the digits of the filter's,
+        as in an outage of minutes, is left out.
+    said : str
+        What was done, in a sentence.
+    """
+    plane = TangentPlane(*(float(x) for x in eo.origin))
+    of_receiver = recording.event_clock == "receiver"
+    with_images = [segment for segment in segments if segment.at_event.size]
+    sizes = [segment.at_event.size for segment in with_images]
+    begin, own = np.cumsum([0, *sizes]), np.repeat(np.arange(len(sizes)), sizes)
+    derivatives: dict[int, Array] = {}
+    wanted = strip_rows(eo, own)
+    strips: list[StripCovariance] = []
+    for rows in wanted:
+        k, chain = int(own[rows[0]]), with_images[int(own[rows[0]])].solution.chain
+        if k not in derivatives:
+            J = pose_derivatives(_exposed(recording, with_images[k]), flight.mounting, plane)
+            derivatives[k] = J @ event_derivatives(with_images[k].solution, of_receiver)
+        first = int(rows[0] - begin[k])
+        cov = chain.covariance(first, derivatives[k][first : first + rows.size])
+        for a, row in enumerate(rows):
+            cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
+        if not _positive_definite(cov):
+            cov[np.diag_indices_from(cov)] *= 1.0 + ROUNDING
+        if _positive_definite(cov):
+            strips.append(StripCovariance(rows, cov))
+    images = sum(strip.rows.size for strip in strips)
+    left_out = len(wanted) - len(strips)
+    said = (
+        f"covariance of all poses of each of {len(strips)} strips, {images} of {len(eo)} images, at"
+        f" most {max((strip.rows.size for strip in strips), default=0)} in one"
+    )
+    said += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
+    return tuple(strips), said
+
+
+def _positive_definite(cov: Array) -> bool:
+    """Tell whether a covariance is one, in units of its standard deviations."""
+    variance = np.diagonal(cov)
+    if not (variance > 0.0).all():
+        return False
+    try:
+        np.linalg.cholesky(cov / np.sqrt(np.outer(variance, variance)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _exposed(recording: Recording, segment: Segment) -> Trajectory:
+    """Return the trajectory at the exposures of a segment, by the clock that stamped them."""
+    solution, week = segment.solution, recording.gps_week
+    if recording.event_clock == "receiver":
+        return receiver_events(solution, week)
+    return trajectory(solution, solution.event_epochs, week, events=True)
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:

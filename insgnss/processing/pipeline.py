@@ -28,6 +28,7 @@ from ..records import (
     StateVerdict,
     Trajectory,
 )
+from ..records.strips import StripCovariance
 from ..report.summary import run_summary
 from .checks import (
     check_heading,
@@ -37,7 +38,7 @@ from .checks import (
 from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files, sha256
-from .orientation import orient_images, output_trajectory
+from .orientation import orient_images, output_trajectory, strip_covariances
 from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
@@ -68,6 +69,8 @@ class ProcessResult:
         The trajectory of the IMU's navigation centre, on the output grid.
     diagnostics : Diagnostics
         What the report shows: filter and smoothed sigmas, innovations, biases.
+    strips : tuple of StripCovariance
+        The covariance of all poses of each flight line, where the flight file asks for it.
     """
 
     report: dict[str, Any]
@@ -75,6 +78,7 @@ class ProcessResult:
     eo: ExteriorOrientation | None
     trajectory: Trajectory
     diagnostics: Diagnostics
+    strips: tuple[StripCovariance, ...] = ()
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -158,8 +162,13 @@ def process(
     refuse_contradictions(flight, checks[-1:])
     history = run_history(flight, recording, segments, checks)
     eo = orient_images(flight, recording, segments, history)
+    strips: tuple[StripCovariance, ...] = ()
     if eo is None:
         refuse_unobservable(flight, sampled)
+    elif flight.output.strip_covariance:
+        strips, said = strip_covariances(flight, recording, segments, eo)
+        history = (*history, said)
+        eo = replace(eo, history=history)
 
     clock.step("report")
     diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
@@ -168,10 +177,10 @@ def process(
     files: tuple[Path, ...] = ()
     if directory is not None:
         clock.step("write")
-        result = RunResult(eo, trajectory, report, diagnostics)
+        result = RunResult(eo, trajectory, report, diagnostics, strips)
         files = write_products(flight, directory, result, recording)
     clock.step("")
-    return ProcessResult(report, files, eo, trajectory, diagnostics)
+    return ProcessResult(report, files, eo, trajectory, diagnostics, strips)
 
 
 def _solve(

@@ -19,6 +19,7 @@ from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
 from ..records.framed import PROJECTED
+from ..records.strips import StripCovariance
 from ..stochastic.model import NoiseModel
 from .checks import sentence
 from .input_files import input_files
@@ -28,11 +29,13 @@ from .staging import PREFIX, Staging
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
 
+STRIPS = "eo_covariance.npz"
 # besides those of the images
 PRODUCTS = (
     "trajectory.sbet",
     "trajectory.smrmsg",
     "trajectory.csv",
+    STRIPS,
     "report.html",
     "report.json",
 )
@@ -54,12 +57,16 @@ class RunResult:
         What report.json is to hold; exports and notes of the PPK solution are added to it.
     diagnostics : Diagnostics
         What the report shows.
+    strips : tuple of StripCovariance
+        The covariance of all poses of each flight line; where there is none no file of them is
+        written.
     """
 
     eo: ExteriorOrientation | None
     trajectory: Trajectory
     report: dict[str, Any]
     diagnostics: Diagnostics
+    strips: tuple[StripCovariance, ...] = ()
 
 
 def output_directory(flight: Flight, out: Path | None) -> Path:
@@ -149,6 +156,7 @@ def write_products(
         Where a product would overwrite an input, or cannot be what the flight file asks
         for.
     """
+    from ..formats.orientation.eo_covariance import write_eo_covariance
     from ..formats.trajectory.sbet import write_sbet, write_smrmsg
     from ..formats.trajectory.trajectory_csv import write_trajectory_csv
     from ..report.page import write_report, write_report_json
@@ -161,6 +169,8 @@ def write_products(
             names = dict.fromkeys([*flight.output.formats, "eo_json"])
             exports = [_export(flight, eo, name, directory, recording.noise) for name in names]
             report["exports"] = exports
+        if eo is not None and result.strips:
+            write_eo_covariance(eo, result.strips, directory / STRIPS)
         if ppk is not None:
             staged.append(stack.enter_context(Staging(ppk_directory(Path(out)))))
             notes = _write_solution(flight, recording, ppk, eo, staged[1].directory)

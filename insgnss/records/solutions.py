@@ -196,13 +196,19 @@ class ExteriorOrientation(Rows):
     boresight, camera_from_body : (3, 3) matrices B and T of the mounting that were applied.
     history : what was done to get it, sentence by sentence.
     datum, epoch : geographic CRS of the positions and their decimal year; None: WGS 84.
+    velocity_mps : (n, 3) of the projection centre, tangent-plane axes, m/s; None where not known.
+    rate_radps : (n, 3) angular rate of the camera with respect to the Earth, tangent-plane axes,
+        rad/s: C_mc(t + dt) = exp([rate dt x]) C_mc(t); None where it is not known.
 
     Raises
     ------
     InputError : a shape is wrong or a value is not finite.
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time", "position_m", "C_mc", "cov")
+    _ROWS: ClassVar[tuple[str, ...]] = (
+        *("images", "time", "position_m", "C_mc", "cov"),
+        *("velocity_mps", "rate_radps"),
+    )
     _NOUN: ClassVar[str] = "images"
     _NAMES: ClassVar[str | None] = "images"
     _CROSS: ClassVar[str | None] = "cross"
@@ -220,6 +226,8 @@ class ExteriorOrientation(Rows):
     history: tuple[str, ...] = field(default_factory=tuple)
     datum: str | None = None
     epoch: float | None = None
+    velocity_mps: Array | None = None
+    rate_radps: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
@@ -233,6 +241,8 @@ class ExteriorOrientation(Rows):
         shapes |= {"origin": (3,), "boresight": (3, 3), "camera_from_body": (3, 3)}
         if self.cross is not None:
             shapes["cross"] = (max(n - 1, 0), 6, 6)
+        motion = ("velocity_mps", "rate_radps")
+        shapes |= {name: (n, 3) for name in motion if getattr(self, name) is not None}
         for name, shape in shapes.items():
             frozen(self, name, shape)
 

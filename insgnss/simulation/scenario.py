@@ -204,7 +204,9 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
     origin = C_ml @ motion.frame.position_from_geodetic(
         plane.lat, plane.lon, plane.height
     )  # of m from l, in m
-    position = motion.position(flight.time) @ C_ml.T - origin + C_mb @ rig.camera_lever_b
+    lever_m = C_mb @ rig.camera_lever_b
+    position = motion.position(flight.time) @ C_ml.T - origin + lever_m
+    rate = np.einsum("nij,nj->ni", C_mb, motion.omega_lb_b(flight.time))
     return ExteriorOrientation(
         flight.images,
         flight.time,
@@ -217,6 +219,8 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
         np.array(rig.boresight),
         np.array(rig.camera_from_body),
         ("truth of a simulation",),
+        velocity_mps=motion.velocity(flight.time) @ C_ml.T + np.cross(rate, lever_m),
+        rate_radps=rate,
     )
 
 

@@ -196,7 +196,9 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
 
 def test_master_is_lossless(tmp_path: Path) -> None:
     """Oracle: the record written, bit by bit."""
-    eo = exterior(near_nadir(5), np.random.default_rng(8).normal(size=(5, 3)))
+    rng = np.random.default_rng(8)
+    eo = exterior(near_nadir(5), rng.normal(size=(5, 3)))
+    eo = replace(eo, velocity_mps=rng.normal(size=(5, 3)), rate_radps=rng.normal(size=(5, 3)))
     write_eo_json(eo, tmp_path / "eo.json")
     back = read_eo_json(tmp_path / "eo.json")
     for name in (
@@ -208,9 +210,32 @@ def test_master_is_lossless(tmp_path: Path) -> None:
         "cross",
         "boresight",
         "camera_from_body",
+        "velocity_mps",
+        "rate_radps",
     ):
         assert np.array_equal(getattr(back, name), getattr(eo, name))
     assert (back.images, back.gps_week, back.history) == (eo.images, eo.gps_week, eo.history)
+
+
+def test_masters_without_velocities_and_with_keys_of_others_are_read(tmp_path: Path) -> None:
+    """Oracle: data_specs/eo_json.md. Of all images or of none; what a reader does not know it
+    passes over, as readers before velocities did.
+    """
+    path, eo = tmp_path / "eo.json", exterior(near_nadir(3))
+    write_eo_json(replace(eo, velocity_mps=np.ones((3, 3)), rate_radps=np.ones((3, 3))), path)
+    content = json.loads(path.read_text())
+    for image in content["images"]:
+        del image["velocity_mps"], image["rate_radps"]
+        image["of a later version"] = 1.0
+    path.write_text(json.dumps(content))
+    back = read_eo_json(path)
+    assert back.velocity_mps is None
+    assert back.rate_radps is None
+    assert np.array_equal(back.cov, eo.cov)
+    content["images"][1]["rate_radps"] = [0.0, 0.0, 0.1]
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match="no rate_radps; export the file again"):
+        read_eo_json(path)
 
 
 def test_master_quaternions_and_ecef(tmp_path: Path) -> None:

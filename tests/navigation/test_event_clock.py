@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
 from insgnss.geodesy.rotation import quaternion_from_rotation, vector_from_rotation
-from insgnss.navigation.event_clock import event_delay, receiver_events
+from insgnss.navigation.event_clock import event_delay, event_derivatives, receiver_events
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, rotate_blocks, solve, trajectory
 from insgnss.records import Trajectory
@@ -131,6 +131,18 @@ def test_the_covariances_are_those_of_small_errors(late):
     assert middle.cross is not None
     of_pairs = sigma[:-1, :, None] * sigma[1:, None, :]
     assert np.abs((middle.cross - cross) / of_pairs).max() < 1e-4
+    # all pairs of events at once (B.8)
+    T = event_derivatives(solution, of_receiver=True)
+    k = at.size
+    blocks = solution.chain.covariance(0, T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
+    assert np.abs((np.einsum("aaij->aij", blocks) - expected) / of_sigmas).max() < 1e-4
+    every = np.arange(k)
+    assert np.abs((blocks[every[:-1], every[1:]] - cross) / of_pairs).max() < 1e-4
+    assert np.abs((blocks[every[:-1], every[1:]] - middle.cross) / of_pairs).max() < 1e-8
+    exact = solution.chain.covariance(0, np.tile(np.eye(T.shape[2]), (k, 1, 1)))
+    exact = exact.reshape(k, T.shape[2], k, -1).transpose(0, 2, 1, 3)
+    ends = J[0] @ exact[0, -1][rows[:, None], rows] @ J[-1].T
+    assert np.abs((blocks[0, -1] - ends) / np.outer(sigma[0], sigma[-1])).max() < 1e-4
     # what the offset adds to neighbours is no small part of it
     plain = trajectory(solution, at, 2008, events=True).cross
     assert plain is not None

@@ -15,6 +15,7 @@ from flown import NO_GATE, fly, start_near
 
 from insgnss.navigation.codes import N_KINDS, N_NAV, NHC, ZUPT
 from insgnss.navigation.error_model import linearise_interval
+from insgnss.navigation.event_chain import EventChain
 from insgnss.navigation.filter import BLOCK_S, make_history, run_filter
 from insgnss.navigation.kernels.measurements import measured_triple
 from insgnss.navigation.kernels.records import make_triple
@@ -44,6 +45,7 @@ class Case:
     smoothed: Smoothed
     linear: LinearProblem
     events: np.ndarray
+    chain: EventChain
 
 
 def events_at(problem: EstimationProblem, at: np.ndarray) -> EstimationProblem:
@@ -140,7 +142,9 @@ def case() -> Case:
     run_filter(problem, start, history, closed_loop=False)
     linear = in_matrices(problem, start, history.nav, history.x)
     mean, P = history.m.copy(), history.P.copy()
-    return Case(problem, mean, P, run_smoother(problem.epochs, history), linear, events)
+    both = run_smoother(problem.epochs, history)
+    chain = EventChain.of_passes(problem.epochs, history, both)
+    return Case(problem, mean, P, both, linear, events, chain)
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +213,36 @@ def test_cross_covariance_of_neighbouring_events_is_the_batch_solutions(case, in
         assert np.abs((case.smoothed.event_cross[i] - expected) / scale).max() < RELATIVE
         strongest = max(strongest, np.abs(expected / scale).max())
     assert strongest > 0.99
+
+
+def test_covariance_of_all_events_is_the_batch_solutions(case, in_one):
+    """Oracle: every block of the batch covariance between two of six events, all states. It is
+    symmetric, of images a second apart positive definite, its blocks of neighbours are
+    `event_cross`, and a part of the events has the same blocks as all.
+
+    Chained from neighbours, as if nine states were Markov, events 0 and 2 are 8 % of their sigmas
+    off.
+    """
+    k, n = case.events.size, case.problem.layout.size
+    found = case.chain.covariance(0, np.tile(np.eye(n), (k, 1, 1)))
+    expected = np.block([[in_one.covariance(a, b) for b in case.events] for a in case.events])
+    sigma = np.sqrt(np.diag(expected))
+    assert np.abs((found - expected) / np.outer(sigma, sigma)).max() < RELATIVE
+    np.testing.assert_array_equal(found, found.T)
+    blocks = found.reshape(k, n, k, n).transpose(0, 2, 1, 3)[:, :, :9, :9]
+    own = sigma.reshape(k, n)[:, :9]
+    scale = own[:, None, :, None] * own[None, :, None, :]
+    for a in range(k - 1):
+        cross = case.smoothed.event_cross[a + 1]
+        assert np.abs((blocks[a, a + 1] - cross) / scale[a, a + 1]).max() < RELATIVE
+    part = case.chain.covariance(1, np.tile(np.eye(9, n), (3, 1, 1)))
+    part = part.reshape(3, 9, 3, 9).transpose(0, 2, 1, 3)
+    assert np.abs((part - blocks[1:4, 1:4]) / scale[1:4, 1:4]).max() < 1e-12
+    pose = np.r_[0:3, 6:9]
+    normal = (blocks / scale)[:3, :3, pose[:, None], pose]
+    assert np.linalg.eigvalsh(normal.transpose(0, 2, 1, 3).reshape(18, 18)).min() > RELATIVE
+    chained = blocks[0, 1] @ np.linalg.solve(blocks[1, 1], blocks[1, 2])
+    assert np.abs((chained - blocks[0, 2]) / scale[0, 2]).max() > 0.05
 
 
 def test_last_filtered_state_is_the_smoothed_one(case):

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.base.errors import DataError
 from insgnss.navigation.codes import ABSENT, COVARIANCE_RESET, POSITION
+from insgnss.navigation.event_chain import EventChain
 from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import _refuse_negative_variances, solve
@@ -33,7 +34,8 @@ def smoothed(flown):
     forward, history = (make_history(flown.problem.epochs, flown.problem.layout) for _ in range(2))
     for each in (forward, history):
         run_filter(flown.problem, start, each)
-    return forward, run_smoother(flown.problem.epochs, history)
+    full = run_smoother(flown.problem.epochs, history)
+    return forward, full, EventChain.of_passes(flown.problem.epochs, history, full)
 
 
 def solved(A, B):
@@ -73,7 +75,7 @@ def test_covariances_are_those_of_extended_precision(flown, smoothed):
     """
     if np.finfo(np.longdouble).eps > 1e-18:
         pytest.skip("no extended precision on this machine")
-    forward, full = smoothed
+    forward, full, _ = smoothed
     within = np.flatnonzero(forward.outage != ABSENT)
     first, last = within[0] - 1, within[-1]
     every, _ = extended(forward, last, first, full.P[last])
@@ -90,12 +92,41 @@ def test_neighbours_within_an_outage_keep_their_covariance(flown, smoothed):
     """Oracle: gain by gain in extended precision; between two events within the outage."""
     if np.finfo(np.longdouble).eps > 1e-18:
         pytest.skip("no extended precision on this machine")
-    forward, full = smoothed
+    forward, full, _ = smoothed
     j, k = flown.event_epochs[2:4]
     every, gain = extended(forward, k, j, full.P[k])
     exact = np.asarray(gain @ every[k], dtype=float)[:9, :9]
     scale = np.sqrt(np.outer(np.diag(full.P[j])[:9], np.diag(full.P[k])[:9]))
     assert_allclose(full.event_cross[3] / scale, exact / scale, atol=1e-4)
+
+
+def test_events_around_and_within_an_outage_keep_theirs(flown, smoothed):
+    """Oracle: gain by gain in extended precision, for all pairs of three events within the outage;
+    the covariance of all five is positive definite, and of neighbours what it is elsewhere.
+    """
+    if np.finfo(np.longdouble).eps > 1e-18:
+        pytest.skip("no extended precision on this machine")
+    forward, full, chain = smoothed
+    n = full.P.shape[1]
+    cov = chain.covariance(0, np.tile(np.eye(9, n), (5, 1, 1)))
+    blocks = cov.reshape(5, 9, 5, 9).transpose(0, 2, 1, 3)
+    epochs = flown.event_epochs
+    sigma = np.sqrt(np.diagonal(full.P, axis1=1, axis2=2))[epochs, :9]
+    for a, b in ((1, 2), (2, 3), (1, 3)):
+        every, gain = extended(forward, epochs[b], epochs[a], full.P[epochs[b]])
+        exact = np.asarray(gain @ every[epochs[b]], dtype=float)[:9, :9]
+        assert_allclose(
+            blocks[a, b] / np.outer(sigma[a], sigma[b]),
+            exact / np.outer(sigma[a], sigma[b]),
+            atol=1e-4,
+        )
+    for a in range(4):
+        pair = np.outer(sigma[a], sigma[a + 1])
+        assert_allclose(blocks[a, a + 1] / pair, full.event_cross[a + 1] / pair, atol=1e-6)
+    for a in range(5):
+        own = np.outer(sigma[a], sigma[a])
+        assert_allclose(blocks[a, a] / own, full.P[epochs[a], :9, :9] / own, atol=1e-6)
+    assert np.linalg.eigvalsh(cov / np.outer(*[sigma.ravel()] * 2)).min() > 0.0
 
 
 def test_an_outage_of_minutes_is_within_its_sigmas(flown):

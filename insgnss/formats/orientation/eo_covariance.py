@@ -1,24 +1,148 @@
-"""stub until merged."""
+"""eo_covariance.npz: the covariance of all poses of a flight line at once, beside eo.json,
+data_specs/eo_covariance.md.
+"""
 
-from dataclasses import dataclass
-from pathlib import Path
+import io
+import zipfile
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.errors import InputError
+from ...base.files import atomic_write
 from ...records import ExteriorOrientation
+from ...records.strips import StripCovariance
+from ..text.text import Source
 
-BESIDE = "eo_covariance.npz"
+FILE = "eo_covariance.npz"
+FORMAT = "insgnss strip covariance"
+FORMAT_VERSION = 1
+NONE = -1  # strip of an image that is in none
+AGAIN = "process the flight again"
+AGREEMENT = 1e-9  # of the standard deviations, between a block on the diagonal and cov6
 
 
-@dataclass(frozen=True, eq=False)
-class StripCovariance:
-    """rows, cov."""
+def write_eo_covariance(
+    eo: ExteriorOrientation, strips: Sequence[StripCovariance], path: Source
+) -> None:
+    """Write the file, the same bytes for the same content.
 
-    rows: NDArray[np.int64]
-    cov: NDArray[np.float64]
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The images.
+    strips : sequence of StripCovariance
+        The strips, of which no two have an image in common.
+    path : path
+        The file.
+    """
+    number = np.full(len(eo), NONE, dtype=np.int64)
+    for k, strip in enumerate(strips):
+        number[strip.rows] = k
+    arrays: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "format_version": np.array(FORMAT_VERSION),
+        "images": np.array(eo.images),
+        "strip": number,
+    }
+    arrays |= {f"cov_{k}": strip.cov for k, strip in enumerate(strips)}
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, **arrays)
+    atomic_write(path, stream.getvalue())
 
 
-def read_eo_covariance(path: Path, eo: ExteriorOrientation) -> tuple[StripCovariance, ...]:
-    """Read."""
-    raise NotImplementedError
+def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCovariance, ...]:
+    """Read the covariances of the images of an orientation.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    eo : ExteriorOrientation
+        The images of its eo.json, all of them or a choice.
+
+    Returns
+    -------
+    tuple of StripCovariance
+        The strips that have images in `eo`, of these images alone.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is another one, or does not belong to these images.
+    """
+    content = _content(path)
+    try:
+        images = [str(name) for name in content["images"]]
+        number = np.asarray(content["strip"], dtype=np.int64)
+        if number.shape != (len(images),):
+            raise ValueError(f"{number.size} strip numbers of {len(images)} images")
+        place = {name: row for row, name in enumerate(images)}
+        if missing := [name for name in eo.images if name not in place]:
+            raise _foreign(path, f"image {missing[0]} is not in it")
+        in_file = np.array([place[name] for name in eo.images], dtype=np.int64)
+        strips = []
+        for k in range(int(number.max(initial=NONE)) + 1):
+            whole = np.flatnonzero(number == k)
+            rows = np.flatnonzero(np.isin(in_file, whole))
+            if rows.size:
+                cov = np.asarray(content[f"cov_{k}"], dtype=np.float64)
+                if cov.shape != (6 * whole.size, 6 * whole.size):
+                    raise ValueError(f"cov_{k}: shape {cov.shape} of {whole.size} images")
+                at = np.searchsorted(whole, in_file[rows])
+                columns = (6 * at[:, None] + np.arange(6)).ravel()
+                strips.append(StripCovariance(rows, cov[np.ix_(columns, columns)]))
+    except KeyError as error:
+        raise InputError.at_line(path, None, f"no {error.args[0]}; {AGAIN}") from None
+    except (TypeError, ValueError) as error:
+        message = f"a value is not what the format asks for ({error}); {AGAIN}"
+        raise InputError.at_line(path, None, message) from None
+    for strip in strips:
+        _refuse_other_covariances(path, eo, strip)
+    return tuple(strips)
+
+
+def _foreign(path: Source, why: str) -> InputError:
+    """Return the refusal of a file that does not belong to the orientation."""
+    message = (
+        f"does not belong to this eo.json: {why}; take the two files of one run (`insgnss process`"
+        " writes both), or remove this one"
+    )
+    return InputError.at_line(path, None, message)
+
+
+def _refuse_other_covariances(
+    path: Source, eo: ExteriorOrientation, strip: StripCovariance
+) -> None:
+    """Raise InputError where blocks on the diagonal are not those of the orientation."""
+    m, cov = strip.rows.size, eo.cov[strip.rows]
+    own = strip.blocks[np.arange(m), np.arange(m)]
+    sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0.0))
+    limit = AGREEMENT * sigma[:, :, None] * sigma[:, None, :]
+    if (off := (np.abs(own - cov) > limit).any(axis=(1, 2))).any():
+        name = eo.images[int(strip.rows[int(np.argmax(off))])]
+        raise _foreign(path, f"the covariance of image {name} is not its cov6")
+
+
+def _content(path: Source) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the file, once it is clear that it is one of this format."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {name: file[name] for name in file.files}
+    except OSError as error:
+        why = f"cannot be read: {error.strerror or error}; {AGAIN}"
+        raise InputError.at_line(path, None, why) from None
+    except (ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile):
+        message = f"is no whole numpy archive; is it an {FILE}?"
+        raise InputError.at_line(path, None, message) from None
+    if str(content.get("format")) != FORMAT:
+        raise InputError.at_line(
+            path, None, f"is no covariance of strips; give the {FILE} of an output directory"
+        )
+    if (version := content.get("format_version")) != FORMAT_VERSION:
+        raise InputError.at_line(
+            path, None, f"format_version {version}, this version reads {FORMAT_VERSION}; {AGAIN}"
+        )
+    return content

@@ -44,6 +44,13 @@ CONVENTIONS = {
         "covariance of this image's error (rows) with that of the next image (columns), same order;"
         " null for the last"
     ),
+    "velocity_mps": (
+        "velocity of the projection centre, m/s, tangent-plane axes; missing where not known"
+    ),
+    "rate_radps": (
+        "angular rate of the camera with respect to the Earth, rad/s, tangent-plane axes: C_mc(t +"
+        " dt) = exp([rate dt x]) C_mc(t); missing where not known"
+    ),
     "ecef": "the same projection centre and camera-to-frame quaternion in ECEF (EPSG:4978)",
     "time_s": "seconds of gps_week, GPST; past the week's end they go on counting",
 }
@@ -126,7 +133,7 @@ def _images(eo: ExteriorOrientation) -> Iterator[str]:
         quaternion_from_rotation(plane.C_em @ eo.C_mc),
     )
     for k, name in enumerate(eo.images):
-        image = {
+        image: dict[str, Any] = {
             "image": name,
             "time_s": float(eo.time[k]),
             "position_m": eo.position_m[k],
@@ -134,8 +141,12 @@ def _images(eo: ExteriorOrientation) -> Iterator[str]:
             "quaternion_wxyz": quaternion[k],
             "cov6": eo.cov[k],
             "cross_cov6_next": eo.cross[k] if eo.cross is not None and k < len(eo.cross) else None,
-            "ecef": {"position_m": ecef[k], "quaternion_wxyz": quaternion_ecef[k]},
         }
+        if eo.velocity_mps is not None:
+            image["velocity_mps"] = eo.velocity_mps[k]
+        if eo.rate_radps is not None:
+            image["rate_radps"] = eo.rate_radps[k]
+        image["ecef"] = {"position_m": ecef[k], "quaternion_wxyz": quaternion_ecef[k]}
         yield orjson.dumps(image, option=orjson.OPT_SERIALIZE_NUMPY).decode()
 
 
@@ -169,6 +180,8 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             history=tuple(content["history"]),
             datum=_datum(content["tangent_plane"]),
             epoch=_epoch(content["tangent_plane"]),
+            velocity_mps=_optional(images, "velocity_mps"),
+            rate_radps=_optional(images, "rate_radps"),
         )
     except KeyError as error:
         raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None
@@ -216,6 +229,11 @@ def _unsound(eo: ExteriorOrientation) -> str:
 
 def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:
     return np.array([image[key] for image in images], dtype=np.float64).reshape(-1, *shape)
+
+
+def _optional(images: list[dict[str, Any]], key: str) -> Array | None:
+    """Vectors (n, 3) of every image; None where no image has one, as in earlier files."""
+    return _array(images, key, (3,)) if any(key in image for image in images) else None
 
 
 def _cross(images: list[dict[str, Any]]) -> Array | None:

@@ -4,14 +4,25 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
-from .outage import cross_within, smooth_across
+from .outage import gain_within, smooth_across
 
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
 
 @njit(cache=True)
-def run_backward(epochs, history, full, delta, event_cross, keep, keep_information, keep_adjoint):
-    """Run the modified Bryson-Frazier smoother (B.1-B.5) from the last epoch to the first.
+def run_backward(
+    epochs,
+    history,
+    full,
+    delta,
+    event_cross,
+    event_filter,
+    event_gain,
+    keep,
+    keep_information,
+    keep_adjoint,
+):
+    """Run the modified Bryson-Frazier smoother (B.1-B.8) from the last epoch to the first.
 
     Parameters
     ----------
@@ -26,6 +37,9 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
     event_cross : ndarray
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one, filled in place with `full`.
+    event_filter, event_gain : ndarray
+        (events, n, n) covariance of the filter, post, and what later data make of it on its right,
+        1 - Lambda P or P^-1 P_s (B.8), at each event, filled in place with `full`.
     keep : ndarray
         (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
     keep_information, keep_adjoint : ndarray
@@ -61,6 +75,12 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
                 for r in range(N_NAV):
                     for c in range(N_NAV):
                         event_cross[epochs.event[e], r, c] = cross[r, c] - M[r, c]
+                event_filter[epochs.event[e]] = P
+                gain = event_gain[epochs.event[e]]
+                for r in range(n):
+                    for c in range(n):
+                        gain[r, c] = -A[r, c]
+                    gain[r, r] += 1.0
             np.dot(P, A, B)
             within = e + 1 < count and history.outage[e + 1] != ABSENT
             if within:
@@ -80,7 +100,9 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
                     P[:] = smoothed
                     if epochs.event[e] != ABSENT:
                         j = epochs.event[e]
-                        cross_within(history.cross[j], forward, P, event_cross[j])
+                        if gain_within(forward, P, event_gain[j]):
+                            np.dot(history.cross[j], event_gain[j], M)
+                            event_cross[j] = M[:, :N_NAV]
         for i in range(nz - 1, -1, -1):
             S = history.S[e, i]
             if S <= 0.0:

@@ -126,17 +126,15 @@ def smooth_across(P, F, D, W, Qbb, later, smoothed):
 
 
 @njit(cache=True)
-def cross_within(cross, P, smoothed, out):
-    """Smooth the covariance of an event's navigation errors with those of a later one (B.7).
+def gain_within(P, smoothed, out):
+    """Solve for what takes covariances with the state at an epoch to the smoothed ones (B.7).
 
     Parameters
     ----------
-    cross : ndarray
-        (9, n) given the data up to the later event.
     P, smoothed : ndarray
-        (n, n) of the filter, post, and smoothed, at the later event.
+        (n, n) of the filter, post, and smoothed.
     out : ndarray
-        (9, 9) filled in place.
+        (n, n) P^-1 P_s, filled in place.
 
     Returns
     -------
@@ -147,7 +145,6 @@ def cross_within(cross, P, smoothed, out):
     scale, L = np.zeros(n), np.zeros((n, n))
     if not scaled_cholesky(P, scale, L):
         return False
-    B = np.ascontiguousarray(smoothed[:, :N_NAV])
-    scaled_solve(scale, L, B)
-    out[:] = np.dot(cross, B)
+    out[:] = smoothed
+    scaled_solve(scale, L, out)
     return True

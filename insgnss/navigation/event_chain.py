@@ -1,0 +1,143 @@
+"""The smoothed covariance between any two camera events (B.8).
+
+What is wanted of an event, such as the pose of a camera, is linear in the errors of all states at
+its epoch, y_k = T_k x_k. With Y_j,k = T_j P_j M_j+1' ... M_k', which takes one product with M_k'
+from event to event for all earlier events at once,
+
+    cov_s(y_j, y_k) = Y_j,k (1 - Lambda_k P_k) T_k'
+
+Nothing of it is worked out before it is asked for. What the passes leave is kept by reference.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..records import Array
+from .codes import POS
+from .kernels.records import Epochs, FilterHistory
+from .kernels.transitions import event_transitions
+from .smoother import Smoothed
+
+
+@dataclass(frozen=True)
+class SharedError:
+    """An error of the positions that epochs share and no state describes.
+
+    Parameters
+    ----------
+    first, last : int
+        Epochs, the last one included.
+    cov : Array
+        (3, 3) covariance in l, m^2.
+    """
+
+    first: int
+    last: int
+    cov: Array
+
+
+@dataclass(frozen=True)
+class EventChain:
+    """What ties the events of a solution.
+
+    Parameters
+    ----------
+    event : ndarray
+        (m,) number of the event of each epoch, or `codes.ABSENT`.
+    F, D, H, K, S, used : Array
+        Transitions, rows and gains of the filter, see `FilterHistory`.
+    filtered, gain : Array
+        (events, n, n) P_k of the filter and the last factor of (B.8).
+    shared : tuple of SharedError
+        What was added to the smoothed covariance.
+    """
+
+    event: np.ndarray
+    F: Array
+    D: Array
+    H: Array
+    K: Array
+    S: Array
+    used: np.ndarray
+    filtered: Array
+    gain: Array
+    shared: tuple[SharedError, ...] = ()
+
+    @classmethod
+    def of_passes(cls, epochs: Epochs, history: FilterHistory, smoothed: Smoothed) -> "EventChain":
+        """Return the chain of the last forward pass and its smoother.
+
+        Parameters
+        ----------
+        epochs : Epochs
+            The m epochs.
+        history : FilterHistory
+            What the forward pass left.
+        smoothed : Smoothed
+            What the full backward pass gave.
+
+        Returns
+        -------
+        EventChain
+            By reference; where there is no event it is empty, and holds nothing.
+        """
+        h = history
+        if not smoothed.event_filter.size:
+            none = np.zeros(0)
+            return cls(np.zeros(0, dtype=np.int64), *[none] * 5, h.used, none, none)
+        return cls(
+            *(epochs.event, h.F, h.D, h.H, h.K, h.S, h.used),
+            *(smoothed.event_filter, smoothed.event_gain),
+        )
+
+    @cached_property
+    def transitions(self) -> Array:
+        """M_k of (B.8), (events, n, n); of the first event the unit matrix."""
+        M = np.empty_like(self.filtered)
+        event_transitions(self.event, self.F, self.D, self.H, self.K, self.S, self.used, M)
+        return M
+
+    def covariance(self, first: int, T: Array) -> Array:
+        """Return the smoothed covariance of what is wanted of consecutive events.
+
+        Parameters
+        ----------
+        first : int
+            The first of the events.
+        T : Array
+            (k, d, n) what is wanted of each of k events, as the derivative by the errors of all
+            states.
+
+        Returns
+        -------
+        Array
+            (k d, k d), event after event, symmetric.
+        """
+        k, d, n = T.shape
+        M = self.transitions[first : first + k]
+        Y = np.empty((k * d, n))
+        cov = np.empty((k * d, k * d))
+        for a in range(k):
+            own, to_here = slice(a * d, (a + 1) * d), (a + 1) * d
+            if a:
+                Y[: a * d] = Y[: a * d] @ M[a].T
+            Y[own] = T[a] @ self.filtered[first + a]
+            cov[:to_here, own] = Y[:to_here] @ (self.gain[first + a] @ T[a].T)
+            cov[own, : a * d] = cov[: a * d, own].T
+            cov[own, own] = 0.5 * (cov[own, own] + cov[own, own].T)
+        self._add_shared(cov.reshape(k, d, k, d), first, T)
+        return cov
+
+    def _add_shared(self, cov: Array, first: int, T: Array) -> None:
+        """Add what events within one spell share, to all pairs of them, in place."""
+        if not self.shared:
+            return
+        at_event = np.flatnonzero(self.event >= 0)
+        epoch = at_event[np.argsort(self.event[at_event])][first : first + len(T)]
+        for error in self.shared:
+            inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
+            of_position = T[inside][:, :, POS]
+            added = np.einsum("aix,xy,bjy->aibj", of_position, error.cov, of_position)
+            cov[inside[:, None], :, inside] += added.transpose(0, 2, 1, 3)

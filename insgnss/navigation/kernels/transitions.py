@@ -1,0 +1,51 @@
+"""The transition of all errors from each event to the next, with all updates on the way (B.8)."""
+
+import numpy as np
+
+from ...base.compilation import njit
+from ..codes import ABSENT, IMU0, N_NAV
+
+
+@njit(cache=True)
+def event_transitions(event, F, D, H, K, S, used, out):
+    """Multiply transitions and updates between events, from the first event to the last.
+
+    Parameters
+    ----------
+    event : ndarray
+        (m,) number of the event of each epoch, or ABSENT.
+    F, D, H, K, S, used : ndarray
+        As in `FilterHistory`.
+    out : ndarray
+        (events, n, n) filled in place: takes the error after the event before to that after this
+        one; of the first the unit matrix.
+    """
+    n = K.shape[2]
+    M, top, row = np.eye(n), np.zeros((N_NAV, n)), np.zeros(n)
+    begun = False
+    for e in range(event.size):
+        if begun:
+            np.dot(F[e], M, top)
+            M[:N_NAV] = top
+            for s in range(IMU0, n):
+                if D[e, s - IMU0] != 1.0:
+                    M[s] *= D[e, s - IMU0]
+            for i in range(K.shape[1]):
+                if S[e, i] <= 0.0:
+                    continue
+                row[:] = 0.0
+                for k in range(used[i]):
+                    h = H[e, i, k]
+                    if h != 0.0:
+                        for c in range(n):
+                            row[c] += h * M[k, c]
+                for r in range(n):
+                    gain = K[e, i, r]
+                    for c in range(n):
+                        M[r, c] -= gain * row[c]
+        if event[e] != ABSENT:
+            out[event[e]] = M
+            M[:] = 0.0
+            for r in range(n):
+                M[r, r] = 1.0
+            begun = True
