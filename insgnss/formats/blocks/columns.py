@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError, near
+from ...base.errors import DataError, InputError, near
 from ...base.files import atomic_write
 from ..text.columns import Aliases, Columns, columns_of
 from ..text.headers import normalised
@@ -176,3 +176,22 @@ def write_table(
     """
     head = "".join(f"# {line}\n" for line in comments) + ",".join(columns) + "\n"
     atomic_write(path, "".join([head, *rows]))
+
+
+def positive_sigma(sigma_px: float, who: str) -> None:
+    """Refuse a standard deviation of image observations that is not positive.
+
+    Parameters
+    ----------
+    sigma_px : float
+        The standard deviation, pixels.
+    who : str
+        Who takes it, for the message.
+
+    Raises
+    ------
+    DataError
+        It is not positive.
+    """
+    if not 0.0 < sigma_px < np.inf:
+        raise DataError(f"{who}: sigma_px {sigma_px:g}; it must be positive")

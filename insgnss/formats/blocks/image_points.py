@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import DataError
 from ...records.block import ImageObservations
 from ..orientation.exported import check_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
 from ..text.text import Source, TextTable, read_text_table
-from .columns import first_repeat, named_columns, positive, rows_of, write_table
+from .columns import first_repeat, named_columns, positive, positive_sigma, rows_of, write_table
 
 ALIASES: Aliases = {
     "image": ("image", "img", "photo", "image_name", "image_id", "filename"),
@@ -77,8 +76,7 @@ def read_image_points(
     DataError
         A `sigma_px` that is not positive.
     """
-    if not 0.0 < sigma_px < np.inf:
-        raise DataError(f"image points: sigma_px {sigma_px:g}; it must be positive")
+    positive_sigma(sigma_px, "image points")
     table = read_text_table(path)
     index = named_columns(table, ALIASES, REQUIRED, DEFAULTS, PIXELS, columns)
     both = ("sigma_x" in index, "sigma_y" in index)
