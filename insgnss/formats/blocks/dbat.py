@@ -22,6 +22,7 @@ from ...geodesy.rotation import CV_RUB, rotation_from_opk
 from ...records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ...records.block import ImageObservations as Observations
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
+from .columns import first_repeat
 
 Element = ElementTree.Element
 
@@ -256,10 +257,8 @@ def _once(
     table: Table, images: NDArray[np.int64], points: NDArray[np.int64], numbers: Array
 ) -> None:
     """Refuse a table in which an image has two measurements of one point."""
-    order = np.lexsort((points, images))
-    twice = (np.diff(images[order]) == 0) & (np.diff(points[order]) == 0)
-    if twice.any():
-        row = int(order[1:][twice].min())
+    if (twice := first_repeat(images, points)) is not None:
+        row = twice[1]
         raise table.error_at(
             row,
             f"point {points[row]} is measured twice in image {numbers[row]:.0f}; delete one of the"

@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import near
-from ...base.files import atomic_write
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ..orientation.exported import check_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
-from .columns import named_columns
-from .image_points import positive, rows_of
+from .columns import first_repeat, named_columns, positive, rows_of, write_table
 
 Array = NDArray[np.float64]
 
@@ -112,12 +110,12 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
     table = read_text_table(path)
     index = named_columns(table, ALIASES, REQUIRED, (COLUMNS, REQUIRED), METRES, columns)
     points, rows = rows_of(table, index["point"], "point")
-    if len(points) < len(rows):
-        row = int(np.argmin(rows == np.arange(len(rows))))
+    if (twice := first_repeat(rows)) is not None:
+        first, row = twice
         raise table.error_at(
             row,
             f"point {shown(points[rows[row]])} is there twice, before in line"
-            f" {table.lines[int(rows[row])]}; delete one of the lines",
+            f" {table.lines[first]}; delete one of the lines",
         )
     position = np.column_stack([table.floats(index[name]) for name in ("x", "y", "z")])
     sigma = np.column_stack(
@@ -161,5 +159,4 @@ def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[st
             ground.points, np.hstack([ground.position_m, sigma]).tolist(), ground.check, strict=True
         )
     )
-    head = "".join(f"# {line}\n" for line in comments) + ",".join(COLUMNS) + "\n"
-    atomic_write(path, "".join([head, *rows]))
+    write_table(path, comments, COLUMNS, rows)

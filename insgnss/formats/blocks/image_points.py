@@ -6,14 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import DataError
-from ...base.files import atomic_write
 from ...records.block import ImageObservations
 from ..orientation.exported import check_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
 from ..text.text import Source, TextTable, read_text_table
-from .columns import named_columns
+from .columns import first_repeat, named_columns, positive, positive_sigma, rows_of, write_table
 
 ALIASES: Aliases = {
     "image": ("image", "img", "photo", "image_name", "image_id", "filename"),
@@ -26,6 +24,10 @@ ALIASES: Aliases = {
 }
 REQUIRED = ("image", "point", "x", "y")
 DEFAULTS = (REQUIRED, (*REQUIRED, "sigma"), (*REQUIRED, "sigma_x", "sigma_y"))
+PIXEL_ORIGIN = (
+    "pixels, x right and y down from the outer corner of the upper left pixel, whose centre is"
+    " (0.5, 0.5)"
+)
 PIXELS = ("px", "pixel", "pixels", "pix")
 SIGMA_PX = 1.0
 
@@ -74,8 +76,7 @@ def read_image_points(
     DataError
         A `sigma_px` that is not positive.
     """
-    if not 0.0 < sigma_px < np.inf:
-        raise DataError(f"image points: sigma_px {sigma_px:g}; it must be positive")
+    positive_sigma(sigma_px, "image points")
     table = read_text_table(path)
     index = named_columns(table, ALIASES, REQUIRED, DEFAULTS, PIXELS, columns)
     both = ("sigma_x" in index, "sigma_y" in index)
@@ -94,71 +95,6 @@ def read_image_points(
     return ImagePoints(images, points, ImageObservations(image, point, uv, sigma))
 
 
-def positive(table: TextTable, column: int, name: str, unit: str) -> NDArray[np.float64]:
-    """Return a column of standard deviations.
-
-    Parameters
-    ----------
-    table : TextTable
-        The table.
-    column : int
-        The column, from 0.
-    name, unit : str
-        Its name and its unit, for the message.
-
-    Returns
-    -------
-    ndarray, (n,)
-        The values.
-
-    Raises
-    ------
-    InputError
-        One that is not positive, with file and line.
-    """
-    values = table.floats(column)
-    if (values <= 0.0).any():
-        row = int(np.argmax(values <= 0.0))
-        raise table.error_at(
-            row, f"{name} {values[row]:g} {unit}; a standard deviation must be greater than zero"
-        )
-    return values
-
-
-def rows_of(table: TextTable, column: int, kind: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Return the names of a column, each once and in order, and the row of each line among them.
-
-    Parameters
-    ----------
-    table : TextTable
-        The table.
-    column : int
-        The column, from 0.
-    kind : str
-        What it names, for the message.
-
-    Returns
-    -------
-    names : tuple of str
-        Different names.
-    rows : ndarray of int, (n,)
-        Which of them stands in each line.
-
-    Raises
-    ------
-    InputError
-        A name that is empty, with file and line.
-    """
-    given = table.strings(column)
-    if "" in given:
-        raise table.error_at(
-            given.index(""), f"no name of the {kind}; write it, or delete the line"
-        )
-    names = tuple(dict.fromkeys(given))
-    row_by_name = {name: k for k, name in enumerate(names)}
-    return names, np.array([row_by_name[name] for name in given], dtype=np.int64)
-
-
 def _once(
     table: TextTable,
     image: NDArray[np.int64],
@@ -167,11 +103,8 @@ def _once(
     points: Sequence[str],
 ) -> None:
     """Refuse a table in which an image has two measurements of one point."""
-    order = np.lexsort((point, image))
-    twice = (np.diff(image[order]) == 0) & (np.diff(point[order]) == 0)
-    if twice.any():
-        k = int(np.flatnonzero(twice)[np.argmin(order[1:][twice])])
-        first, row = int(order[k]), int(order[k + 1])
+    if (twice := first_repeat(image, point)) is not None:
+        first, row = twice
         raise table.error_at(
             row,
             f"point {shown(points[point[row]])} is measured twice in image"
@@ -209,8 +142,4 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
         form % (measured.images[i], measured.points[p], *row)
         for i, p, row in zip(seen.image.tolist(), seen.point.tolist(), values, strict=True)
     )
-    head = (
-        "# image observations: pixels, x right and y down from the outer corner of the upper left"
-        f" pixel, whose centre is (0.5, 0.5)\n{','.join(names)}\n"
-    )
-    atomic_write(path, "".join([head, *rows]))
+    write_table(path, (f"image observations: {PIXEL_ORIGIN}",), names, rows)

@@ -8,14 +8,19 @@ from dataclasses import dataclass
 
 from ...base.errors import UsageError
 
+_OPENCV = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+BROWN_NAMES = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": _OPENCV,
+    "FULL_OPENCV": (*_OPENCV, "k3", "k4", "k5", "k6"),
+}
+"""Parameters of the models that are Brown's, or a part of it; p2 belongs to r^2 + 2 x^2."""
 PARAMETERS = {
-    "SIMPLE_PINHOLE": 3,
-    "PINHOLE": 4,
-    "SIMPLE_RADIAL": 4,
-    "RADIAL": 5,
-    "OPENCV": 8,
+    **{model: len(names) for model, names in BROWN_NAMES.items()},
     "OPENCV_FISHEYE": 8,
-    "FULL_OPENCV": 12,
     "FOV": 5,
     "SIMPLE_RADIAL_FISHEYE": 4,
     "RADIAL_FISHEYE": 5,

@@ -1,0 +1,134 @@
+"""COLMAP models, text and binary, through pycolmap, data_specs/colmap_model.md.
+
+The program's cameras are forward ones, their pixels count from the outer corner of the first, its
+camera axes are x right, y down, z viewing direction: as here. Its tangential coefficients have
+OpenCV's order: the second belongs to r^2 + 2 x^2.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ...records.block import INTERIOR, BrownCamera
+from ..bundle.camera import BROWN_NAMES
+from ..text.text import Source
+from .columns import positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+PARTS = ("cameras", "images", "points3D")
+
+
+def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
+    """Read a model.
+
+    Parameters
+    ----------
+    path : path
+        Its directory, or one of its files.
+    sigma_px : float
+        Standard deviation of all image observations, pixels: a model has none.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block in axes of the model's own. Points go by their numbers; image points without
+        object point are left out.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is not installed.
+    InputError
+        A directory without model, a model that pycolmap does not read, a camera model that is none
+        of Brown's.
+    DataError
+        A `sigma_px` that is not positive.
+    """
+    positive_sigma(sigma_px, "COLMAP model")
+    model = _model(Path(path))
+    cameras = [_camera(path, number, camera) for number, camera in sorted(model.cameras.items())]
+    row_by_camera = {number: k for k, number in enumerate(sorted(model.cameras))}
+    images = [model.images[number] for number in sorted(model.images)]
+    names = file_names([image.name for image in images], path)
+    position, C_mc = no_poses(len(images))
+    at, point, uv = [], [], []
+    for k, image in enumerate(images):
+        if image.has_pose:
+            pose = image.cam_from_world()
+            C_mc[k] = pose.rotation.matrix().T
+            position[k] = -C_mc[k] @ pose.translation
+        seen = image.get_observation_points2D()
+        at += [k] * len(seen)
+        point += [str(p.point3D_id) for p in seen]
+        uv += [p.xy for p in seen]
+    measured, notes = image_points(names, at, point, uv, np.full(len(at), sigma_px))
+    return MeasuredBlock(
+        tuple(cameras),
+        np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64),
+        measured,
+        position,
+        C_mc,
+        None,
+        None,
+        local=True,
+        notes=notes,
+    )
+
+
+def _model(path: Path) -> Any:
+    """Return the reconstruction that pycolmap reads."""
+    try:
+        import pycolmap
+    except ImportError:
+        raise UsageError(
+            "a COLMAP model is read through pycolmap, which is not installed; pip install"
+            " 'insgnss[colmap]', or write the image points as a table"
+        ) from None
+    directory = path if path.is_dir() else path.parent
+    kinds = [
+        kind for kind in (".bin", ".txt") if all((directory / (p + kind)).is_file() for p in PARTS)
+    ]
+    if not kinds:
+        raise InputError.at_line(
+            directory,
+            None,
+            f"holds no COLMAP model ({', '.join(PARTS)}, all .bin or all .txt); give the directory"
+            " that does, such as sparse/0",
+        )
+    try:
+        return pycolmap.Reconstruction(str(directory))
+    except Exception as error:  # pycolmap raises what its C++ does
+        raise InputError.at_line(
+            directory,
+            None,
+            f"pycolmap does not read this model: {' '.join(str(error).split())[:120]}; write it"
+            " again from COLMAP",
+        ) from None
+
+
+def _camera(path: Source, number: int, given: Any) -> BrownCamera:
+    """Return a camera whose model is Brown's, or a part of it."""
+    model = given.model.name
+    if model not in BROWN_NAMES:
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {number}: model {model} is not Brown's; reconstruct with one of"
+            f" {', '.join(BROWN_NAMES)}",
+        )
+    value = dict(zip(BROWN_NAMES[model], map(float, given.params), strict=True))
+    if rational := [name for name in ("k4", "k5", "k6") if value.pop(name, 0.0) != 0.0]:
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {number}: {model} with {', '.join(rational)} other than zero, a rational"
+            " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
+        )
+    f = value.get("f", value.get("fy", 0.0))
+    value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
+    value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
+    interior = np.array([value.get(name, 0.0) for name in INTERIOR])
+    return BrownCamera(str(number), int(given.width), int(given.height), interior)

@@ -1,0 +1,140 @@
+"""Ground control of OpenDroneMap, gcp_list.txt, data_specs/gcp_list.md.
+
+    EPSG:32632
+    x y z im_x im_y image [name]
+
+x is easting or longitude. The program counts pixels from the centre of the first one, as OpenSfM
+normalises them; here they count from its outer corner, 0.5 more.
+"""
+
+import numpy as np
+
+from ...base.errors import DataError, InputError
+from ..text.layout import decode, is_comment, shown
+from ..text.text import Source, load_bytes
+from ..text.text import number as number_in
+from .columns import first_repeat, positive_sigma
+from .ground_points import GroundTable
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+SIGMA_M = (0.02, 0.02, 0.04)
+"""Standard deviations of x, y, z (easting, northing, height), m; the file has none."""
+ORIGIN_PX = 0.5
+HEAD = ("EPSG:", "+PROJ", "WGS84")
+MISSING = "the first line names the CRS, such as EPSG:32632, WGS84 UTM 32N or a +proj text"
+
+
+def read_gcp_list(
+    path: Source, sigma_px: float = SIGMA_PX, sigma_m: tuple[float, float, float] = SIGMA_M
+) -> MeasuredBlock:
+    """Read ground control points and where images show them.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    sigma_px : float
+        Standard deviation of image observations, pixels.
+    sigma_m : tuple of float
+        Standard deviations of easting, northing and height, m.
+
+    Returns
+    -------
+    MeasuredBlock
+        Control points with their observations; without cameras and poses. Points without name are
+        numbered GCP1, GCP2, ... by their coordinates.
+
+    Raises
+    ------
+    InputError
+        A CRS that is missing or unknown, a line with too few fields, a name with two places, a
+        point that is measured twice in an image, with file and line.
+    DataError
+        A standard deviation that is not positive.
+    """
+    positive_sigma(sigma_px, "gcp_list")
+    if not min(sigma_m) > 0.0:
+        raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
+    text = decode(load_bytes(path).tobytes()).lstrip("\ufeff")
+    rows = [
+        (line, row.strip())
+        for line, row in enumerate(text.splitlines(), start=1)
+        if row.strip() and not is_comment(row)
+    ]
+    crs = _crs(path, rows[0]) if rows else ""
+    if len(rows) < 2:
+        raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
+    lines, place, uv, image, names = [], [], [], [], []
+    name_by_place: dict[tuple[float, ...], str] = {}
+    place_by_name: dict[str, tuple[int, tuple[float, ...]]] = {}
+    for line, row in rows[1:]:
+        words = row.split()
+        if len(words) < 6:
+            raise InputError.at_line(
+                path,
+                line,
+                f"{len(words)} fields: {shown(row)}; x y z im_x im_y image must stand there",
+            )
+        x, y, z, u, v = (number_in(word, path, line) for word in words[:5])
+        here = (x, y, z)
+        unnamed = name_by_place.setdefault(here, f"GCP{len(name_by_place) + 1}")
+        name = words[6] if len(words) > 6 else unnamed
+        before, there = place_by_name.setdefault(name, (line, here))
+        if there != here:
+            raise InputError.at_line(
+                path,
+                line,
+                f"point {shown(name)} has other coordinates than in line {before}; correct one, or"
+                " give it another name",
+            )
+        lines.append(line)
+        uv.append((u + ORIGIN_PX, v + ORIGIN_PX))
+        image.append(words[5])
+        names.append(name)
+        place.append(here)
+    files = list(dict.fromkeys(image))
+    at = np.array([files.index(name) for name in image], dtype=np.int64)
+    points = list(place_by_name)
+    point = np.array([points.index(name) for name in names], dtype=np.int64)
+    if (twice := first_repeat(at, point)) is not None:
+        first, last = twice
+        raise InputError.at_line(
+            path,
+            lines[last],
+            f"point {shown(names[last])} is measured twice in image {shown(image[last])}, before in"
+            f" line {lines[first]}; delete one of the lines",
+        )
+    n = len(points)
+    ground = GroundTable(
+        tuple(points),
+        np.array([there for _, there in place_by_name.values()]),
+        np.tile(np.diag(np.square(sigma_m)), (n, 1, 1)),
+        np.zeros(n, dtype=bool),
+    )
+    images = file_names(files, path)
+    measured, _ = image_points(images, at, names, uv, np.full(len(at), sigma_px))
+    camera = np.zeros(len(images), dtype=np.int64)
+    return MeasuredBlock((), camera, measured, *no_poses(len(images)), ground, crs, local=True)
+
+
+def _crs(path: Source, row: tuple[int, str]) -> str:
+    """Return the CRS of the first line as pyproj knows it."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    line, text = row
+    words = text.upper().split()
+    if not text.upper().startswith(HEAD):
+        raise InputError.at_line(path, line, f"{shown(text)} is no CRS; {MISSING}")
+    if words == ["WGS84"]:
+        return "EPSG:4326"
+    if words[:2] == ["WGS84", "UTM"] and len(words) == 3:
+        zone, south = words[2].rstrip("NS"), words[2].endswith("S")
+        if zone.isdigit() and 1 <= int(zone) <= 60:
+            return f"EPSG:{(32700 if south else 32600) + int(zone)}"
+    try:
+        CRS.from_user_input(text)
+    except CRSError:
+        raise InputError.at_line(path, line, f"CRS {shown(text)} is unknown; {MISSING}") from None
+    return text

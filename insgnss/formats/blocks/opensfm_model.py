@@ -1,0 +1,247 @@
+"""Reconstructions of OpenSfM and OpenDroneMap with their tracks, data_specs/opensfm_model.md.
+
+Lengths in the image count in units of the longer side from its centre, so that the origin of
+pixels does not matter. Cameras are forward; the second tangential coefficient belongs to r^2 + 2
+x^2. A shot has R and t, the camera (x right, y down, z viewing direction) from the reconstruction's
+axes, X_c = R X + t: east, north, up at `reference_lla`.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.frames import TangentPlane
+from ...geodesy.rotation import rotation_from_vector
+from ...records.block import INTERIOR, Array, BrownCamera
+from ..bundle.opensfm import REFERENCE
+from ..text.layout import decode, shown
+from ..text.text import Source, load_bytes
+from ..text.text import number as number_in
+from .columns import positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
+VERSION = "OPENSFM_TRACKS_VERSION_v"
+FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
+MODELS = ("perspective", "brown", "radial", "simple_radial")
+
+
+def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
+    """Read reconstruction.json and the tracks.csv beside it.
+
+    Parameters
+    ----------
+    path : path
+        reconstruction.json, its directory, or that of an OpenDroneMap project.
+    sigma_px : float
+        Standard deviation of an image observation of median scale, pixels; others have one in
+        proportion to the scale of their feature, as the program weighs them.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block, in geocentric axes where a reference is known. Points are tracks that have been
+        reconstructed.
+
+    Raises
+    ------
+    InputError
+        A file that is missing or damaged, or a camera that is none of Brown's.
+    DataError
+        A `sigma_px` that is not positive.
+    """
+    positive_sigma(sigma_px, "OpenSfM")
+    file = _file(Path(path))
+    parts, notes = _parts(file)
+    cameras = [(key, c) for part in parts for key, c in _table(file, part, "cameras").items()]
+    shots = [(key, s) for part in parts for key, s in _table(file, part, "shots").items()]
+    used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
+    known = dict(cameras)
+    if missing := [key for key in used if key not in known]:
+        raise InputError.at_line(file, None, f"no camera {shown(missing[0])}; export it again")
+    brown = tuple(_camera(file, key, known[key]) for key in used)
+    tracks = {key for part in parts for key in _table(file, part, "points")}
+    track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
+    at, point, xy, scale = track
+    camera = np.array([used.index(str(shot.get("camera"))) for _, shot in shots], dtype=np.int64)
+    size = np.array([(c.width, c.height) for c in brown], dtype=np.float64).reshape(-1, 2)
+    of = size[camera[at]]
+    uv = xy * of.max(axis=1, initial=0.0)[:, None] + 0.5 * of
+    names = file_names([key for key, _ in shots], file)
+    measured, repeated = image_points(names, at, point, uv, sigma_px * scale)
+    position, C_mc = no_poses(len(shots))
+    for k, (key, shot) in enumerate(shots):
+        C_mc[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
+        position[k] = -C_mc[k] @ _vector(file, shot, "translation", key)
+    plane = _reference(file, parts)
+    if plane is not None:
+        position, C_mc = plane.origin_ecef + position @ plane.C_em.T, plane.C_em @ C_mc
+    return MeasuredBlock(
+        brown,
+        camera,
+        measured,
+        position,
+        C_mc,
+        None,
+        None,
+        local=plane is None,
+        geocentric=plane is not None,
+        notes=(*notes, *repeated),
+    )
+
+
+def _file(path: Path) -> Path:
+    """Return reconstruction.json of a directory, or the file itself."""
+    if not path.is_dir():
+        return path
+    for directory in (path, path / INSIDE):
+        if (directory / RECONSTRUCTION).is_file():
+            return directory / RECONSTRUCTION
+    raise InputError.at_line(
+        path, None, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+    )
+
+
+def _parts(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
+    """Return the reconstructions of a file that stand in common axes: all of them, or the largest.
+
+    Those without reference are not connected with each other.
+    """
+    try:
+        given = json.loads(decode(load_bytes(file).tobytes()))
+    except ValueError as error:
+        line = getattr(error, "lineno", None)
+        raise InputError.at_line(file, line, f"is no JSON: {error}; copy it again") from None
+    parts = given if isinstance(given, list) else [given]
+    if not parts or not all(isinstance(part, dict) and "shots" in part for part in parts):
+        raise InputError.at_line(
+            file, None, "is no list of reconstructions with shots; give OpenSfM's file of that name"
+        )
+    references = {json.dumps(part.get("reference_lla")) for part in parts}
+    if len(parts) == 1 or (len(references) == 1 and references != {"null"}):
+        return parts, ()
+    largest = max(parts, key=lambda part: len(part["shots"]))
+    lost = sum(len(part["shots"]) for part in parts) - len(largest["shots"])
+    return [largest], (
+        f"{lost} images left out: they stand in {len(parts) - 1} reconstructions that are not"
+        " connected with the largest",
+    )
+
+
+def _table(file: Path, part: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = part.get(key, {})
+    if not isinstance(value, dict):
+        raise InputError.at_line(file, None, f"{key} is no table; export the reconstruction again")
+    return value
+
+
+def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> float:
+    """Return a finite number of a table."""
+    value = table.get(key, default) if isinstance(table, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError.at_line(file, None, f"{of}: {key} {value!r} is no number; export it again")
+    return float(value)
+
+
+def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
+    value = shot.get(key) if isinstance(shot, dict) else None
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError.at_line(file, None, f"shot {shown(of)}: {key} is not three numbers")
+    return vector
+
+
+def _camera(file: Path, name: str, given: Any) -> BrownCamera:
+    """Return a camera in pixels."""
+    model = given.get("projection_type", "perspective") if isinstance(given, dict) else None
+    if model not in MODELS:
+        raise InputError.at_line(
+            file,
+            None,
+            f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
+        )
+
+    def value(key: str, default: float | None = 0.0) -> float:
+        return _value(file, given, key, default, f"camera {shown(name)}")
+
+    width, height = value("width", None), value("height", None)
+    size = max(width, height)
+    fx, fy = [
+        value("focal" if model == "perspective" else key, None) for key in ("focal_x", "focal_y")
+    ]
+    own = {k: value(k) for k in ("k1", "k2", "k3")}
+    own |= {"f": size * fy, "b1": size * (fx - fy), "p1": value("p2"), "p2": value("p1")}
+    own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
+    interior = np.array([own.get(key, 0.0) for key in INTERIOR])
+    return BrownCamera(name, int(width), int(height), interior)
+
+
+def _reference(file: Path, parts: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
+    """Return the tangent plane of the reconstruction, None where its place is not known."""
+    given, beside = parts[0].get("reference_lla"), file.with_name(REFERENCE)
+    if given is None and beside.is_file():
+        try:
+            given = json.loads(decode(load_bytes(beside).tobytes()))
+        except ValueError as error:
+            raise InputError.at_line(beside, None, f"is no JSON: {error}") from None
+    if given is None:
+        return None
+    lat, lon, height = (
+        _value(file, given, key, None, "reference_lla")
+        for key in ("latitude", "longitude", "altitude")
+    )
+    return TangentPlane(np.radians(lat), np.radians(lon), height)
+
+
+def _tracks(
+    file: Path, row_by_image: Mapping[str, int], wanted: set[str]
+) -> tuple[NDArray[np.int64], list[str], Array, Array]:
+    """Return image rows, tracks, coordinates (n, 2) and scales over their median.
+
+    Tracks that were not reconstructed are left out, unless none was.
+    """
+    if not file.is_file():
+        raise InputError.at_line(
+            file, None, "no such file; image observations stand in it: copy it beside the other"
+        )
+    lines = decode(load_bytes(file).tobytes()).splitlines()
+    version, first = 0, 0
+    if lines[0].startswith(VERSION):
+        text, first = lines[0][len(VERSION) :].strip(), 1
+        version = int(text) if text.isdigit() else -1
+    if version not in FIELDS:
+        raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
+    at, point, xy, scale = [], [], [], []
+    for line, text in enumerate(lines[first:], start=first + 1):
+        if not text.strip():
+            continue
+        words = text.split("\t")
+        if len(words) != FIELDS[version]:
+            raise InputError.at_line(
+                file, line, f"{len(words)} fields, expected {FIELDS[version]}: {shown(text)}"
+            )
+        row = row_by_image.get(words[0])
+        if row is None or (wanted and words[1] not in wanted):
+            continue
+        at.append(row)
+        point.append(words[1])
+        xy.append([number_in(word, file, line) for word in words[3:5]])
+        scale.append(number_in(words[5], file, line) if version else 1.0)
+    if not at:
+        raise InputError.at_line(
+            file, None, "no observation of an image of the reconstruction; copy both of one run"
+        )
+    ratio = np.array(scale)
+    good = ratio > 0.0
+    ratio[good] /= np.median(ratio[good]) if good.any() else 1.0
+    ratio[~good] = 1.0
+    return np.array(at, dtype=np.int64), point, np.array(xy).reshape(-1, 2), ratio

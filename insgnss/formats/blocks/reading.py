@@ -1,0 +1,213 @@
+"""Image blocks of any readable program: the format is told by names and first bytes."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError, near
+from ..detect import head_of
+from ..exports import function_at
+from ..text.layout import decode, is_comment
+from ..text.text import Source
+from .colmap_model import PARTS
+from .dbat import read_dbat
+from .gcp_list import HEAD
+from .ground_points import GroundTable
+from .image_points import ImagePoints, read_image_points
+from .measured_block import MeasuredBlock, no_poses
+from .opensfm_model import INSIDE, RECONSTRUCTION
+
+FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
+    "metashape": (
+        "blocks.metashape_block:read_metashape_block",
+        ("sigma_px", "chunk"),
+        "Metashape (.psx, .psz, XML of cameras or markers)",
+    ),
+    "colmap": (
+        "blocks.colmap_model:read_colmap_model",
+        ("sigma_px",),
+        "a directory with a COLMAP model",
+    ),
+    "opensfm": (
+        "blocks.opensfm_model:read_opensfm_model",
+        ("sigma_px",),
+        f"{RECONSTRUCTION} of OpenSfM or OpenDroneMap",
+    ),
+    "gcp_list": (
+        "blocks.gcp_list:read_gcp_list",
+        ("sigma_px", "sigma_m"),
+        "gcp_list.txt of OpenDroneMap",
+    ),
+    "bingo": (
+        "experimental.bingo:read_bingo",
+        ("sigma_px", "unit", "pixel_um", "width", "height"),
+        "BINGO (blocks that end in -99)",
+    ),
+    "dbat": ("blocks.reading:read_dbat_block", (), "a script of DBAT"),
+    "image_points": (
+        "blocks.reading:read_table_block",
+        ("sigma_px", "columns"),
+        "a table image, point, x, y",
+    ),
+}
+"""Readers with their options, and what they read in a word."""
+COLMAP_FILE = re.compile(rf"({'|'.join(PARTS)})\.(txt|bin)")
+
+
+def read_measured_block(path: Source, format: str = "auto", **options: Any) -> MeasuredBlock:
+    """Read what a photogrammetry program knows of an image block.
+
+    Parameters
+    ----------
+    path : path
+        A file or directory of a program in `FORMATS`.
+    format : str
+        A key of `FORMATS`; "auto" tells it by names and first bytes.
+    **options : object
+        What the format takes: `sigma_px` (standard deviation where the file has none, pixels),
+        `chunk` of Metashape, `sigma_m` of gcp_list, `unit`, `pixel_um`, `width` and `height` of
+        BINGO, `columns` of a table. None is no option.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block.
+
+    Raises
+    ------
+    UsageError
+        A format that is unknown, or an option that it does not take.
+    InputError
+        A file that none of the formats is, or that its reader refuses, with file and line.
+    DataError
+        An option whose value cannot be.
+    """
+    form = recognised(path) if format == "auto" else format
+    if form not in FORMATS:
+        raise UsageError(f"format {form!r} of image observations; {near(form, FORMATS)}")
+    reader, accepted, _ = FORMATS[form]
+    given = {key: value for key, value in options.items() if value is not None}
+    # a standard deviation stands in where a file has none; one that always has it needs none
+    if "sigma_px" not in accepted:
+        given.pop("sigma_px", None)
+    if extra := [key for key in given if key not in accepted]:
+        raise UsageError(
+            f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
+            f" {', '.join(accepted) or 'no option'}"
+        )
+    block: MeasuredBlock = function_at(reader)(path, **given)
+    return block
+
+
+def recognised(path: Source) -> str:
+    """Return the format of a file or directory.
+
+    Parameters
+    ----------
+    path : path
+        The file or directory.
+
+    Returns
+    -------
+    str
+        A key of `FORMATS`.
+
+    Raises
+    ------
+    InputError
+        None of them.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if any((path / f"cameras{kind}").is_file() for kind in (".txt", ".bin")):
+            return "colmap"
+        if any((path / inner / RECONSTRUCTION).is_file() for inner in (".", INSIDE)):
+            return "opensfm"
+        raise _unknown(path)
+    head = head_of(path)
+    text = decode(head).lstrip("\ufeff \r\n\t")
+    if head.startswith(b"PK\x03\x04") or path.suffix.lower() in (".psx", ".psz"):
+        return "metashape"
+    if COLMAP_FILE.fullmatch(path.name):
+        return "colmap"
+    if text.startswith("<"):
+        if "dbat_script_version" in text:
+            return "dbat"
+        if re.search(r"<(document|chunk)\b", text):
+            return "metashape"
+        raise _unknown(path)
+    if text.startswith(("[", "{")) and '"' in text:
+        return "opensfm"
+    rows = [row for row in text.splitlines() if row.strip() and not is_comment(row)]
+    if rows and rows[0].strip().upper().startswith(HEAD):
+        return "gcp_list"
+    if any(row.split()[0] == "-99" for row in rows):
+        return "bingo"
+    if "\0" not in text and any(len(re.split(r"[\s,;]+", row.strip())) >= 4 for row in rows):
+        return "image_points"
+    raise _unknown(path)
+
+
+def _unknown(path: Path) -> InputError:
+    words = "; ".join(word for _, _, word in FORMATS.values())
+    return InputError.at_line(path, None, f"no image observations are known here; read are {words}")
+
+
+def read_table_block(path: Source, **options: Any) -> MeasuredBlock:
+    """Read a plain table of image observations as a block.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **options : object
+        As of `read_image_points`.
+
+    Returns
+    -------
+    MeasuredBlock
+        The observations; without cameras, poses and ground points.
+    """
+    measured = read_image_points(path, **options)
+    n = len(measured.images)
+    camera = np.zeros(n, dtype=np.int64)
+    return MeasuredBlock((), camera, measured, *no_poses(n), None, None, local=True)
+
+
+def read_dbat_block(path: Source) -> MeasuredBlock:
+    """Read a script of DBAT as a block; its datum is left out.
+
+    Parameters
+    ----------
+    path : path
+        The script.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block, with poses in the axes of its ground points.
+    """
+    block = read_dbat(path)
+    both = (block.control, block.check)
+    ground = None
+    if any(len(points) for points in both):
+        ground = GroundTable(
+            tuple(block.points[p] for points in both for p in points.point),
+            np.concatenate([points.position_m for points in both]),
+            np.concatenate([points.cov for points in both]),
+            np.repeat([False, True], [len(points) for points in both]),
+        )
+    return MeasuredBlock(
+        block.cameras,
+        block.camera,
+        ImagePoints(block.images, block.points, block.observations),
+        block.position_m,
+        block.C_mc,
+        ground,
+        None,
+        local=ground is None,
+        notes=("the datum of DBAT's script is left out",) if block.held.any() else (),
+    )
