@@ -27,11 +27,11 @@ from ..adjust.groups import ObservationGroup, weight_of
 from ..adjust.unknowns import Key
 from ..base.errors import InputError
 from ..config.block_file import AerialControlTable
-from ..formats.orientation.eo_covariance import BESIDE, read_eo_covariance
+from ..formats.orientation.eo_covariance import FILE, read_eo_covariance
 from ..orient.relative import line_pairs
 from ..records import ExteriorOrientation
 from ..records.block import Array
-from .inputs import Inputs, velocity_of
+from .inputs import Inputs
 
 MOUNTING = "mounting"
 LONGEST_CHAIN = 200
@@ -87,28 +87,29 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     own = inputs.eo_row >= 0
     image_of[inputs.eo_row[own]] = np.flatnonzero(own)
     kind, pieces = _pieces(eo, options)
-    moving = velocity_of(eo)
-    if options.time_offset_sigma_s > 0.0 and moving is None:
+    still = np.zeros((len(eo), 3))
+    if options.time_offset_sigma_s > 0.0 and (eo.velocity_mps is None or eo.rate_radps is None):
         raise InputError.at_line(
             options.file,
             None,
             "no velocities of the images, which a delay needs; process the flight again, or leave"
             " aerial_control.time_offset_sigma_s out",
         )
-    velocity, rate = moving if moving is not None else (np.zeros((len(eo), 3)),) * 2
+    velocity = still if eo.velocity_mps is None else eo.velocity_mps
+    rate = still if eo.rate_radps is None else eo.rate_radps
     shared = _shared(options)
     blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
     groups: list[ObservationGroup] = [
         _prior((name, 0), value, sigma) for name, (value, sigma) in shared.items()
     ]
-    lines = []
+    lines: list[Rows] = []
     for rows, cov in pieces:
         seen = np.flatnonzero(image_of[rows] >= 0)
         if seen.size == 0:
             continue
         rows = rows[seen]
         columns = (6 * seen[:, None] + np.arange(6)).ravel()
-        parameters = {name: 0 for name in shared}
+        parameters = dict.fromkeys(shared, 0)
         for name, sigma in ((SHIFT, options.shift_sigma_m), (DRIFT, options.drift_sigma_mps)):
             if sigma is not None and not (name == DRIFT and rows.size < 2):
                 key = (name, len(lines))
@@ -152,7 +153,7 @@ def _pieces(
     eo: ExteriorOrientation, options: AerialControlTable
 ) -> tuple[str, Iterator[tuple[Rows, Array]]]:
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
-    beside = Path(options.file or ".").parent / BESIDE
+    beside = Path(options.file or ".").parent / FILE
     kind: Any = options.covariance
     if kind == "auto":
         kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"

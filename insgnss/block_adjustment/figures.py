@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import __version__
 from ..adjust.adjustment import residuals_px
@@ -10,9 +11,8 @@ from ..adjust.aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.unknowns import CAMERA, POINT
 from ..geodesy.rotation import vector_from_rotation
-from ..records.block import INTERIOR, Array, ImageBlock
+from ..records.block import INTERIOR, ImageBlock
 from .solve import GROUND, Solved
-
 
 
 def figures_of(solved: Solved) -> dict[str, Any]:
@@ -214,7 +214,7 @@ def _check(solved: Solved) -> list[dict[str, Any]]:
     return out
 
 
-def _rays(solved: Solved) -> Array:
+def _rays(solved: Solved) -> NDArray[np.int64]:
     """Return how many images see each point, of observations that take part."""
     problem = solved.result.problem
     point = np.repeat(np.arange(len(problem.block.points)), np.diff(problem.rays.start))

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from ..base.errors import InputError, near
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_toml
-from ..formats.blocks.ground_points import GroundTable
+from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ..formats.blocks.joined import joined
 from ..formats.blocks.measured_block import MeasuredBlock
-from ..formats.blocks.read import read_ground, read_measured_block
+from ..formats.blocks.reading import read_measured_block, recognised
 from ..formats.orientation.eo_json import read_eo_json
 from ..geodesy.frames import TangentPlane
 from ..records import ExteriorOrientation
-from ..records.block import INTERIOR, Array, BrownCamera, ImageBlock
+from ..records.block import INTERIOR, BrownCamera, ImageBlock
+from .placing import placed
 
 USUAL_FREE = ("f", "cx", "cy")
 FAR_M = 100e3
@@ -72,7 +73,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     """
     notes: list[str] = []
     progress("reading image observations")
-    known = read_measured_block(file.images.file, file.images.format, file.images.sigma_px)
+    known = read_measured_block(file.images.file, file.images.format, sigma_px=file.images.sigma_px)
+    notes += known.notes
     known = _without_images(known, file.images.skip)
     known = replace(known, cameras=_cameras(file, known))
     if known.cameras and len(known.camera) and known.camera.max(initial=0) >= len(known.cameras):
@@ -84,10 +86,14 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     ground = _ground(file, known, eo, notes)
     made = joined(known, ground, eo)
     block, rows = made.block, made.eo_row
+    if eo is None and crs_of(file, known) is None and not known.local:
+        block = replace(block, position_m=made.position_m, C_mc=made.C_mc)  # axes of the ground
+    block = placed(block, made.position_m, made.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
         notes.append(
-            f"{without} of {len(rows)} images have no aerial control, {block.images[int(np.argmin(rows))]}"
-            " first: they are oriented by image observations alone"
+            f"{without} of {len(rows)} images have no aerial control,"
+            f" {block.images[int(np.argmin(rows))]} first: they are oriented by image observations"
+            " alone"
         )
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         notes.append(f"{unseen} images of the aerial control have no image observations")
@@ -137,7 +143,7 @@ def _ground(
     ground, crs, source = known.ground, known.crs, file.images.file
     if file.ground.file is not None:
         source = file.ground.file
-        ground, crs = read_ground(source)
+        ground, crs = _ground_of(source)
     if ground is None or not ground.points:
         return None
     crs = file.ground.crs or crs
@@ -146,9 +152,7 @@ def _ground(
         return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
     plane = TangentPlane(*eo.origin)
     if crs is not None:
-        from ..geodesy.projection import MapProjection
-
-        ground = ground.in_plane(MapProjection(crs, file.ground.geoid), plane)
+        ground = ground.in_plane(GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch), plane)
     away = np.linalg.norm(
         ground.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0), axis=1
     )
@@ -169,6 +173,19 @@ def _ground(
     return ground
 
 
+def crs_of(file: BlockFile, known: MeasuredBlock) -> str | None:
+    """Return the CRS of the ground points, None where they stand in the axes of the block."""
+    return file.ground.crs or known.crs
+
+
+def _ground_of(source: Path) -> tuple[GroundTable | None, str | None]:
+    """Return ground points and their CRS from a table, or from a file of a program."""
+    if source.is_dir() or recognised(source) not in ("image_points", "bingo"):
+        known = read_measured_block(source)
+        return known.ground, known.crs
+    return read_ground_points(source), None
+
+
 def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:
     """Return the points without those that are left out, and with check points by name."""
     for key in ("check", "skip"):
@@ -187,16 +204,13 @@ def _in_own_plane(
     ground: GroundTable, crs: str, geoid: Path | None, notes: list[str]
 ) -> GroundTable:
     """Return points of a CRS in a tangent plane at their middle, where nothing else gives one."""
-    from ..geodesy.projection import MapProjection
-
-    projection = MapProjection(crs, geoid)
-    middle = ground.position_m.mean(axis=0, keepdims=True)
-    lat, lon, h = projection.inverse(middle)
+    axes = GroundAxes(crs, geoid)
+    lat, lon, h = axes.geodetic(ground.position_m.mean(axis=0, keepdims=True))
     notes.append(
         f"axes are those of the tangent plane at {np.degrees(lat[0]):.6f},"
         f" {np.degrees(lon[0]):.6f} deg, {h[0]:.1f} m, the middle of the ground points"
     )
-    return ground.in_plane(projection, TangentPlane(float(lat[0]), float(lon[0]), float(h[0])))
+    return ground.in_plane(axes, TangentPlane(float(lat[0]), float(lon[0]), float(h[0])))
 
 
 def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
@@ -208,10 +222,6 @@ def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
     if not missing:
         return []
     some = ", ".join(missing[:5]) + (" ..." if missing[5:] else "")
-    return [f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {some}"]
-
-
-def velocity_of(eo: ExteriorOrientation) -> tuple[Array, Array] | None:
-    """Return velocity and rate of the images, None where the file has none."""
-    velocity, rate = getattr(eo, "velocity_mps", None), getattr(eo, "rate_radps", None)
-    return None if velocity is None or rate is None else (velocity, rate)
+    return [
+        f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {some}"
+    ]

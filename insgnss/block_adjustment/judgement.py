@@ -137,7 +137,7 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
     squares = [c["normalised_square"] for c in figures["check_points"] if "difference_m" in c]
     if not squares:
         return
-    low, high = _bounds(3.0 * len(squares))
+    _, high = _bounds(3.0 * len(squares))
     mean = sum(squares) / (3.0 * len(squares))
     if mean > max(high, WORSE**2):
         worst = max(
@@ -182,8 +182,11 @@ def _explained(finding: Limit, tried: tuple[Trial, ...]) -> Limit:
     if not good:
         names = ", ".join(trial.name for trial in tried)
         return Limit(
-            finding.topic, finding.rank, finding.text, f"none of {names} explains it; look for"
-            " gross errors, exchanged names, or standard deviations that are too small"
+            finding.topic,
+            finding.rank,
+            finding.text,
+            f"none of {names} explains it; look for"
+            " gross errors, exchanged names, or standard deviations that are too small",
         )
     best = good[0]
     return Limit(
@@ -329,5 +332,3 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
         rms = np.sqrt((d**2).mean(axis=0))
         text += f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
     return text
-
-

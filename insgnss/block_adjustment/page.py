@@ -66,9 +66,7 @@ def _fields(solved: Solved, judgement: Judgement) -> list[Field]:
     """Return the mean residuals of each camera."""
     return [
         Field(camera.name, (camera.width, camera.height), p.centre, p.mean, p.sigma)
-        for camera, p in zip(
-            solved.result.problem.block.cameras, judgement.patterns, strict=True
-        )
+        for camera, p in zip(solved.result.problem.block.cameras, judgement.patterns, strict=True)
     ]
 
 
@@ -145,7 +143,7 @@ def _control(figures: Mapping[str, Any]) -> str:
     ]
     if not rows:
         return ""
-    head = ("point", "images", "E, mm", "N, mm", "U, mm", "largest w")
+    head: tuple[str, ...] = ("point", "images", "E, mm", "N, mm", "U, mm", "largest w")
     head += ("error that would show: E", "N", "U")
     body = table(rows, head, numbers=True)
     if len(rows) > 30:

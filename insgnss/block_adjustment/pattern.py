@@ -30,7 +30,7 @@ class Pattern:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the mean residuals beyond their noise, px; zero where there is none."""
+        """Root mean square of the mean residuals beyond their noise, px; zero where none is."""
         if not len(self.mean):
             return 0.0
         return float(np.sqrt(max(0.0, float(np.mean(self.mean**2 - self.sigma**2)))))

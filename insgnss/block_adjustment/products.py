@@ -20,8 +20,9 @@ import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import POSE
-from ..base.errors import UsageError
+from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready
+from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ..processing.staging import Staging
@@ -32,6 +33,12 @@ from .page import write_page
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
+
+FORM_FILES = {
+    "metashape": "camera{}_metashape.xml",
+    "colmap": "cameras{}.txt",
+    "opencv": "camera{}_opencv.yaml",
+}
 
 
 def written(
@@ -74,12 +81,10 @@ def written(
             options: dict[str, Any] = {}
             export(eo, name, into / EXPORTS[name].product, Target(), **options)  # type: ignore[arg-type]
         write_poses(solved, into / POSES)
-        _write_cameras(solved, into)
+        figures["notes"] += _write_cameras(solved, into)
         if (text := mounting_toml(solved)) is not None:
             atomic_write(into / MOUNTING, text)
-        figures["products"] = sorted(
-            [*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE]
-        )
+        figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
         atomic_write(
             into / DOCUMENT,
             json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False) + "\n",
@@ -126,7 +131,7 @@ def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrient
     images = images[np.argsort(rows[images])]
     own, values = rows[images], solved.result.values
     cov = solved.precision.pose_cov[images]
-    cross: Array | None = np.zeros((max(images.size - 1, 0), 6, 6))
+    cross = np.zeros((max(images.size - 1, 0), 6, 6))
     for k in range(images.size - 1):
         pair = ((POSE, int(images[k])), (POSE, int(images[k + 1])))
         cross[k] = solved.precision.cov(*pair)[:6, 6:]
@@ -148,17 +153,9 @@ def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrient
         cross=cross,
         boresight=boresight,
         history=history,
-        **_motion(eo, own),
+        velocity_mps=None if eo.velocity_mps is None else eo.velocity_mps[own],
+        rate_radps=None if eo.rate_radps is None else eo.rate_radps[own],
     )
-
-
-def _motion(eo: ExteriorOrientation, rows: Array) -> dict[str, Any]:
-    """Return velocities and rates of some images, as far as there are some."""
-    return {
-        name: value[rows]
-        for name in ("velocity_mps", "rate_radps")
-        if (value := getattr(eo, name, None)) is not None
-    }
 
 
 def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
@@ -230,11 +227,21 @@ def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
     return solved.result.values.cameras(solved.result.problem.block.cameras)
 
 
-def _write_cameras(solved: Solved, into: Path) -> None:
+def _write_cameras(solved: Solved, into: Path) -> list[str]:
+    """Write the cameras in each format; returns what a format cannot express."""
     cameras = adjusted_cameras(solved)
-    for k, camera in enumerate(cameras):
-        number = f"_{k + 1}" if len(cameras) > 1 else ""
-        write_camera_toml(camera, into / f"camera{number}.toml")
+    notes: list[str] = []
+    for form in solved.inputs.file.output.cameras:
+        for k, camera in enumerate(cameras):
+            number = f"_{k + 1}" if len(cameras) > 1 else ""
+            if form == "toml":
+                write_camera_toml(camera, into / f"camera{number}.toml")
+                continue
+            try:
+                notes += write_cameras([camera], into / FORM_FILES[form].format(number), form)
+            except InputError as refusal:
+                notes.append(str(refusal))
+    return notes
 
 
 def mounting_toml(solved: Solved) -> str | None:
@@ -263,9 +270,7 @@ def mounting_toml(solved: Solved) -> str | None:
         "# insgnss process flight.toml --mounting mounting.toml",
         "[mounting]",
     ]
-    sigma = {
-        name: np.sqrt(np.diagonal(solved.precision.cov((name, 0)))) for name in estimated
-    }
+    sigma = {name: np.sqrt(np.diagonal(solved.precision.cov((name, 0)))) for name in estimated}
     if BORESIGHT in estimated:
         B = changed_boresight(eo, blocks[(BORESIGHT, 0)])
         rows = ", ".join(f"[{', '.join(f'{x:.12f}' for x in row)}]" for row in B)
@@ -282,13 +287,13 @@ def mounting_toml(solved: Solved) -> str | None:
                 words = " ".join(f"{x:+.5f}" for x in change)
                 lines.append(f"# {key}: add {words} m (no report.json beside eo.json)")
     if TIME_OFFSET in estimated:
-        change = float(blocks[(TIME_OFFSET, 0)][0])
+        delay = float(blocks[(TIME_OFFSET, 0)][0])
         of = f"{float(sigma[TIME_OFFSET][0]):.6f} s"
         if before is not None and before.get("camera"):
-            value = before["camera"]["time_offset_s"] + change
+            value = before["camera"]["time_offset_s"] + delay
             lines += ["[camera]", f"time_offset_s = {value:.7f}  # {of}"]
         else:
-            lines.append(f"# camera.time_offset_s: add {change:+.7f} ({of})")
+            lines.append(f"# camera.time_offset_s: add {delay:+.7f} ({of})")
     return "\n".join(lines) + "\n"
 
 

@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.adjustment import Adjusted, adjusted
-from ..adjust.groups import ObservationGroup, control_points
+from ..adjust.groups import control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, without_outliers
 from ..adjust.precision import Component, Precision, precision_of
 from ..adjust.start import first_values
-from ..adjust.unknowns import Unknowns
 from ..base.errors import DataError
-from ..records.block import Array, ImageBlock
 from .control import Control, control_of
 from .inputs import Inputs
 
@@ -156,5 +154,3 @@ def scaled(problem: Problem, factors: dict[str, float]) -> Problem:
     return replace(
         problem, block=block, groups=tuple(groups), rays=problem.rays._replace(weight=weight)
     )
-
-

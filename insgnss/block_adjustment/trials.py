@@ -2,9 +2,9 @@
 
 A group whose component lies beyond its bounds says that something is wrong and not what. The block
 is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
-lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum), the
-interior orientation. An unknown explains the contradiction where the cost falls by more than chance
-(99.99 % of chi-square) and by a third at least of what is too much.
+lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
+the interior orientation. An unknown explains the contradiction where the cost falls by more than
+chance (99.99 % of chi-square) and by a third at least of what is too much.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
-from ..adjust.groups import ObservationGroup
+from ..adjust.groups import ObservationGroup, PointObservation
 from ..adjust.normals import problem_of
 from ..adjust.precision import precision_of
 from ..adjust.unknowns import CAMERA, Key
@@ -24,8 +24,7 @@ from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array
 from .control import control_of
 from .datum import DATUM, ShiftedPoint
-from .inputs import velocity_of
-from .solve import GROUND, Solved, scaled
+from .solve import Solved, scaled
 
 WEAK = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 CHANCE, SHARE = 0.9999, 1.0 / 3.0
@@ -95,7 +94,7 @@ def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tu
 def _remedies(solved: Solved) -> Any:
     options = solved.inputs.file.aerial_control
     if solved.inputs.eo is not None:
-        if options.time_offset_sigma_s == 0.0 and velocity_of(solved.inputs.eo) is not None:
+        if options.time_offset_sigma_s == 0.0 and solved.inputs.eo.velocity_mps is not None:
             wider = replace(options, time_offset_sigma_s=WEAK[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
             yield "delay of the exposures", key, "s", (wider, (TIME_OFFSET, 0))
@@ -122,9 +121,9 @@ def _tried(
     own = result.problem
     block = own.block
     control = control_of(solved.inputs, options)
-    points = [group for group in own.groups if group.name == GROUND]
+    points = [group for group in own.groups if isinstance(group, PointObservation)]
     groups: list[ObservationGroup] = [*control.groups, *points]
-    blocks = {**control.blocks, **{k: v for k, v in result.values.blocks.items() if k in control.blocks}}
+    blocks = {k: result.values.blocks.get(k, v) for k, v in control.blocks.items()}
     if key == DATUM:
         groups = [*control.groups, *(ShiftedPoint.of(group) for group in points)]
         blocks[DATUM] = np.zeros(3)
@@ -142,9 +141,6 @@ def _tried(
     problem = problem.with_active(own.rays.active)
     tried = adjusted(problem, replace(result.values, blocks=blocks))
     precision = precision_of(tried, 1.0)
-    added = result.redundancy - tried.redundancy
-    if key == DATUM:
-        added = 3
     gain = result.cost - tried.cost
     if key[0] == CAMERA:
         columns = tried.problem.layout.columns
@@ -153,5 +149,5 @@ def _tried(
         raw = tried.values.blocks[key]
         value = vector_from_rotation(raw) if raw.ndim == 2 else raw
     sigma = np.sqrt(np.diagonal(precision.cov(key)))
-    enough = gain > max(chi2.ppf(CHANCE, max(value.size, 1)), SHARE * excess)
-    return Trial(name, float(gain), max(added, value.size), value, sigma, unit, bool(enough), option)
+    enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
+    return Trial(name, float(gain), value.size, value, sigma, unit, bool(enough), option)

@@ -19,7 +19,19 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
-from . import adjust, calibrate, compare, demo, export, inspect, ppk, process, simulate, tune, verify
+from . import (
+    adjust,
+    calibrate,
+    compare,
+    demo,
+    export,
+    inspect,
+    ppk,
+    process,
+    simulate,
+    tune,
+    verify,
+)
 from .console import Parser, Progress
 from .verb import report_error
 

@@ -50,8 +50,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 VERB = Verb(
     "process",
     "raw data in, exterior orientation, trajectory and report out",
-    "  insgnss process ign8/flight.toml --out results\n  insgnss process ign8/flight.toml --mounting"
-    " adjusted/mounting.toml --out remounted",
+    "  insgnss process ign8/flight.toml --out results\n"
+    "  insgnss process ign8/flight.toml --mounting adjusted/mounting.toml --out remounted",
     add_arguments,
     run,
 )

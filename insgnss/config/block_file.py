@@ -31,7 +31,8 @@ class ImagesInput:
     )
     format: str = option(
         "auto",
-        "format of the file, by the names of measured_block.md; auto: as its name and beginning say",
+        "format of the file, such as metashape, colmap, opensfm, bingo; auto: as its name and first"
+        " bytes say",
         cli="--images-format",
         metavar="NAME",
     )
@@ -145,7 +146,7 @@ class GroundTableInput:
 
     file: Path | None = option(
         None,
-        "ground control and check points: a table (ground_points.md), or what a program has them in",
+        "ground control and check points: a table (ground_points.md), or a file of a program",
         usual="those of the project",
         cli="--ground",
         metavar="FILE",

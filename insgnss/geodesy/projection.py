@@ -438,6 +438,73 @@ def source_crs(datum: str | None, epoch: float | None) -> Any:
     return crs.to_3d()
 
 
+def geodetic_from_geographic(
+    definition: str,
+    coordinates: Array,
+    geoid: Path | None = None,
+    datum: str | None = None,
+    epoch: float | None = None,
+) -> tuple[Array, Array, Array]:
+    """Return the geodetic position of points of a geographic CRS.
+
+    Parameters
+    ----------
+    definition : str
+        The CRS, as of `MapProjection`; heights are ellipsoidal unless it has heights of its own or
+        a geoid is named.
+    coordinates : ndarray, (n, 3)
+        Longitude and latitude, deg, height, m.
+    geoid : Path, optional
+        Grid of geoid heights.
+    datum, epoch : optional
+        Of the result, as of `source_crs`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Latitude and longitude, rad, and height above the ellipsoid, m, each (n,).
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown or not geographic, or a geoid beside heights of its own.
+    InputError
+        Where the CRS or its grids do not reach the points.
+    """
+    crs = _crs(definition)
+    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    if not horizontal.is_geographic:
+        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {HOW}")
+    if geoid is not None and crs.is_compound:
+        raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
+    transformer = _transformer(source_crs(datum, epoch), crs if crs.is_compound else crs.to_3d())
+    x, y, z = coordinates.T
+    lon, lat, h = _run(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
+    lat, lon = np.radians(lat), np.radians(lon)
+    return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
+
+
+def is_geographic(definition: str) -> bool:
+    """Whether a CRS counts longitude and latitude.
+
+    Parameters
+    ----------
+    definition : str
+        As of `MapProjection`.
+
+    Returns
+    -------
+    bool
+        Whether it does, with heights or without.
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown.
+    """
+    return bool(_crs(definition).is_geographic)
+
+
 def _lacking(name: str, grids: list[str], best_m: float, used_m: float) -> str:
     """Why nothing is projected without a grid, and how to get it."""
     used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"

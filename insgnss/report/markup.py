@@ -67,8 +67,7 @@ def document(
         f' initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
     )
     yield (
-        f'<h1>{escape(heading or title)}</h1>\n<p class="headline'
-        f' {mood}">{escape(headline)}.</p>\n'
+        f'<h1>{escape(heading or title)}</h1>\n<p class="headline {mood}">{escape(headline)}.</p>\n'
     )
     yield from body
     yield "</main>\n</body>\n</html>\n"

@@ -10,6 +10,7 @@ from format_pages import on_page
 from insgnss.base.errors import InputError, UsageError
 from insgnss.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
 from insgnss.formats.blocks.ground_points import (
+    GroundAxes,
     GroundTable,
     read_ground_points,
     write_ground_points,
@@ -20,8 +21,8 @@ from insgnss.formats.blocks.image_points import (
     write_image_points,
 )
 from insgnss.formats.blocks.joined import joined
+from insgnss.formats.blocks.measured_block import of_table
 from insgnss.geodesy.frames import TangentPlane
-from insgnss.geodesy.projection import MapProjection
 from insgnss.records.block import INTERIOR, BrownCamera, ImageObservations
 
 READERS = {
@@ -166,7 +167,7 @@ def test_ground_points_of_a_projected_crs(tmp_path) -> None:
         ),
         tmp_path / "utm.csv",
     )
-    got = read_ground_points(tmp_path / "utm.csv").in_plane(MapProjection("EPSG:32632"), plane)
+    got = read_ground_points(tmp_path / "utm.csv").in_plane(GroundAxes("EPSG:32632"), plane)
     back = pyproj.Transformer.from_crs("EPSG:32632", "EPSG:4326", always_xy=True)
     lon, lat = back.transform([311500.0, 312500.0], [5160600.0, 5161400.0])
     topocentric = pyproj.Transformer.from_pipeline(
@@ -213,14 +214,14 @@ def test_tables_are_joined_by_names() -> None:
         np.tile(np.eye(3), (3, 1, 1)),
         np.array([True, False, False]),
     )
-    block = joined(seen, camera(f=5600.0), ground)
+    block = joined(of_table(seen, camera(f=5600.0)), ground).block
     assert block.points == ("t", "g", "c")
     assert block.control.point.tolist() == [1]
     assert block.control.position_m.tolist() == [[6.0, 7.0, 8.0]]
     assert block.check.point.tolist() == [2]
     assert not block.oriented.any()
     with pytest.raises(InputError, match="no ground point of the first table is in the second"):
-        joined(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0), ground)
+        joined(of_table(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0)), ground)
 
 
 @pytest.mark.parametrize("pixel", [(-12.0, 5.0), (5121.5, 5.0), (5.0, 3842.0)])
@@ -229,7 +230,7 @@ def test_what_lies_beside_the_image_is_refused(pixel) -> None:
     with pytest.raises(
         InputError, match=re.escape("lies beside the image of 5120 x 3840 pixels (1 of 2")
     ):
-        joined(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0))
+        joined(of_table(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0)))
 
 
 def test_names_that_a_table_cannot_hold(tmp_path) -> None:

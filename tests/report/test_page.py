@@ -12,8 +12,7 @@ import pytest
 import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
-from insgnss.report.markup import Picture
-from insgnss.report.markup import sentence
+from insgnss.report.markup import Picture, sentence
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 

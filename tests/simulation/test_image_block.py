@@ -18,6 +18,7 @@ from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.ground_points import read_ground_points
 from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.joined import joined
+from insgnss.formats.blocks.measured_block import of_table
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.records.block import INTERIOR, BrownCamera
 from insgnss.simulation.dataset import write_dataset
@@ -146,7 +147,11 @@ def test_a_block_leaves_the_flight_as_it_is(tmp_path) -> None:
         for name in ("without", "with")
     }
     new = {f"{BLOCK}/{name}" for name in ("image_points.csv", "ground_points.csv", "camera.toml")}
-    assert files["with"] - files["without"] == new | {"truth/block.npz", "truth/camera.toml"}
+    assert files["with"] - files["without"] == new | {
+        "block.toml",
+        "truth/block.npz",
+        "truth/camera.toml",
+    }
     told = {
         "README.md",
         "FLIGHT.md",
@@ -223,7 +228,9 @@ def test_an_adjustment_gets_the_truth(seed) -> None:
     simulated = flown(seed, minutes=5.0)
     options = BlockOptions(tie_points=30.0, check=6)
     made = simulate_block(simulated, options, seed)
-    block = joined(made.measured, options.stated_camera, made.ground, perturbed(simulated, seed))
+    block = joined(
+        of_table(made.measured, options.stated_camera), made.ground, perturbed(simulated, seed)
+    ).block
     result = adjusted(problem_of(block, control_points(block.control)), first_values(block))
     precision = precision_of(result, 1.0)
     eo, values = simulated.truth.eo, result.values
@@ -251,7 +258,7 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     """
     simulated = flown(7, minutes=5.0)
     made = simulate_block(simulated, BlockOptions(tie_points=30.0, gross_errors=0.02), 7)
-    block = joined(made.measured, IGN8, made.ground, perturbed(simulated, 7))
+    block = joined(of_table(made.measured, IGN8), made.ground, perturbed(simulated, 7)).block
     cleaned = without_outliers(
         problem_of(block, control_points(block.control)), first_values(block), scale=1.0
     )
@@ -279,16 +286,7 @@ def test_what_has_no_block_is_refused(tmp_path, capsys, given, message) -> None:
 def test_a_flight_without_overlap_is_refused(simulated) -> None:
     """Oracle: one image, in which nothing is seen twice."""
     eo = simulated.truth.eo
-    one = replace(
-        eo,
-        images=eo.images[:1],
-        time=eo.time[:1],
-        position_m=eo.position_m[:1],
-        C_mc=eo.C_mc[:1],
-        cov=eo.cov[:1],
-        cross=eo.cross[:0],
-    )
-    flight = replace(simulated, truth=replace(simulated.truth, eo=one))
+    flight = replace(simulated, truth=replace(simulated.truth, eo=eo[:1]))
     with pytest.raises(UsageError, match="the 1 images of this flight hardly overlap"):
         simulate_block(flight)
     with pytest.raises(UsageError, match="drive is no survey flight"):

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import near
 from ...geodesy.frames import TangentPlane
-from ...geodesy.projection import MapProjection
+from ...geodesy.projection import MapProjection, geodetic_from_geographic, is_geographic
 from ..orientation.exported import check_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
@@ -54,20 +56,21 @@ class GroundTable:
     cov: Array
     check: NDArray[np.bool_]
 
-    def in_plane(self, projection: MapProjection, plane: TangentPlane) -> "GroundTable":
-        """Return points of a projected CRS in a tangent plane.
+    def in_plane(self, axes: "GroundAxes", plane: TangentPlane) -> "GroundTable":
+        """Return points of a CRS in a tangent plane.
 
         Parameters
         ----------
-        projection : MapProjection
-            The CRS of `position_m`, with the geoid of its heights where it has one.
+        axes : GroundAxes
+            The CRS of `position_m`.
         plane : TangentPlane
             The axes of the block.
 
         Returns
         -------
         GroundTable
-            The same points; covariances are turned from the axes of the grid.
+            The same points; covariances are turned from the axes of the grid, or from east, north,
+            up at each point of a geographic CRS.
 
         Raises
         ------
@@ -76,14 +79,70 @@ class GroundTable:
         UsageError
             A CRS that is not conformal or counts in left-handed axes.
         """
-        lat, lon, h = projection.inverse(self.position_m)
+        lat, lon, h = axes.geodetic(self.position_m)
         enu_from_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-        C = plane.C_mn(lat, lon) @ enu_from_ned.T @ projection.axes(lat, lon, h).transpose(0, 2, 1)
+        C = plane.C_mn(lat, lon) @ enu_from_ned.T
+        if axes.projection is not None:
+            C = C @ axes.projection.axes(lat, lon, h).transpose(0, 2, 1)
         return replace(
             self,
             position_m=plane.position_from_geodetic(lat, lon, h),
             cov=C @ self.cov @ C.transpose(0, 2, 1),
         )
+
+
+@dataclass(frozen=True)
+class GroundAxes:
+    """The CRS in which ground points stand.
+
+    Parameters
+    ----------
+    crs : str
+        Projected or geographic, as `MapProjection` takes its definition.
+    geoid : Path, optional
+        Grid of geoid heights, for heights above sea level.
+    datum, epoch : optional
+        Of the tangent plane's positions; None: WGS 84.
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown or of other units, or a geoid beside heights of its own.
+    """
+
+    crs: str
+    geoid: Path | None = None
+    datum: str | None = None
+    epoch: float | None = None
+
+    @cached_property
+    def projection(self) -> MapProjection | None:
+        """The projected CRS; None of a geographic one."""
+        if is_geographic(self.crs):
+            return None
+        return MapProjection(self.crs, self.geoid, self.datum, self.epoch)
+
+    def geodetic(self, position: Array) -> tuple[Array, Array, Array]:
+        """Return the geodetic position of points.
+
+        Parameters
+        ----------
+        position : ndarray, (n, 3)
+            Easting, northing and height, m; of a geographic CRS longitude, latitude, deg, height.
+
+        Returns
+        -------
+        tuple of ndarray
+            Latitude and longitude, rad, height above the ellipsoid, m, each (n,).
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points.
+        """
+        if self.projection is not None:
+            return self.projection.inverse(position)
+        return geodetic_from_geographic(self.crs, position, self.geoid, self.datum, self.epoch)
 
 
 def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:

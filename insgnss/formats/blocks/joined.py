@@ -12,7 +12,7 @@ from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, Image
 from ...records.solutions import ExteriorOrientation
 from .ground_points import GroundTable
 from .image_points import ImagePoints
-from .measured_block import MeasuredBlock
+from .measured_block import MeasuredBlock, no_poses
 
 BESIDE_PX = 1.0
 """By how much an observation may lie beside the image: conventions of its border differ."""
@@ -28,10 +28,15 @@ class Joined:
         The block.
     eo_row : ndarray of int
         (n,) row of each image in the orientation; -1 of those that it does not have.
+    position_m, C_mc : ndarray
+        (n, 3) and (n, 3, 3) poses of its images in the axes of their program; NaN where it has
+        none.
     """
 
     block: ImageBlock
     eo_row: NDArray[np.int64]
+    position_m: Array
+    C_mc: Array
 
 
 def joined(
@@ -45,8 +50,7 @@ def joined(
     Parameters
     ----------
     known : MeasuredBlock
-        Image observations and cameras; its poses are first values of images that `eo` does not
-        name, where they stand in the axes of the block.
+        Image observations, cameras and poses.
     ground : GroundTable, optional
         Ground points in the axes of the block; those that are measured in no image are left out.
     eo : ExteriorOrientation, optional
@@ -72,16 +76,13 @@ def joined(
             " (data_specs/camera_toml.md)"
         )
     _within(measured, known.cameras, known.camera)
-    position, C_mc = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-    if not known.local:
-        position, C_mc = np.array(known.position_m), np.array(known.C_mc)
+    position, C_mc = no_poses(n)
     row = np.full(n, -1, dtype=np.int64)
     if eo is not None:
         row = matched(measured.images, eo.images)
         _some(int((row >= 0).sum()), measured.images, eo.images, "image")
         there = row >= 0
         position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
-        position[~there], C_mc[~there] = np.nan, np.nan
     control, check = _ground(measured, ground)
     block = ImageBlock(
         known.cameras,
@@ -95,7 +96,7 @@ def joined(
         control,
         check,
     )
-    return Joined(block, row)
+    return Joined(block, row, known.position_m, known.C_mc)
 
 
 def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:

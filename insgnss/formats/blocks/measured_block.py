@@ -86,6 +86,26 @@ class MeasuredBlock:
         return np.asarray(finite & np.isfinite(self.C_mc).all(axis=(1, 2)))
 
 
+def of_table(measured: ImagePoints, *cameras: BrownCamera) -> MeasuredBlock:
+    """Return image observations alone as a block.
+
+    Parameters
+    ----------
+    measured : ImagePoints
+        The observations.
+    *cameras : BrownCamera
+        The camera of all images, or none.
+
+    Returns
+    -------
+    MeasuredBlock
+        Without poses and ground points.
+    """
+    n = len(measured.images)
+    camera = np.zeros(n, dtype=np.int64)
+    return MeasuredBlock(cameras, camera, measured, *no_poses(n), None, None, local=True)
+
+
 def no_poses(n: int) -> tuple[Array, Array]:
     """Return positions (n, 3) and attitudes (n, 3, 3) of images without pose: NaN."""
     return np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)

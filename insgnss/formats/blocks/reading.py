@@ -17,7 +17,7 @@ from .dbat import read_dbat
 from .gcp_list import HEAD
 from .ground_points import GroundTable
 from .image_points import ImagePoints, read_image_points
-from .measured_block import MeasuredBlock, no_poses
+from .measured_block import MeasuredBlock, of_table
 from .opensfm_model import INSIDE, RECONSTRUCTION
 
 FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
@@ -171,10 +171,7 @@ def read_table_block(path: Source, **options: Any) -> MeasuredBlock:
     MeasuredBlock
         The observations; without cameras, poses and ground points.
     """
-    measured = read_image_points(path, **options)
-    n = len(measured.images)
-    camera = np.zeros(n, dtype=np.int64)
-    return MeasuredBlock((), camera, measured, *no_poses(n), None, None, local=True)
+    return of_table(read_image_points(path, **options))
 
 
 def read_dbat_block(path: Source) -> MeasuredBlock:

@@ -92,20 +92,18 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
             ax.annotate(str(k + 1), own[0, :2], fontsize=7, color=FAINT)
     ax.plot(X[:, 0], X[:, 1], ".", color=LINE, ms=4, zorder=3, label="image")
     arrows = []
-    for kind, key, colour, mark in (
+    for kind, key, colour, shape in (
         ("ground control", "residual_m", ACCENT, "^"),
         ("check point", "difference_m", AXIS_COLOURS[2], "s"),
     ):
-        own = [p for p in figures[_NAMES[kind]] if key in p]
-        if not own:
+        points = [p for p in figures[_NAMES[kind]] if key in p]
+        if not points:
             continue
-        at = np.array([p["position_m"] for p in own])
-        d = np.array([p[key] for p in own])
-        ax.plot(at[:, 0], at[:, 1], mark, mfc="none", mec=colour, ms=7, zorder=5, label=kind)
-        for p, x in zip(own, at, strict=True):
-            ax.annotate(
-                p["point"], x[:2], xytext=(5, 4), textcoords="offset points", fontsize=7
-            )
+        at = np.array([p["position_m"] for p in points])
+        d = np.array([p[key] for p in points])
+        ax.plot(at[:, 0], at[:, 1], shape, mfc="none", mec=colour, ms=7, zorder=5, label=kind)
+        for p, x in zip(points, at, strict=True):
+            ax.annotate(p["point"], x[:2], xytext=(5, 4), textcoords="offset points", fontsize=7)
         arrows.append((at, d, colour))
     reading = "Dots are images, grey lines flight lines, with their numbers at the first image."
     if arrows:
@@ -114,8 +112,14 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
         factor = SHARE * float(max(high - low).item() + 2.0 * margin) / max(usual, 1e-9)
         for at, d, colour in arrows:
             ax.quiver(
-                *at[:, :2].T, *(factor * d[:, :2]).T, color=colour, angles="xy",
-                scale_units="xy", scale=1.0, width=0.003, zorder=6,
+                *at[:, :2].T,
+                *(factor * d[:, :2]).T,
+                color=colour,
+                angles="xy",
+                scale_units="xy",
+                scale=1.0,
+                width=0.003,
+                zorder=6,
             )
             for x, up in zip(at, d[:, 2], strict=True):
                 ax.plot([x[0], x[0]], [x[1], x[1] + factor * up], color=WARN, lw=2.0, alpha=0.7)
@@ -144,8 +148,13 @@ def _format(field: Field) -> Picture:
     noise = float(np.sqrt((field.sigma**2).sum(axis=1).mean()))
     factor = 0.06 * width / max(float(np.quantile(size, 0.9)), noise, 1e-9)
     ax.quiver(
-        *field.centre.T, *(factor * field.mean).T, color=LINE, angles="xy", scale_units="xy",
-        scale=1.0, width=0.003,
+        *field.centre.T,
+        *(factor * field.mean).T,
+        color=LINE,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        width=0.003,
     )
     ax.add_patch(_circle((0.07 * width, 0.07 * height), factor * noise))
     ax.set_xlim(0.0, width)
@@ -160,7 +169,9 @@ def _format(field: Field) -> Picture:
         " interior orientation does not describe."
     )
     name = "".join(c if c.isalnum() else "_" for c in field.camera)
-    return Picture(f"format_{name}", f"Residuals on the format: {field.camera}", reading, png(figure))
+    return Picture(
+        f"format_{name}", f"Residuals on the format: {field.camera}", reading, png(figure)
+    )
 
 
 def _circle(at: tuple[float, float], radius: float) -> Any:
@@ -210,7 +221,12 @@ def _correlations(camera: Mapping[str, Any]) -> Picture:
             if i != j:
                 strong = abs(rho[i, j]) > STRONG
                 ax.text(
-                    j, i, f"{rho[i, j]:+.2f}", ha="center", va="center", fontsize=7,
+                    j,
+                    i,
+                    f"{rho[i, j]:+.2f}",
+                    ha="center",
+                    va="center",
+                    fontsize=7,
                     color="white" if strong else "black",
                 )
     ax.set_xticks(range(len(names)), names)

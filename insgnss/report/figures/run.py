@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ...records import Diagnostics, ExteriorOrientation
 from ..coverage import outages, stationary_periods
 from ..flightlines import FlightLine, flight_lines
-from ..markup import Picture
 from ..marks import LINE_SHADE, MOST_NUMBERS, Marks, mark, marks_of
+from ..markup import Picture
 from ..summary import image_sigmas
 from . import support
 from .style import (
