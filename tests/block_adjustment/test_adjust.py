@@ -1,0 +1,142 @@
+"""`insgnss adjust` on a simulated flight: against the truth, and through its products."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from insgnss import read_eo
+from insgnss.block_adjustment.run import adjust
+from insgnss.cli.main import main
+from insgnss.formats.blocks.camera_toml import read_camera_toml
+from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
+from insgnss.records.block import INTERIOR
+
+BLOCK = "01_Observations/Camera/Block"
+EO = "02_Processed/GPS-INS/eo.json"
+
+
+def truth(flown):
+    """Poses of the truth, by image."""
+    with np.load(flown.directory / "truth/eo.npz") as file:
+        names = [str(x) for x in file["images"]]
+        return {n: (x, C) for n, x, C in zip(names, file["position_enu"], file["C_mc"], strict=True)}
+
+
+def errors(eo, true):
+    X = np.array([true[name][0] for name in eo.images]) - eo.position_m
+    C = np.array([true[name][1] for name in eo.images])
+    return np.hstack([X, vector_from_rotation(C @ eo.C_mc.swapaxes(1, 2))])
+
+
+def test_poses_and_camera_are_the_truth_within_their_covariance(flown, adjusted) -> None:
+    """Oracle: the truth, by chi-square, 99.9 %; the joint covariance of neighbours too."""
+    eo = read_eo(flown.directory / "02_Processed/Adjustment/eo.json")
+    e = errors(eo, truth(flown))
+    single = np.array([x @ np.linalg.solve(P, x) for x, P in zip(e, eo.cov, strict=True)])
+    assert single.mean() / 6.0 == pytest.approx(1.0, abs=0.5)  # neighbours share their error
+    joint = np.block([[eo.cov[3], eo.cross[3]], [eo.cross[3].T, eo.cov[4]]])
+    both = np.concatenate([e[3], e[4]])
+    assert both @ np.linalg.solve(joint, both) < chi2.ppf(0.999, 12)
+    camera = read_camera_toml(flown.directory / "truth/camera.toml")
+    free = adjusted.solved.result.problem.layout.columns
+    off = (camera.interior - adjusted.solved.result.values.interior[0])[free]
+    P = adjusted.solved.precision.cov(("camera", 0))
+    low, high = chi2.ppf((5e-4, 1 - 5e-4), free.size)
+    assert low < off @ np.linalg.solve(P, off) < high
+    assert adjusted.figures["verdict"] == "consistent"
+    assert not adjusted.judgement.tried
+    assert INTERIOR[free[0]] == "f"
+
+
+def test_products(flown, adjusted, tmp_path, capsys) -> None:
+    """Oracle: they read back; the document has what the result says."""
+    out = flown.directory / "02_Processed/Adjustment"
+    names = {path.name for path in adjusted.files}
+    assert names == {
+        *("EO_local-plane.txt", "adjust.html", "adjust.json", "camera.toml", "eo.json"),
+        *("camera_metashape.xml", "mounting.toml", "poses.csv"),
+    }
+    document = json.loads((out / "adjust.json").read_text())
+    assert document["headline"] == adjusted.judgement.headline
+    assert set(document["products"]) == names
+    f = document["cameras"][0]["parameters"]["f"]
+    assert read_camera_toml(out / "camera.toml").of("f") == f["value"]
+    page = (out / "adjust.html").read_text()
+    assert page.count("<figure") == 4
+    assert adjusted.judgement.headline in page
+    assert main(["export", str(out / "eo.json"), "metashape", "--out", str(tmp_path / "m.csv")]) == 0
+    rows = (out / "poses.csv").read_text().splitlines()[2:]
+    assert len(rows) == document["counts"]["images"]
+    name, *values = rows[0].split(",")
+    eo = read_eo(out / "eo.json")
+    assert np.array(values[:3], dtype=float) == pytest.approx(eo[name].position_m[0], abs=1e-4)
+    capsys.readouterr()
+
+
+def test_the_command_line_asks_for_the_same(flown, adjusted, tmp_path, capsys) -> None:
+    """Oracle: the result of the block file."""
+    root = flown.directory
+    words = ["adjust", str(root / EO), "--images", str(root / BLOCK / "image_points.csv")]
+    words += ["--camera", str(root / BLOCK / "camera.toml")]
+    words += ["--ground", str(root / BLOCK / "ground_points.csv"), "--out", str(tmp_path / "a")]
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    assert adjusted.judgement.headline in text
+    assert "adjusting" in text  # progress
+    ours, theirs = (json.loads((d / "adjust.json").read_text()) for d in (
+        tmp_path / "a", root / "02_Processed/Adjustment"
+    ))
+    for document in (ours, theirs):
+        for key in ("name", "block_file", "products"):
+            document.pop(key)
+    assert ours == theirs
+    assert main([*words, "--json", "-q"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "consistent"
+
+
+def turned(eo, boresight, delay):
+    """An orientation of another bore-sight and of exposures that lag."""
+    C = eo.C_mc @ rotation_from_vector(np.radians(boresight)).T
+    C = rotation_from_vector(-delay * eo.rate_radps) @ C
+    return replace(eo, position_m=eo.position_m - delay * eo.velocity_mps, C_mc=C)
+
+
+def test_a_wrong_delay_is_named_and_estimated(flown, tmp_path) -> None:
+    """Oracle: what was done to the orientation: 6 ms and half a degree."""
+    from insgnss.formats.orientation.eo_json import write_eo_json
+
+    own = flown.copied(tmp_path / "flight")
+    eo = turned(read_eo(own.directory / EO), [0.5, -0.3, 0.2], 0.006)
+    write_eo_json(eo, own.directory / EO)
+    block = own.block
+    result = adjust(block, write=False)
+    assert result.judgement.contradicted
+    assert "aerial control contradicts the rest" in result.judgement.headline
+    assert "delay of the exposures of +" in result.judgement.headline
+    options = replace(block.aerial_control, time_offset_sigma_s=0.1)
+    result = adjust(replace(block, aerial_control=options))
+    assert result.figures["verdict"] == "consistent"
+    delay = result.figures["mounting"]["time offset"]
+    assert abs(delay["value"][0] - 0.006) < 4.0 * delay["sigma"][0] < 0.002
+    found = result.figures["mounting"]["bore-sight"]
+    off = np.array(found["value"]) - np.radians([0.5, -0.3, 0.2])
+    assert (np.abs(off) < 4.0 * np.array(found["sigma"]) + 1e-5).all()
+
+
+def test_the_mounting_is_what_process_takes(flown, tmp_path) -> None:
+    """Oracle: the bore-sight of the simulation, which a wrong one in the flight file hides."""
+    own = flown.copied(tmp_path / "flight")
+    (tmp_path / "wrong.toml").write_text("[mounting]\nboresight_deg = { opk = [0.9, 0.1, -1.0] }\n")
+    words = ["process", str(own.directory / "flight.toml"), "-q", "--mounting"]
+    assert main([*words, str(tmp_path / "wrong.toml")]) == 0
+    assert main(["adjust", str(own.directory / "block.toml"), "-q"]) == 0
+    found = own.directory / "02_Processed/Adjustment/mounting.toml"
+    assert main([*words, str(found), "--out", str(tmp_path / "again")]) == 0
+    again, before = read_eo(tmp_path / "again/eo.json"), read_eo(flown.directory / EO)
+    psi = np.degrees(vector_from_rotation(again.boresight @ before.boresight.T))
+    assert np.abs(psi).max() < 0.1  # 1.4 deg in the wrong one; of the heading 0.03 deg is one sigma
+    turn = np.degrees(vector_from_rotation(again.C_mc @ before.C_mc.swapaxes(1, 2)))
+    assert np.abs(turn).max() < 0.1
