@@ -35,7 +35,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "software": f"insgnss {__version__}",
         "name": solved.inputs.file.name,
         "counts": _counts(solved),
-        "iterations": result.iterations,
+        "iterations": solved.iterations,
         "redundancy": result.redundancy,
         "sigma0": result.sigma0,
         "covariance_of_aerial_control": solved.control.covariance,

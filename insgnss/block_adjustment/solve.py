@@ -38,6 +38,8 @@ class Solved:
         Rows of the image observations that were rejected.
     factors : dict
         By which the variances of a group were multiplied, by its name.
+    iterations : int
+        Steps of the adjustment from the first values, before variances were multiplied.
     """
 
     inputs: Inputs
@@ -45,6 +47,7 @@ class Solved:
     precision: Precision
     rejected: NDArray[np.int64]
     factors: dict[str, float]
+    iterations: int
 
     @property
     def result(self) -> Adjusted:
@@ -95,7 +98,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     else:
         cleaned = without_outliers(problem, values, options.limit_w)
     precision, factors = _reweighted(cleaned.precision, options.reweight, progress)
-    return Solved(inputs, control, precision, cleaned.rejected, factors)
+    steps = cleaned.result.iterations
+    return Solved(inputs, control, precision, cleaned.rejected, factors, steps)
 
 
 def _reweighted(
