@@ -32,6 +32,10 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=100)
     parser.add_argument("--minutes", type=float, help="of each flight; by default its whole plan")
     parser.add_argument("--imu-rate", type=float, default=100.0)
+    slow = "time-correlated error of the fixes, in their sigmas, of 300 s; the flight file says it"
+    parser.add_argument("--correlated", type=float, default=0.0, help=slow)
+    lead = "of the corridor: only f, cx, cy of the calibration are off, as its adjustment takes it"
+    parser.add_argument("--lead", action="store_true", help=lead)
     options = parser.parse_args()
     kinds = KINDS if options.flight == "ign6x1" else KINDS[:1]
     rows = {kind: [] for kind in kinds}
@@ -54,11 +58,30 @@ def fly(directory: Path, options: argparse.Namespace, seed: int) -> None:
     from insgnss.config.load import load_flight
     from insgnss.processing.pipeline import process
     from insgnss.simulation.dataset import write_dataset
-    from insgnss.simulation.image_block import BlockOptions
+    from insgnss.simulation.image_block import IGN8, LEADING, BlockOptions
+    from insgnss.simulation.raw_gnss.receiver import GnssOptions
 
     block = BlockOptions.of(options.flight)
+    if options.lead:
+        moved = IGN8.interior + np.array([2.0, 1.0, -1.0] + [0.0] * 8)
+        block = replace(block, stated_camera=replace(IGN8, interior=moved, free=LEADING))
+    gnss = GnssOptions(
+        correlated_sigma_m=tuple(options.correlated * s for s in GnssOptions.sigma_m),
+        correlation_time_s=300.0,
+        claim_correlated=False,
+    )
+    tables = {}
+    if options.correlated > 0.0:
+        tables = {"gnss": {"gm_sigma": options.correlated, "correlation_time_s": 300.0}}
     write_dataset(
-        directory, options.flight, options.minutes, imu_rate=options.imu_rate, seed=seed, block=block
+        directory,
+        options.flight,
+        options.minutes,
+        imu_rate=options.imu_rate,
+        seed=seed,
+        block=block,
+        gnss=gnss,
+        flight_file=tables,
     )
     process(load_flight(directory))
 
