@@ -65,7 +65,7 @@ def read_gcp_list(
     crs = _crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
-    lines, place, uv, image, names = [], [], [], [], []
+    lines, uv, image, names = [], [], [], []
     name_by_place: dict[tuple[float, ...], str] = {}
     place_by_name: dict[str, tuple[int, tuple[float, ...]]] = {}
     for line, row in rows[1:]:
@@ -92,12 +92,11 @@ def read_gcp_list(
         uv.append((u + ORIGIN_PX, v + ORIGIN_PX))
         image.append(words[5])
         names.append(name)
-        place.append(here)
     files = list(dict.fromkeys(image))
-    at = np.array([files.index(name) for name in image], dtype=np.int64)
+    image_row = np.array([files.index(name) for name in image], dtype=np.int64)
     points = list(place_by_name)
     point = np.array([points.index(name) for name in names], dtype=np.int64)
-    if (twice := first_repeat(at, point)) is not None:
+    if (twice := first_repeat(image_row, point)) is not None:
         first, last = twice
         raise InputError.at_line(
             path,
@@ -113,7 +112,7 @@ def read_gcp_list(
         np.zeros(n, dtype=bool),
     )
     images = file_names(files, path)
-    measured, _ = image_points(images, at, names, uv, np.full(len(at), sigma_px))
+    measured, _ = image_points(images, image_row, names, uv, np.full(len(image_row), sigma_px))
     camera = np.zeros(len(images), dtype=np.int64)
     return MeasuredBlock((), camera, measured, *no_poses(len(images)), ground, crs, local=True)
 
