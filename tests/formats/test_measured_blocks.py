@@ -31,6 +31,7 @@ from oracles import oracle
 from insgnss.adjust.camera import pixels_of
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats.blocks.gcp_list import read_gcp_list
+from insgnss.formats.blocks.measured_block import MeasuredBlock, image_points, no_poses
 from insgnss.formats.blocks.metashape_block import read_metashape_block
 from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.reading import FORMATS, read_measured_block, recognised
@@ -112,6 +113,70 @@ def test_a_chunk_without_transform_has_axes_of_its_own(tmp_path):
     assert (block.local, block.geocentric) == (True, False)
     inside = (POINTS_ECEF - made.t) @ made.R / made.scale
     assert np.abs(residuals(block, SCENE.names, inside)).max() < CLOSE_PX
+
+
+def test_components_that_are_not_connected(tmp_path):
+    """Oracle: images of another component have no pose where it has no transform, nor where none
+    has one and it is the smaller.
+    """
+    path = Metashape().write_xml(tmp_path / "a.xml")
+    text = path.read_text()
+    second = '<component id="1"/></components>'
+    apart = text.replace("</components>", second).replace(
+        'sensor_id="1" component_id="0" label="8004', 'sensor_id="1" component_id="1" label="8004'
+    )
+    for content in (apart, re.sub("<component id=.0.>.*</component>", "", apart)):
+        path.write_text(content)
+        block = read_metashape_block(path)
+        assert block.oriented.tolist() == [True, True, True, False]
+        assert block.local is (content is not apart)
+        assert "1 poses left out: they stand in components that are not connected" in block.notes
+
+
+def test_a_camera_without_calibration(tmp_path):
+    """Oracle: 8.8 mm over pixels of 2.4 um, the principal point in the middle."""
+    path = Metashape().write_xml(tmp_path / "a.xml")
+    nominal = (
+        '<property name="pixel_width" value="0.0024"/><property name="focal_length" value="8.8"/>'
+    )
+    text = re.sub("<calibration.*?</calibration>", "", path.read_text(), flags=re.DOTALL)
+    path.write_text(text.replace("</sensor>", f"{nominal}</sensor>"))
+    block = read_metashape_block(path)
+    assert block.cameras[0].interior.tolist() == pytest.approx([8.8 / 0.0024, 640, 480, *[0] * 8])
+    assert "has no calibration; its nominal focal length is taken" in block.notes[1]
+    path.write_text(text)
+    with pytest.raises(InputError, match="has neither calibration nor focal length"):
+        read_metashape_block(path)
+
+
+def test_a_local_system(tmp_path):
+    """Oracle: the words of the CRS: poses stand in the axes of the markers, not on the globe."""
+    path = Metashape().write_xml(tmp_path / "a.xml")
+    local = '<reference>LOCAL_CS["Local Coordinates (m)",UNIT["metre",1]]</reference>'
+    path.write_text(re.sub("<reference>.*</reference>", local, path.read_text()))
+    block = read_metashape_block(path)
+    assert (block.local, block.geocentric) == (False, False)
+
+
+def test_tangential_coefficients_in_an_order_that_nothing_confirms(tmp_path):
+    """Oracle: f with a principal point from the corner, which no later version writes."""
+    both = f"<f>{FY!r}</f><cx>{CX!r}</cx><cy>{CY!r}</cy><p1>0.001</p1>"
+    block = read_metashape_block(Metashape(both).write_xml(tmp_path / "a.xml"))
+    assert block.cameras[0].of("cx") == CX
+    assert any("P1 and P2 of a project before PhotoScan 1.4" in note for note in block.notes)
+
+
+def test_names_and_rows_of_a_block():
+    """Oracle: what the record's docstring refuses."""
+    one = image_points(("a", "b"), [0, 1], ["p", "p"], [[1, 2], [3, 4]], [1.0, 1.0])[0]
+    rows = np.zeros(2, dtype=np.int64)
+    with pytest.raises(InputError, match=r"MeasuredBlock.camera: row 1 of 0 cameras"):
+        MeasuredBlock((), rows + 1, one, *no_poses(2), None, None, local=True)
+    with pytest.raises(InputError, match=r"MeasuredBlock.position_m: shape \(3, 3\), expected"):
+        MeasuredBlock((), rows, one, *no_poses(3), None, None, local=True)
+    twice = image_points(("a", "a"), [0, 1], ["p", "p"], [[1, 2], [3, 4]], [1.0, 1.0])[0]
+    with pytest.raises(InputError, match=r"MeasuredBlock.images: 'a' is there twice"):
+        MeasuredBlock((), rows, twice, *no_poses(2), None, None, local=True)
 
 
 def test_markers_alone(tmp_path):
@@ -417,6 +482,12 @@ def test_gcp_list(head, tmp_path):
         ("EPSG:32632", "UTM 32", ":1: 'UTM 32' is no CRS"),
         ("8001.tif G1\n", "\n", ":2: 5 fields"),
         ("1011.2", "nan", ":2: 'nan' where a finite number must stand"),
+        ("8002.tif G2\n", "8002.tif", ":4: truncated: the file ends within this line"),
+        (
+            "8002.tif G1\n312611.50 5161377.10 1003.8 3401.0 2210.50 8002.tif G2\n",
+            "8002.tif G",
+            ":3: truncated: the file ends within this line",
+        ),
         ("8002.tif G1", "8001.tif G1", ":3: point 'G1' is measured twice in image '8001.tif'"),
     ],
 )
@@ -469,6 +540,8 @@ def test_bingo(unit, um, tmp_path):
         ("8002", "8001", ":5: image '8001' is there twice"),
         ("1006", "1020", ":3: point '1020' is measured twice in image '8001', before in line 2"),
         ("-1.90643", "left", ":2: 'left' where a finite number"),
+        ("1.87814\n-99\n", "1.87814\n", ":6: truncated: the file ends before the -99 of image"),
+        ("1.87814\n-99\n", "1.87814\n-9", ":7: truncated"),
     ],
 )
 def test_what_is_wrong_in_bingo_is_named(old, new, message, tmp_path):

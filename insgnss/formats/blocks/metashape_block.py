@@ -13,6 +13,7 @@ The transform of a camera takes it (x right, y down, z viewing direction) to the
 that of the chunk, X = t + s R x, to geocentric axes, or to the coordinates of a local CRS.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -103,7 +104,7 @@ def read_metashape_block(
     n_markers = len(image_row)
     tied, track, pixels, size = _tie_points(of, row_by_id)
     prefix = "T"
-    while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in point):
+    while any(re.fullmatch(rf"{prefix}\d+", name) for name in labels.values()):
         prefix = f"{prefix}_"
     sigma = np.full(n_markers + len(tied), of.setting("accuracy_projections", sigma_px))
     sigma[n_markers:] = of.setting("accuracy_tiepoints", sigma_px) * size

@@ -9,6 +9,7 @@ A path counts from the directory of the file that it stands in; of a PLY table, 
 """
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -24,6 +25,7 @@ Element = ElementTree.Element
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
+DAMAGED = (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
 _TYPES = {
     "char": "i1",
     "uchar": "u1",
@@ -92,7 +94,7 @@ class ProjectFile:
             raise self.error(
                 "no such file; a .psx needs the folder of its name ending in .files beside it"
             ) from None
-        except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        except DAMAGED as error:
             raise self.error(f"is no zip that can be read: {error}; copy it again") from None
 
     def document(self) -> Element:

@@ -71,13 +71,13 @@ def read_bingo(
         )
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
-    inside = False
+    inside, ended, line = False, False, 0
     for line, row in enumerate(decode(load_bytes(path).tobytes()).splitlines(), start=1):
         words = row.split()
         if not words or is_comment(row):
             continue
         if words[0] == END:
-            inside = False
+            inside, ended = False, True
         elif len(words) <= 2:
             if words[0] in images:
                 raise InputError.at_line(
@@ -94,6 +94,10 @@ def read_bingo(
             raise InputError.at_line(
                 path, line, f"{shown(row)}: no image before; a block begins with image and camera"
             )
+    if ended and inside:
+        raise InputError.at_line(
+            path, line, f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+        )
     if not image_row:
         raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
     rows = np.array(image_row, dtype=np.int64)
