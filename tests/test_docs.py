@@ -12,6 +12,7 @@ import pytest
 import insgnss
 from insgnss.cli import build_parser
 from insgnss.formats import BAROMETER_OPTIONS, EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
+from insgnss.formats.blocks.reading import FORMATS
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = [
@@ -114,12 +115,14 @@ def test_every_format_has_a_page() -> None:
         for name in (form.page, form.reader.partition(":")[0])
         if name
     }
-    formats = {*exports, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS, *BAROMETER_OPTIONS}
+    # readers of blocks by their modules; `reading` itself hands over
+    blocks = {row[0].partition(":")[0].rpartition(".")[2] for row in FORMATS.values()} - {"reading"}
+    formats = {*exports, *blocks, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS, *BAROMETER_OPTIONS}
     assert formats <= pages
     # read by more than one verb, or by Python alone, and therefore in no list
     others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
-    others |= {"dbat", "image_points", "ground_points", "camera_toml"}
+    others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
     others |= {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
     assert pages == formats | others
 

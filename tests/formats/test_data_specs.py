@@ -14,9 +14,12 @@ from insgnss.base.errors import InputError
 from insgnss.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
 from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.dbat import read_dbat
+from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.ground_points import read_ground_points
 from insgnss.formats.blocks.image_points import read_image_points
+from insgnss.formats.blocks.reading import read_measured_block
 from insgnss.formats.bundle.metashape import read_metashape
+from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
@@ -49,6 +52,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "image_points": read_image_points,
     "ground_points": read_ground_points,
     "camera_toml": read_camera_toml,
+    "gcp_list": read_gcp_list,
+    "bingo": lambda path: read_bingo(path, pixel_um=1.55, width=5456, height=3632),
 }
 
 
@@ -125,6 +130,53 @@ def test_dbat_page(tmp_path: Path) -> None:
     assert block("dbat", "message").strip() in str(refusal.value)
 
 
+def test_metashape_block_page(tmp_path: Path) -> None:
+    """Oracle: the numbers of the page's file, by eye, and an image that is not there."""
+    true = block("metashape_block", "true")
+    path = tmp_path / "cameras.xml"
+    path.write_text(true)
+    got = read_measured_block(path)
+    (camera,) = got.cameras
+    assert camera.of("cx") == pytest.approx(5472 / 2 - 32.412)
+    assert (camera.of("p1"), camera.of("b2")) == (-0.00209, 0.709)
+    assert got.measured.observations.uv.tolist() == [[4233.8418, 27.5736141]]
+    assert got.measured.observations.sigma_px.tolist() == [[0.5, 0.5]]
+    assert (got.ground.points, got.crs) == (("C07",), "EPSG:3826")
+    last = next(line for line in true.splitlines(keepends=True) if "<location" in line)
+    path.write_text(true.replace(last, block("metashape_block", "bad")))
+    with pytest.raises(InputError, match=re.escape(block("metashape_block", "message").strip())):
+        read_measured_block(path)
+
+
+def test_colmap_model_page(tmp_path: Path) -> None:
+    """Oracle: the page's camera lines, in a model without images."""
+    oracle("pycolmap")
+    for name in ("images", "points3D"):
+        (tmp_path / f"{name}.txt").write_text("")
+    (tmp_path / "cameras.txt").write_text(block("colmap_model", "true"))
+    (camera,) = read_measured_block(tmp_path).cameras
+    assert (camera.of("p1"), camera.of("p2")) == (-0.0006, 0.0009)
+    (tmp_path / "cameras.txt").write_text(block("colmap_model", "bad"))
+    with pytest.raises(InputError, match=re.escape(block("colmap_model", "message").strip())):
+        read_measured_block(tmp_path)
+
+
+def test_opensfm_model_page(tmp_path: Path) -> None:
+    """Oracle: the page's formula for pixels on its line, 1280 x 960 pixels."""
+    camera = '{"width": 1280, "height": 960, "focal": 0.9, "projection_type": "perspective"}'
+    shot = '{"camera": "c", "rotation": [0, 0, 0], "translation": [0, 0, 0]}'
+    (tmp_path / "reconstruction.json").write_text(
+        f'[{{"cameras": {{"c": {camera}}}, "shots": {{"8001.tif": {shot}}}}}]'
+    )
+    (tmp_path / "tracks.csv").write_text(block("opensfm_model", "true"))
+    got = read_measured_block(tmp_path).measured.observations
+    assert got.uv.tolist() == [[0.5 * 1280 - 0.125 * 1280, 0.5 * 960 + 0.0625 * 1280]]
+    text = block("opensfm_model", "true") + block("opensfm_model", "bad")
+    (tmp_path / "tracks.csv").write_text(text)
+    with pytest.raises(InputError, match=re.escape(block("opensfm_model", "message").strip())):
+        read_measured_block(tmp_path)
+
+
 def test_eo_json_page(tmp_path: Path) -> None:
     """Oracle: the page of the format."""
     path = tmp_path / "eo.json"
@@ -180,7 +232,11 @@ def test_every_page_is_tested() -> None:
     written = {form.page for form in EXPORTS.values()}
     tested = {
         *READERS,
+        "camera_files",  # in test_camera_files
+        "colmap_model",
         "dbat",
+        "metashape_block",
+        "opensfm_model",
         "sbet",
         "eo_json",
         "matlab",

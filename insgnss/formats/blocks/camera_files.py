@@ -25,6 +25,7 @@ from ..text.text import Source
 EXACT_PX = 0.01
 GRID = 25
 STEPS = 20
+LACKING = {"colmap": ("b2", "k4"), "opencv": ("b2", "k4")}
 Text = Callable[[Sequence[BrownCamera]], str]
 
 
@@ -60,19 +61,18 @@ def write_cameras(
     if not cameras or (len(cameras) > 1 and form != "colmap"):
         raise UsageError(f"{path}: {len(cameras)} cameras; a file of {form} takes one: write each")
     notes: list[str] = []
-    ready = [_expressed(_forward(camera, notes), form, notes) for camera in cameras]
+    ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
     atomic_write(path, FORMS[form](ready))
     return tuple(notes)
 
 
 def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     """Return a camera without the parameters that a program lacks, if they are next to nothing."""
-    lacking = [] if form == "metashape" else [k for k in ("b2", "k4") if camera.of(k) != 0.0]
+    lacking = [k for k in LACKING.get(form, ()) if camera.of(k) != 0.0]
     if not lacking:
         return camera
     without = camera.with_([0.0 if k in lacking else camera.of(k) for k in INTERIOR])
-    xy = _grid(camera)[1] if not camera.backward else None
-    assert xy is not None
+    xy = _grid(camera)[1]
     moved = float(np.abs(_pixels(camera, xy) - _pixels(without, xy)).max())
     values = ", ".join(f"{k} = {camera.of(k):g}" for k in lacking)
     if moved > EXACT_PX:
@@ -122,15 +122,18 @@ def _grid(camera: BrownCamera) -> tuple[Array, Array]:
     return uv, camera.unit_px / f * _distorted(camera, a)
 
 
-def _forward(camera: BrownCamera, notes: list[str]) -> BrownCamera:
-    """Return a forward camera that sees what a backward one does, if there is one."""
+def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
+    """Return a forward camera that sees what a backward one does, if a program has such a one."""
     if not camera.backward:
         return camera
     uv, xy = _grid(camera)
-    fitted = replace(camera, interior=_start(camera), backward=False, unit_px=1.0)
+    mine = [k not in LACKING.get(form, ()) for k in INTERIOR]
+    fitted = replace(camera, interior=_start(camera) * mine, backward=False, unit_px=1.0)
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
-            step = np.linalg.lstsq(_jacobian(fitted, xy), (uv - _pixels(fitted, xy)).ravel())[0]
+            J, e = _jacobian(fitted, xy)[:, mine], (uv - _pixels(fitted, xy)).ravel()
+            step = np.zeros(len(INTERIOR))
+            step[mine] = np.linalg.lstsq(J, e)[0]
             values = fitted.interior + step
             if not np.isfinite(values).all() or not values[0] > 0.0:
                 break
@@ -173,8 +176,7 @@ def _jacobian(camera: BrownCamera, xy: Array) -> Array:
 def _metashape(cameras: Sequence[BrownCamera]) -> str:
     (camera,) = cameras
     centre = {"cx": 0.5 * camera.width, "cy": 0.5 * camera.height}
-    order = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
-    values = {key: camera.of(key) - centre.get(key, 0.0) for key in order}
+    values = {key: camera.of(key) - centre.get(key, 0.0) for key in INTERIOR}
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
@@ -201,7 +203,7 @@ def _colmap(cameras: Sequence[BrownCamera]) -> str:
     for k, camera in enumerate(cameras, start=1):
         value = _opencv_values(camera)
         model = "FULL_OPENCV" if value["k3"] else "OPENCV"
-        parameters = " ".join(f"{value.get(key, 0.0):.17g}" for key in BROWN_NAMES[model])
+        parameters = " ".join(f"{value.get(key, 0.0)!r}" for key in BROWN_NAMES[model])
         rows.append(f"{k} {model} {camera.width} {camera.height} {parameters}")
     return "\n".join(rows) + "\n"
 

@@ -54,17 +54,17 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
     images = [model.images[number] for number in sorted(model.images)]
     names = file_names([image.name for image in images], path)
     position, C_mc = no_poses(len(images))
-    at, point, uv = [], [], []
+    image_row, point, uv = [], [], []
     for k, image in enumerate(images):
         if image.has_pose:
             pose = image.cam_from_world()
             C_mc[k] = pose.rotation.matrix().T
             position[k] = -C_mc[k] @ pose.translation
         seen = image.get_observation_points2D()
-        at += [k] * len(seen)
+        image_row += [k] * len(seen)
         point += [str(p.point3D_id) for p in seen]
         uv += [p.xy for p in seen]
-    measured, notes = image_points(names, at, point, uv, np.full(len(at), sigma_px))
+    measured, notes = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
     return MeasuredBlock(
         tuple(cameras),
         np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64),

@@ -65,7 +65,9 @@ def read_gcp_list(
     crs = _crs(path, rows[0]) if rows else ""
     if len(rows) < 2:
         raise InputError.at_line(path, None, f"no ground point; {MISSING}, then come the points")
-    lines, place, uv, image, names = [], [], [], [], []
+    if not text.endswith("\n"):
+        _refuse_cut(path, rows)
+    lines, uv, image, names = [], [], [], []
     name_by_place: dict[tuple[float, ...], str] = {}
     place_by_name: dict[str, tuple[int, tuple[float, ...]]] = {}
     for line, row in rows[1:]:
@@ -92,12 +94,11 @@ def read_gcp_list(
         uv.append((u + ORIGIN_PX, v + ORIGIN_PX))
         image.append(words[5])
         names.append(name)
-        place.append(here)
     files = list(dict.fromkeys(image))
-    at = np.array([files.index(name) for name in image], dtype=np.int64)
+    image_row = np.array([files.index(name) for name in image], dtype=np.int64)
     points = list(place_by_name)
     point = np.array([points.index(name) for name in names], dtype=np.int64)
-    if (twice := first_repeat(at, point)) is not None:
+    if (twice := first_repeat(image_row, point)) is not None:
         first, last = twice
         raise InputError.at_line(
             path,
@@ -113,9 +114,24 @@ def read_gcp_list(
         np.zeros(n, dtype=bool),
     )
     images = file_names(files, path)
-    measured, _ = image_points(images, at, names, uv, np.full(len(at), sigma_px))
+    measured, _ = image_points(images, image_row, names, uv, np.full(len(image_row), sigma_px))
     camera = np.zeros(len(images), dtype=np.int64)
     return MeasuredBlock((), camera, measured, *no_poses(len(images)), ground, crs, local=True)
+
+
+def _refuse_cut(path: Source, rows: list[tuple[int, str]]) -> None:
+    """Refuse a last line without end that has fewer fields than all others, or another name."""
+    *earlier, (line, last) = [(line, row.split()) for line, row in rows[1:]]
+    counts = {len(words) for _, words in earlier}
+    names = {words[6] for _, words in earlier if words[:3] == last[:3] and len(words) > 6}
+    fewer = len(counts) == 1 and len(last) < counts.pop()
+    if fewer or (names and (len(last) < 7 or last[6] not in names)):
+        raise InputError.at_line(
+            path,
+            line,
+            f"truncated: the file ends within this line, {shown(' '.join(last))}; copy it again or"
+            " delete the line",
+        )
 
 
 def _crs(path: Source, row: tuple[int, str]) -> str:

@@ -180,18 +180,18 @@ def image_points(
     points = tuple(dict.fromkeys((*first, *point)))
     row_by_name = {name: k for k, name in enumerate(points)}
     rows = np.array([row_by_name[name] for name in point], dtype=np.int64)
-    at = np.asarray(image, dtype=np.int64).reshape(-1)
-    key = at * max(1, len(points)) + rows
+    image_row = np.asarray(image, dtype=np.int64).reshape(-1)
+    key = image_row * max(1, len(points)) + rows
     _, where, count = np.unique(key, return_inverse=True, return_counts=True)
     keep = count[where.reshape(-1)] == 1
     notes: tuple[str, ...] = ()
-    if lost := int((~keep).sum()):
+    if n_repeated := int((~keep).sum()):
         row = int(np.argmin(keep))
         notes = (
-            f"{lost} observations left out: their points are measured more than once in an image,"
-            f" such as {shown(points[rows[row]])} in {shown(images[at[row]])}",
+            f"{n_repeated} observations left out: their points are measured more than once in an"
+            f" image, such as {shown(points[rows[row]])} in {shown(images[image_row[row]])}",
         )
     sigma = np.repeat(np.asarray(sigma_px, dtype=np.float64).reshape(-1, 1), 2, axis=1)
     pixels = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
-    seen = ImageObservations(at[keep], rows[keep], pixels[keep], sigma[keep])
+    seen = ImageObservations(image_row[keep], rows[keep], pixels[keep], sigma[keep])
     return ImagePoints(tuple(images), points, seen), notes

@@ -13,6 +13,7 @@ The transform of a camera takes it (x right, y down, z viewing direction) to the
 that of the chunk, X = t + s R x, to geocentric axes, or to the coordinates of a local CRS.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,7 +28,7 @@ from .columns import positive_sigma
 from .ground_points import GroundTable
 from .image_points import SIGMA_PX
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
-from .metashape_project import Element, Place, opened_project, read_ply
+from .metashape_project import Element, ProjectFile, opened_project, read_ply
 
 MARKER_M = 0.005  # accuracy of markers where the project states none, as in the program
 TRUE = ("true", "1", "")
@@ -38,9 +39,9 @@ class _Chunk:
     """A chunk and its first frame, with the files that they stand in."""
 
     element: Element
-    place: Place
+    source: ProjectFile
     frame: Element | None
-    frame_place: Place
+    frame_source: ProjectFile
 
     def all(self, group: str, kind: str) -> list[Element]:
         """Elements of a group of the chunk, those inside folders too."""
@@ -51,7 +52,7 @@ class _Chunk:
         """An accuracy of the chunk's settings."""
         for element in self.element.findall("./settings/property"):
             if element.get("name") == name:
-                value = _number(self.place, element.get("value"), f"setting {name}")
+                value = _number(self.source, element.get("value"), f"setting {name}")
                 return value if value > 0.0 else default
         return default
 
@@ -86,30 +87,30 @@ def read_metashape_block(
         A `sigma_px` that is not positive.
     """
     positive_sigma(sigma_px, "Metashape")
-    root, place = opened_project(path)
-    of = _chunk(root, place, chunk)
+    root, source = opened_project(path)
+    of = _chunk(root, source, chunk)
     enabled = [c for c in of.all("cameras", "camera") if c.get("id") is not None]
     notes = []
     if off := [c for c in enabled if c.get("enabled", "").lower() not in TRUE]:
         notes.append(f"{len(off)} disabled images left out")
         enabled = [c for c in enabled if c not in off]
-    names = file_names([c.get("label") or "" for c in enabled], of.place.path)
+    names = file_names([c.get("label") or "" for c in enabled], of.source.path)
     row_by_id = {c.get("id"): k for k, c in enumerate(enabled)}
     cameras, camera = _cameras(of, enabled, notes)
     crs = _text(of.element.find("reference")) or None
     position, C_mc, local = _poses(of, enabled, notes)
     ground, labels = _ground(of, notes)
-    at, point, uv = _markers(of, row_by_id, {c.get("id") for c in off}, labels, notes)
-    n_markers = len(at)
+    image_row, point, uv = _markers(of, row_by_id, {c.get("id") for c in off}, labels, notes)
+    n_markers = len(image_row)
     tied, track, pixels, size = _tie_points(of, row_by_id)
     prefix = "T"
-    while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in point):
+    while any(re.fullmatch(rf"{prefix}\d+", name) for name in labels.values()):
         prefix = f"{prefix}_"
     sigma = np.full(n_markers + len(tied), of.setting("accuracy_projections", sigma_px))
     sigma[n_markers:] = of.setting("accuracy_tiepoints", sigma_px) * size
     measured, repeated = image_points(
         names,
-        np.concatenate([np.array(at, dtype=np.int64), tied]),
+        np.concatenate([np.array(image_row, dtype=np.int64), tied]),
         [*point, *(f"{prefix}{number}" for number in track.tolist())],
         np.concatenate([np.array(uv, dtype=np.float64).reshape(-1, 2), pixels]),
         sigma,
@@ -133,43 +134,45 @@ def _text(element: Element | None) -> str:
     return "" if element is None or element.text is None else element.text.strip()
 
 
-def _number(place: Place, text: str | None, what: str) -> float:
+def _number(source: ProjectFile, text: str | None, description: str) -> float:
     """Return a finite number; the error says of what it is."""
     try:
         value = float(text or "")
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise place.error(f"{what}: {shown(text)} is no number; export the file again")
+        raise source.error(f"{description}: {shown(text)} is no number; export the file again")
     return value
 
 
-def _numbers(place: Place, element: Element, count: int, what: str) -> Array:
+def _numbers(source: ProjectFile, element: Element, count: int, description: str) -> Array:
     words = _text(element).split()
     if len(words) != count:
-        raise place.error(f"{what}: {len(words)} numbers, {count} must stand there")
-    return np.array([_number(place, word, what) for word in words])
+        raise source.error(f"{description}: {len(words)} numbers, {count} must stand there")
+    return np.array([_number(source, word, description) for word in words])
 
 
-def _chunk(root: Element, place: Place, wanted: str | None) -> _Chunk:
+def _chunk(root: Element, source: ProjectFile, wanted: str | None) -> _Chunk:
     """Return the chunk that is asked for, or the only one with cameras or markers."""
     given = [root] if root.tag == "chunk" else list(root.iter("chunk"))
     if root.tag not in ("document", "chunk") or not given:
-        raise place.error("no <document> with a <chunk>; give a .psx, .psz or an exported XML file")
-    opened = [place.opened(element) for element in given]
-    known = [
+        raise source.error(
+            "no <document> with a <chunk>; give a .psx, .psz or an exported XML file"
+        )
+    opened = [source.opened(element) for element in given]
+    chunks = [
         (element.get("label") or outer.get("id") or "", outer.get("id"), element, where)
         for outer, (element, where) in zip(given, opened, strict=True)
     ]
     if wanted is not None:
-        chosen = [row for row in known if wanted in row[:2]]
+        chosen = [row for row in chunks if wanted in row[:2]]
         if not chosen:
-            raise place.error(f"no chunk {wanted!r}; {near(wanted, [row[0] for row in known])}")
+            raise source.error(f"no chunk {wanted!r}; {near(wanted, [row[0] for row in chunks])}")
     else:
-        chosen = [row for row in known if row[2].find(".//camera") is not None]
+        chosen = [row for row in chunks if row[2].find(".//camera") is not None]
     if len(chosen) != 1:
-        labels = ", ".join(shown(row[0]) for row in known)
-        raise place.error(
+        labels = ", ".join(shown(row[0]) for row in chunks)
+        raise source.error(
             f"{len(chosen)} chunks have images, of {labels}; name one by chunk"
             if chosen
             else f"no chunk has images ({labels}); markers without images tell nothing of a block"
@@ -192,58 +195,58 @@ def _cameras(
     if not sensors or used in ([], [None]):
         return (), np.zeros(len(images), dtype=np.int64)
     if missing := [number for number in used if number not in sensors]:
-        raise of.place.error(f"no <sensor> with the id {missing[0]}; export the cameras again")
+        raise of.source.error(f"no <sensor> with the id {missing[0]}; export the cameras again")
     rows = np.array([used.index(c.get("sensor_id")) for c in images], dtype=np.int64)
-    return tuple(_camera(of.place, sensors[number], notes) for number in used), rows
+    return tuple(_camera(of.source, sensors[number], notes) for number in used), rows
 
 
-def _camera(place: Place, sensor: Element, notes: list[str]) -> BrownCamera:
+def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCamera:
     """Return a camera: as it was adjusted, else as it was given, else as it was built."""
     name = sensor.get("label") or f"sensor {sensor.get('id')}"
     given = {c.get("class", ""): c for c in sensor.findall("calibration")}
     calibration = given.get("adjusted", next(iter(given.values()), None))
     kind = sensor.get("type", "frame") if calibration is None else calibration.get("type", "frame")
     if kind != "frame":
-        raise place.error(
+        raise source.error(
             f"camera {shown(name)} is of the type {kind}; frame cameras are read, calibrate it as"
             " one"
         )
     size = sensor.find("resolution") if calibration is None else calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
     if size is None:
-        raise place.error(f"camera {shown(name)} has no <resolution>; export the cameras again")
+        raise source.error(f"camera {shown(name)} has no <resolution>; export the cameras again")
     width, height = (
-        _number(place, size.get(key), f"camera {name}: {key}") for key in ("width", "height")
+        _number(source, size.get(key), f"camera {name}: {key}") for key in ("width", "height")
     )
     half = 0.5 * np.array([width, height])
     value = dict.fromkeys(INTERIOR, 0.0)
     if calibration is None:
-        value |= {"f": _nominal_focal(place, sensor, name), "cx": half[0], "cy": half[1]}
+        value |= {"f": _nominal_focal(source, sensor, name), "cx": half[0], "cy": half[1]}
         notes.append(f"camera {shown(name)} has no calibration; its nominal focal length is taken")
     else:
         read = {
-            element.tag: _number(place, _text(element), f"camera {name}: {element.tag}")
+            element.tag: _number(source, _text(element), f"camera {name}: {element.tag}")
             for element in calibration
             if element.tag in (*INTERIOR, "fx", "fy", "skew", "p3", "p4")
         }
-        value |= _brown(place, name, read, half, notes)
+        value |= _brown(source, name, read, half, notes)
     interior = np.array([value[key] for key in INTERIOR])
     return BrownCamera(name, int(width), int(height), interior)
 
 
 def _brown(
-    place: Place, name: str, read: dict[str, float], half: Array, notes: list[str]
+    source: ProjectFile, name: str, read: dict[str, float], half: Array, notes: list[str]
 ) -> dict[str, float]:
     """Return the parameters of a calibration as (J.3) and (J.4) have them."""
     if more := [key for key in ("p3", "p4") if read.pop(key, 0.0) != 0.0]:
-        raise place.error(
+        raise source.error(
             f"camera {shown(name)}: {', '.join(more)} other than zero, which Brown's polynomial"
             " does not have; optimize the cameras without it and export again"
         )
     old = "f" not in read
     if old:
         if not {"fx", "fy"} <= set(read):
-            raise place.error(f"camera {shown(name)}: no <f>, nor <fx> and <fy>; calibrate it")
+            raise source.error(f"camera {shown(name)}: no <f>, nor <fx> and <fy>; calibrate it")
         fx, fy = read.pop("fx"), read.pop("fy")
         read |= {"f": fy, "b1": fx - fy, "b2": read.pop("skew", 0.0)}
         read["p1"], read["p2"] = read.get("p2", 0.0), read.get("p1", 0.0)
@@ -254,7 +257,7 @@ def _brown(
     elif (np.abs(centre - half) < 0.5 * half).all():
         from_corner = True
     else:
-        raise place.error(
+        raise source.error(
             f"camera {shown(name)}: principal point ({centre[0]:.1f}, {centre[1]:.1f}) is neither"
             " near the image's centre nor near zero; calibrate it again"
         )
@@ -266,18 +269,18 @@ def _brown(
     return {k: v for k, v in read.items() if k in INTERIOR} | {"cx": centre[0], "cy": centre[1]}
 
 
-def _nominal_focal(place: Place, sensor: Element, name: str) -> float:
+def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
     """Return the focal length in pixels that a sensor was built with."""
     given = {p.get("name"): p.get("value") for p in sensor.findall("property")}
     try:
         return float(given["focal_length"] or "") / float(given["pixel_width"] or "")
     except (KeyError, ValueError, ZeroDivisionError):
-        raise place.error(
+        raise source.error(
             f"camera {shown(name)} has neither calibration nor focal length; align the images first"
         ) from None
 
 
-def _similarity(place: Place, element: Element | None) -> tuple[Array, Array, float] | None:
+def _similarity(source: ProjectFile, element: Element | None) -> tuple[Array, Array, float] | None:
     """Return R (3, 3), t (3,) and s of a transform; None where it is not complete."""
     transform = None if element is None else element.find("transform")
     parts = [None if transform is None else transform.find(k) for k in ("rotation", "translation")]
@@ -285,9 +288,9 @@ def _similarity(place: Place, element: Element | None) -> tuple[Array, Array, fl
         return None
     scale = transform.find("scale")
     return (
-        _numbers(place, parts[0], 9, "rotation of the chunk").reshape(3, 3),
-        _numbers(place, parts[1], 3, "translation of the chunk"),
-        1.0 if scale is None else float(_numbers(place, scale, 1, "scale of the chunk")[0]),
+        _numbers(source, parts[0], 9, "rotation of the chunk").reshape(3, 3),
+        _numbers(source, parts[1], 3, "translation of the chunk"),
+        1.0 if scale is None else float(_numbers(source, scale, 1, "scale of the chunk")[0]),
     )
 
 
@@ -300,8 +303,8 @@ def _poses(of: _Chunk, images: Sequence[Element], notes: list[str]) -> tuple[Arr
     position, C_mc = no_poses(len(images))
     posed = [k for k, c in enumerate(images) if c.find("transform") is not None]
     component = [images[k].get("component_id") for k in posed]
-    whole = _similarity(of.place, of.element)
-    own = {c.get("id"): _similarity(of.place, c) for c in of.all("components", "component")}
+    whole = _similarity(of.source, of.element)
+    own = {c.get("id"): _similarity(of.source, c) for c in of.all("components", "component")}
     parent = of.element.find("components")
     active = None if parent is None else parent.get("active_id")
     similar = {
@@ -311,7 +314,7 @@ def _poses(of: _Chunk, images: Sequence[Element], notes: list[str]) -> tuple[Arr
     local = not any(similar.values())
     largest = max(dict.fromkeys(component), key=component.count) if component else None
     for k, number in zip(posed, component, strict=True):
-        T = _camera_to_chunk(of.place, images[k])
+        T = _camera_to_chunk(of.source, images[k])
         if local and number == largest:
             C_mc[k], position[k] = T[:3, :3], T[:3, 3]
         elif (similarity := similar[number]) is not None:
@@ -322,14 +325,14 @@ def _poses(of: _Chunk, images: Sequence[Element], notes: list[str]) -> tuple[Arr
     return position, C_mc, local
 
 
-def _camera_to_chunk(place: Place, image: Element) -> Array:
+def _camera_to_chunk(source: ProjectFile, image: Element) -> Array:
     """Return the transform (4, 4) of an image that has one, camera to chunk."""
     transform = image.find("transform")
     assert transform is not None
-    what = f"transform of image {image.get('label')}"
-    T = _numbers(place, transform, 16, what).reshape(4, 4)
+    description = f"transform of image {image.get('label')}"
+    T = _numbers(source, transform, 16, description).reshape(4, 4)
     if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
-        raise place.error(f"{what}: is no rotation; export the cameras again")
+        raise source.error(f"{description}: is no rotation; export the cameras again")
     return T
 
 
@@ -341,7 +344,7 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
     for marker in of.all("markers", "marker"):
         name = marker.get("label") or f"marker {marker.get('id')}"
         if name in labels.values():
-            raise of.place.error(f"marker {shown(name)} is there twice; rename one of them")
+            raise of.source.error(f"marker {shown(name)} is there twice; rename one of them")
         labels[marker.get("id")] = name
         reference = marker.find("reference")
         if reference is None or reference.get("x") is None or reference.get("y") is None:
@@ -351,7 +354,7 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
             continue
         names.append(name)
         position.append(
-            [_number(of.place, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
+            [_number(of.source, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
         )
         both = reference.get("sxyz")
         plan = reference.get("sxy") or both
@@ -361,11 +364,11 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
             reference.get("sz") or both,
         ]
         row = [
-            default if text is None else _number(of.place, text, f"marker {name}: accuracy")
+            default if text is None else _number(of.source, text, f"marker {name}: accuracy")
             for text in given
         ]
         if min(row) <= 0.0:
-            raise of.place.error(
+            raise of.source.error(
                 f"marker {shown(name)}: accuracy {min(row):g} m; it must be greater than zero"
             )
         sigma.append(row)
@@ -386,63 +389,63 @@ def _markers(
     notes: list[str],
 ) -> tuple[list[int], list[str], list[list[float]]]:
     """Return rows of images, names and pixels of markers in images."""
-    at, point, uv, loose = [], [], [], 0
+    image_row, point, uv, loose = [], [], [], 0
     frame = of.frame
     for marker in [] if frame is None else frame.findall("./markers/marker"):
         number = marker.get("marker_id")
         if number not in labels:
-            raise of.frame_place.error(f"no marker with the id {number}; export the markers again")
+            raise of.frame_source.error(f"no marker with the id {number}; export the markers again")
         for location in marker.findall("location"):
             image = location.get("camera_id")
             if image in disabled:
                 continue
             if image not in row_by_id:
-                raise of.frame_place.error(
+                raise of.frame_source.error(
                     f"marker {shown(labels[number])} is measured in an image of the id {image},"
                     " which is not in the file; export markers with their images"
                 )
             if any(location.get(k, "").lower() not in TRUE for k in ("pinned", "valid")):
                 loose += 1
                 continue
-            what = f"marker {labels[number]} in image id {image}"
-            at.append(row_by_id[image])
+            description = f"marker {labels[number]} in image id {image}"
+            image_row.append(row_by_id[image])
             point.append(labels[number])
-            uv.append([_number(of.frame_place, location.get(k), what) for k in "xy"])
+            uv.append([_number(of.frame_source, location.get(k), description) for k in "xy"])
     if loose:
         notes.append(f"{loose} projections of markers left out: not placed or confirmed by hand")
-    return at, point, uv
+    return image_row, point, uv
 
 
 def _tie_points(
     of: _Chunk, row_by_id: dict[str | None, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
     """Return image rows, numbers, pixels (n, 2) and sizes of tie points with object coordinates."""
-    at, track, uv, size = [], [], [], []
+    image_row, track, uv, size = [], [], [], []
     frame = of.frame
     given = [] if frame is None else [*frame.findall("point_cloud"), *frame.findall("tie_points")]
     for element in given:
-        cloud, place = of.frame_place.opened(element)
+        cloud, source = of.frame_source.opened(element)
         points = cloud.find("points")
         valid = (
             None
             if points is None or not points.get("path")
-            else read_ply(place, points.get("path", ""), ("id",))["id"].astype(np.int64)
+            else read_ply(source, points.get("path", ""), ("id",))["id"].astype(np.int64)
         )
         for projections in cloud.findall("projections"):
             if (row := row_by_id.get(projections.get("camera_id"))) is None:
                 continue
-            table = read_ply(place, projections.get("path", ""), ("x", "y", "id"))
+            table = read_ply(source, projections.get("path", ""), ("x", "y", "id"))
             number = table["id"].astype(np.int64)
             keep = np.ones(len(table), dtype=bool) if valid is None else np.isin(number, valid)
             n = int(keep.sum())
-            at.append(np.full(n, row, dtype=np.int64))
+            image_row.append(np.full(n, row, dtype=np.int64))
             track.append(number[keep])
             uv.append(np.column_stack([table["x"], table["y"]]).astype(np.float64)[keep])
             names = table.dtype.names or ()
             size.append(table["size"].astype(np.float64)[keep] if "size" in names else np.ones(n))
-    if not at:
+    if not image_row:
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros((0, 2)), np.zeros(0)
     scale = np.concatenate(size)
     scale[~(scale > 0.0)] = 1.0
-    return np.concatenate(at), np.concatenate(track), np.concatenate(uv), scale
+    return np.concatenate(image_row), np.concatenate(track), np.concatenate(uv), scale

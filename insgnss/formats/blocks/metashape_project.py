@@ -9,6 +9,7 @@ A path counts from the directory of the file that it stands in; of a PLY table, 
 """
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -24,6 +25,7 @@ Element = ElementTree.Element
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
+DAMAGED = (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
 _TYPES = {
     "char": "i1",
     "uchar": "u1",
@@ -45,7 +47,7 @@ _TYPES = {
 
 
 @dataclass(frozen=True)
-class Place:
+class ProjectFile:
     """The file that a document stands in.
 
     Parameters
@@ -92,7 +94,7 @@ class Place:
             raise self.error(
                 "no such file; a .psx needs the folder of its name ending in .files beside it"
             ) from None
-        except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        except DAMAGED as error:
             raise self.error(f"is no zip that can be read: {error}; copy it again") from None
 
     def document(self) -> Element:
@@ -114,7 +116,7 @@ class Place:
         except ElementTree.ParseError as error:
             raise self.error(f"is no XML: {error}; export it again", error.position[0]) from None
 
-    def opened(self, element: Element) -> "tuple[Element, Place]":
+    def opened(self, element: Element) -> "tuple[Element, ProjectFile]":
         """Return what an element stands for: itself, or the document of the zip that it names.
 
         Parameters
@@ -126,17 +128,17 @@ class Place:
         -------
         element : Element
             The content.
-        place : Place
+        source : Place
             The file that it stands in.
         """
         name = element.get("path", "").replace("\\", "/").replace(PROJECT, self.path.stem)
         if not name.endswith(".zip"):
             return element, self
-        place = Place(self.path.parent / name, True)
-        return place.document(), place
+        source = ProjectFile(self.path.parent / name, True)
+        return source.document(), source
 
 
-def opened_project(path: Source) -> tuple[Element, Place]:
+def opened_project(path: Source) -> tuple[Element, ProjectFile]:
     """Open a project or an exported XML file.
 
     Parameters
@@ -148,7 +150,7 @@ def opened_project(path: Source) -> tuple[Element, Place]:
     -------
     root : Element
         The document, or the chunk where the file holds one alone.
-    place : Place
+    source : Place
         The file that it stands in.
 
     Raises
@@ -157,16 +159,16 @@ def opened_project(path: Source) -> tuple[Element, Place]:
         It cannot be read, or is no such file.
     """
     path = Path(path)
-    place = Place(path, load_bytes(path)[:4].tobytes() == b"PK\x03\x04")
-    return place.opened(place.document())
+    source = ProjectFile(path, load_bytes(path)[:4].tobytes() == b"PK\x03\x04")
+    return source.opened(source.document())
 
 
-def read_ply(place: Place, name: str, needed: tuple[str, ...]) -> NDArray[np.void]:
+def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray[np.void]:
     """Read the vertices of a PLY table.
 
     Parameters
     ----------
-    place : Place
+    source : Place
         The file that names it.
     name : str
         Its path.
@@ -183,22 +185,22 @@ def read_ply(place: Place, name: str, needed: tuple[str, ...]) -> NDArray[np.voi
     InputError
         It is not binary little-endian PLY, lacks a column, or is cut off.
     """
-    data = place.member(name)
+    data = source.member(name)
     head, end, body = data.partition(b"end_header\n")
     words = [line.split() for line in decode(head).splitlines()]
     form = next((line[1] for line in words if line[:1] == ["format"] and len(line) > 1), "")
     elements = [line for line in words if line[:1] == ["element"]]
     if not end or words[:1] != [["ply"]] or form != "binary_little_endian" or not elements:
-        raise place.error(f"{name}: is no binary little-endian PLY ({shown(form)}); save it again")
+        raise source.error(f"{name}: is no binary little-endian PLY ({shown(form)}); save it again")
     columns = [line[1:] for line in words if line[:1] == ["property"]]
     if len(elements) > 1 or any(len(c) != 2 or c[0] not in _TYPES for c in columns):
-        raise place.error(f"{name}: holds more than a table of vertices; save the project again")
+        raise source.error(f"{name}: holds more than a table of vertices; save the project again")
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:
-        raise place.error(f"{name}: has no column {missing[0]}; save the project again")
+        raise source.error(f"{name}: has no column {missing[0]}; save the project again")
     kind = np.dtype([(column, _TYPES[of]) for of, column in columns])
     n = int(elements[0][2]) if elements[0][2:] and elements[0][2].isdigit() else -1
     if n < 0 or len(body) < n * kind.itemsize:
-        raise place.error(
+        raise source.error(
             f"{name}: ends after {len(body) // kind.itemsize} of {n} rows; copy the project again"
         )
     return np.frombuffer(body, dtype=kind, count=n)

@@ -58,28 +58,28 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
     """
     positive_sigma(sigma_px, "OpenSfM")
     file = _file(Path(path))
-    parts, notes = _parts(file)
-    cameras = [(key, c) for part in parts for key, c in _table(file, part, "cameras").items()]
-    shots = [(key, s) for part in parts for key, s in _table(file, part, "shots").items()]
+    models, notes = _models(file)
+    cameras = [(key, c) for model in models for key, c in _table(file, model, "cameras").items()]
+    shots = [(key, s) for model in models for key, s in _table(file, model, "shots").items()]
     used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
-    known = dict(cameras)
-    if missing := [key for key in used if key not in known]:
+    camera_by_name = dict(cameras)
+    if missing := [key for key in used if key not in camera_by_name]:
         raise InputError.at_line(file, None, f"no camera {shown(missing[0])}; export it again")
-    brown = tuple(_camera(file, key, known[key]) for key in used)
-    tracks = {key for part in parts for key in _table(file, part, "points")}
+    brown = tuple(_camera(file, key, camera_by_name[key]) for key in used)
+    tracks = {key for model in models for key in _table(file, model, "points")}
     track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
-    at, point, xy, scale = track
+    image_row, point, xy, scale = track
     camera = np.array([used.index(str(shot.get("camera"))) for _, shot in shots], dtype=np.int64)
     size = np.array([(c.width, c.height) for c in brown], dtype=np.float64).reshape(-1, 2)
-    of = size[camera[at]]
+    of = size[camera[image_row]]
     uv = xy * of.max(axis=1, initial=0.0)[:, None] + 0.5 * of
     names = file_names([key for key, _ in shots], file)
-    measured, repeated = image_points(names, at, point, uv, sigma_px * scale)
+    measured, repeated = image_points(names, image_row, point, uv, sigma_px * scale)
     position, C_mc = no_poses(len(shots))
     for k, (key, shot) in enumerate(shots):
         C_mc[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
         position[k] = -C_mc[k] @ _vector(file, shot, "translation", key)
-    plane = _reference(file, parts)
+    plane = _reference(file, models)
     if plane is not None:
         position, C_mc = plane.origin_ecef + position @ plane.C_em.T, plane.C_em @ C_mc
     return MeasuredBlock(
@@ -108,7 +108,7 @@ def _file(path: Path) -> Path:
     )
 
 
-def _parts(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
+def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
     """Return the reconstructions of a file that stand in common axes: all of them, or the largest.
 
     Those without reference are not connected with each other.
@@ -118,24 +118,24 @@ def _parts(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
     except ValueError as error:
         line = getattr(error, "lineno", None)
         raise InputError.at_line(file, line, f"is no JSON: {error}; copy it again") from None
-    parts = given if isinstance(given, list) else [given]
-    if not parts or not all(isinstance(part, dict) and "shots" in part for part in parts):
+    models = given if isinstance(given, list) else [given]
+    if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
         raise InputError.at_line(
             file, None, "is no list of reconstructions with shots; give OpenSfM's file of that name"
         )
-    references = {json.dumps(part.get("reference_lla")) for part in parts}
-    if len(parts) == 1 or (len(references) == 1 and references != {"null"}):
-        return parts, ()
-    largest = max(parts, key=lambda part: len(part["shots"]))
-    lost = sum(len(part["shots"]) for part in parts) - len(largest["shots"])
+    references = {json.dumps(model.get("reference_lla")) for model in models}
+    if len(models) == 1 or (len(references) == 1 and references != {"null"}):
+        return models, ()
+    largest = max(models, key=lambda model: len(model["shots"]))
+    n_left = sum(len(model["shots"]) for model in models) - len(largest["shots"])
     return [largest], (
-        f"{lost} images left out: they stand in {len(parts) - 1} reconstructions that are not"
+        f"{n_left} images left out: they stand in {len(models) - 1} reconstructions that are not"
         " connected with the largest",
     )
 
 
-def _table(file: Path, part: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = part.get(key, {})
+def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = model.get(key, {})
     if not isinstance(value, dict):
         raise InputError.at_line(file, None, f"{key} is no table; export the reconstruction again")
     return value
@@ -185,9 +185,9 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
     return BrownCamera(name, int(width), int(height), interior)
 
 
-def _reference(file: Path, parts: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
+def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
     """Return the tangent plane of the reconstruction, None where its place is not known."""
-    given, beside = parts[0].get("reference_lla"), file.with_name(REFERENCE)
+    given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
     if given is None and beside.is_file():
         try:
             given = json.loads(decode(load_bytes(beside).tobytes()))
@@ -220,7 +220,7 @@ def _tracks(
         version = int(text) if text.isdigit() else -1
     if version not in FIELDS:
         raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
-    at, point, xy, scale = [], [], [], []
+    image_row, point, xy, scale = [], [], [], []
     for line, text in enumerate(lines[first:], start=first + 1):
         if not text.strip():
             continue
@@ -232,11 +232,11 @@ def _tracks(
         row = row_by_image.get(words[0])
         if row is None or (wanted and words[1] not in wanted):
             continue
-        at.append(row)
+        image_row.append(row)
         point.append(words[1])
         xy.append([number_in(word, file, line) for word in words[3:5]])
         scale.append(number_in(words[5], file, line) if version else 1.0)
-    if not at:
+    if not image_row:
         raise InputError.at_line(
             file, None, "no observation of an image of the reconstruction; copy both of one run"
         )
@@ -244,4 +244,4 @@ def _tracks(
     good = ratio > 0.0
     ratio[good] /= np.median(ratio[good]) if good.any() else 1.0
     ratio[~good] = 1.0
-    return np.array(at, dtype=np.int64), point, np.array(xy).reshape(-1, 2), ratio
+    return np.array(image_row, dtype=np.int64), point, np.array(xy).reshape(-1, 2), ratio

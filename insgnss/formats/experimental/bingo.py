@@ -70,14 +70,14 @@ def read_bingo(
             f"BINGO: coordinates in {unit} need pixel_um, width and height of the camera; name them"
         )
     images: list[str] = []
-    lines, at, point, xy = [], [], [], []
-    inside = False
+    lines, image_row, point, xy = [], [], [], []
+    inside, ended, line = False, False, 0
     for line, row in enumerate(decode(load_bytes(path).tobytes()).splitlines(), start=1):
         words = row.split()
         if not words or is_comment(row):
             continue
         if words[0] == END:
-            inside = False
+            inside, ended = False, True
         elif len(words) <= 2:
             if words[0] in images:
                 raise InputError.at_line(
@@ -87,32 +87,37 @@ def read_bingo(
             inside = True
         elif inside:
             lines.append(line)
-            at.append(len(images) - 1)
+            image_row.append(len(images) - 1)
             point.append(words[0])
             xy.append([number_in(word, path, line) for word in words[1:3]])
         else:
             raise InputError.at_line(
                 path, line, f"{shown(row)}: no image before; a block begins with image and camera"
             )
-    if not at:
+    if ended and inside:
+        raise InputError.at_line(
+            path, line, f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+        )
+    if not image_row:
         raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
-    rows = np.array(at, dtype=np.int64)
-    known = {name: k for k, name in enumerate(dict.fromkeys(point))}
-    numbers = np.array([known[name] for name in point], dtype=np.int64)
+    rows = np.array(image_row, dtype=np.int64)
+    point_rows = {name: k for k, name in enumerate(dict.fromkeys(point))}
+    numbers = np.array([point_rows[name] for name in point], dtype=np.int64)
     if (twice := first_repeat(rows, numbers)) is not None:
         first, last = twice
         raise InputError.at_line(
             path,
             lines[last],
-            f"point {shown(point[last])} is measured twice in image {shown(images[at[last]])},"
-            f" before in line {lines[first]}; delete one of the lines",
+            f"point {shown(point[last])} is measured twice in image"
+            f" {shown(images[image_row[last]])}, before in line {lines[first]}; delete one of the"
+            " lines",
         )
     uv = np.array(xy)
     if unit != "px":
         scale = UNITS[unit] / float(pixel_um or 1.0)
         uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
     names = file_names(images, path)
-    measured, _ = image_points(names, rows, point, uv, np.full(len(at), sigma_px))
+    measured, _ = image_points(names, rows, point, uv, np.full(len(image_row), sigma_px))
     camera = np.zeros(len(names), dtype=np.int64)
     return MeasuredBlock(
         (),
