@@ -119,7 +119,7 @@ def test_every_format_has_a_page() -> None:
     # read by more than one verb, or by Python alone, and therefore in no list
     others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
-    others |= {"dbat", "image_points", "ground_points", "camera_toml"}
+    others |= {"eo_covariance", "dbat", "image_points", "ground_points", "camera_toml"}
     others |= {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
     assert pages == formats | others
 

@@ -183,6 +183,7 @@ def test_every_page_is_tested() -> None:
         "dbat",
         "sbet",
         "eo_json",
+        "eo_covariance",
         "matlab",
         "npy",
         "ulog",
