@@ -4,10 +4,10 @@
     python scripts/adjust_simulated.py --flight ign6x1 --blocks 12
 
 Each block is flown, processed and adjusted with seeds of its own. The table has, with the bounds of
-chi-square (99 %) over all blocks, the mean normalised squares of poses, camera, bore-sight and check
-points against the truth, the variance components, and the steps of the iteration; of the corridor,
-which has no ground control, the scatter of the camera constant by the covariance that weighs the
-aerial control: of each image alone, chained, or of the whole flight line.
+chi-square (99 %) over all blocks, the mean normalised squares of poses, camera, bore-sight and
+check points against the truth, the variance components, and the steps of the iteration; of the
+corridor, which has no ground control, the scatter of the camera constant by the covariance that
+weighs the aerial control: of each image alone, chained, or of the whole flight line.
 """
 
 import argparse

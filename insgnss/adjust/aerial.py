@@ -213,7 +213,12 @@ def chained_covariance(eo: ExteriorOrientation) -> Array:
 
     eo.json has the covariance of each image and that with the next, P_i,i+1. Those of images
     farther apart follow where each image's error depends on earlier ones through that of the image
-    before alone (a Markov chain): P_ik = P_ij P_jj^-1 P_jk.
+    before alone (a Markov chain): P_ik = P_ij P_jj^-1 P_jk. Six components of an error that biases
+    and errors of the fixes move are none. Of a processed corridor (`ign6x1`, 15 min, lines of 49
+    and 68 images) the sigma of the mean of a line comes out 0.32 to 0.38 times as large as it is
+    for tilts, 0.73 to 1.38 for positions, 1.12 to 1.14 for heading (independent images: 0.15 to
+    0.36). Take `eo_covariance.npz` where there is one
+    (`insgnss.formats.orientation.eo_covariance`), this where there is none.
 
     Parameters
     ----------

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 WHO = Path("insgnss.estimate")
 NO_WEEK = 0
+# of [output], and no matter of files
+OF_NO_FILE = ("output__trajectory_hz", "output__strip_covariance")
 SPOKEN = {
     "filter": "filter_options",
     "initial": "initial_attitude",
@@ -173,7 +175,7 @@ def _refuse_ambiguous(flight: "Flight", changes: Mapping[str, Any]) -> None:
         if key in changes and value != signature(estimate).parameters[name].default:
             raise UsageError(f"estimate: {name} and {key} are both given; keep one of them")
     for key in changes:
-        if key.startswith("output__") and key != "output__trajectory_hz":
+        if key.startswith("output__") and key not in OF_NO_FILE:
             raise UsageError(
                 f"estimate: {key}: no file is written; give it to insgnss.export with the result"
             )

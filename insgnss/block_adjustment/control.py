@@ -87,7 +87,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     own = inputs.eo_row >= 0
     image_of[inputs.eo_row[own]] = np.flatnonzero(own)
     kind, pieces = _pieces(eo, options)
-    still = np.zeros((len(eo), 3))
+    zeros = np.zeros((len(eo), 3))
     if options.time_offset_sigma_s > 0.0 and (eo.velocity_mps is None or eo.rate_radps is None):
         raise InputError.at_line(
             options.file,
@@ -95,8 +95,8 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
             "no velocities of the images, which a delay needs; process the flight again, or leave"
             " aerial_control.time_offset_sigma_s out",
         )
-    velocity = still if eo.velocity_mps is None else eo.velocity_mps
-    rate = still if eo.rate_radps is None else eo.rate_radps
+    velocity = zeros if eo.velocity_mps is None else eo.velocity_mps
+    rate = zeros if eo.rate_radps is None else eo.rate_radps
     shared = _shared(options)
     blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
     groups: list[ObservationGroup] = [

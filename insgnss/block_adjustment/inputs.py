@@ -73,20 +73,26 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     """
     notes: list[str] = []
     progress("reading image observations")
-    known = read_measured_block(file.images.file, file.images.format, sigma_px=file.images.sigma_px)
-    notes += known.notes
-    known = _without_images(known, file.images.skip)
-    known = replace(known, cameras=_cameras(file, known))
-    if known.cameras and len(known.camera) and known.camera.max(initial=0) >= len(known.cameras):
-        known = replace(known, camera=np.zeros_like(known.camera))
+    source = read_measured_block(
+        file.images.file, file.images.format, sigma_px=file.images.sigma_px
+    )
+    notes += source.notes
+    source = _without_images(source, file.images.skip)
+    source = replace(source, cameras=_cameras(file, source))
+    if (
+        source.cameras
+        and len(source.camera)
+        and source.camera.max(initial=0) >= len(source.cameras)
+    ):
+        source = replace(source, camera=np.zeros_like(source.camera))
     eo = None
     if file.aerial_control.file is not None:
         progress("reading aerial control")
         eo = read_eo_json(file.aerial_control.file)
-    ground = _ground(file, known, eo, notes)
-    made = joined(known, ground, eo)
+    ground = _ground(file, source, eo, notes)
+    made = joined(source, ground, eo)
     block, rows = made.block, made.eo_row
-    if eo is None and crs_of(file, known) is None and not known.local:
+    if eo is None and crs_of(file, source) is None and not source.local:
         block = replace(block, position_m=made.position_m, C_mc=made.C_mc)  # axes of the ground
     block = placed(block, made.position_m, made.C_mc)
     if eo is not None and (without := int((rows < 0).sum())):
@@ -101,23 +107,23 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     return Inputs(file, block, eo, rows, tuple(notes))
 
 
-def _without_images(known: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock:
+def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock:
     """Return the block without the observations of some images."""
     if not skip:
-        return known
-    images = known.measured.images
+        return source
+    images = source.measured.images
     if odd := [name for name in skip if name not in images]:
         raise InputError(f"images.skip: {odd[0]!r} is no image of it; {near(odd[0], images[:200])}")
-    seen = known.measured.observations
+    seen = source.measured.observations
     left = np.array([name in skip for name in images])
     keep = ~left[seen.image]
     observations = type(seen)(
         seen.image[keep], seen.point[keep], seen.uv[keep], seen.sigma_px[keep]
     )
-    return replace(known, measured=replace(known.measured, observations=observations))
+    return replace(source, measured=replace(source.measured, observations=observations))
 
 
-def _cameras(file: BlockFile, known: MeasuredBlock) -> tuple[BrownCamera, ...]:
+def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     """Return the cameras, with the parameters that are estimated."""
     if file.camera.file is not None:
         cameras: tuple[BrownCamera, ...] = (read_camera_toml(file.camera.file),)
@@ -129,7 +135,7 @@ def _cameras(file: BlockFile, known: MeasuredBlock) -> tuple[BrownCamera, ...]:
                 camera,
                 free=tuple(n for n in INTERIOR if n in USUAL_FREE or camera.of(n) != 0.0),
             )
-            for camera in known.cameras
+            for camera in source.cameras
         )
     if file.camera.free is None:
         return cameras
@@ -137,13 +143,13 @@ def _cameras(file: BlockFile, known: MeasuredBlock) -> tuple[BrownCamera, ...]:
 
 
 def _ground(
-    file: BlockFile, known: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
+    file: BlockFile, source: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
 ) -> GroundTable | None:
     """Return the ground points in the axes of the block."""
-    ground, crs, source = known.ground, known.crs, file.images.file
+    ground, crs, path = source.ground, source.crs, file.images.file
     if file.ground.file is not None:
-        source = file.ground.file
-        ground, crs = _ground_of(source)
+        path = file.ground.file
+        ground, crs = _ground_of(path)
     if ground is None or not ground.points:
         return None
     crs = file.ground.crs or crs
@@ -165,7 +171,7 @@ def _ground(
             else f"{crs} is not their CRS, or easting and northing are exchanged"
         )
         raise InputError.at_line(
-            source,
+            path,
             None,
             f"point {ground.points[k]!r} ({x:.0f}, {y:.0f}, {z:.0f}) lies {away[k] / 1e3:.0f} km"
             f" from the images; {advice}",
@@ -173,17 +179,17 @@ def _ground(
     return ground
 
 
-def crs_of(file: BlockFile, known: MeasuredBlock) -> str | None:
+def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:
     """Return the CRS of the ground points, None where they stand in the axes of the block."""
-    return file.ground.crs or known.crs
+    return file.ground.crs or source.crs
 
 
-def _ground_of(source: Path) -> tuple[GroundTable | None, str | None]:
+def _ground_of(path: Path) -> tuple[GroundTable | None, str | None]:
     """Return ground points and their CRS from a table, or from a file of a program."""
-    if source.is_dir() or recognised(source) not in ("image_points", "bingo"):
-        known = read_measured_block(source)
-        return known.ground, known.crs
-    return read_ground_points(source), None
+    if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
+        source = read_measured_block(path)
+        return source.ground, source.crs
+    return read_ground_points(path), None
 
 
 def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:

@@ -40,7 +40,7 @@ class Judgement:
         Each unknown with its verdict, "determined", "improved" or "not determined", and a sentence.
     patterns : tuple of Pattern
         Of the residuals on the format, a camera each.
-    tried : tuple of Trial
+    trials_made : tuple of Trial
         What was tried to explain a contradiction.
     """
 
@@ -48,7 +48,7 @@ class Judgement:
     findings: tuple[Limit, ...]
     determined: tuple[tuple[str, str, str], ...]
     patterns: tuple[Pattern, ...]
-    tried: tuple[Trial, ...]
+    trials_made: tuple[Trial, ...]
 
     @property
     def contradicted(self) -> bool:
@@ -79,15 +79,15 @@ def judged(
     drawn = patterns(solved)
     beyond += _checks(figures)
     beyond += _patterns(figures, drawn)
-    tried: tuple[Trial, ...] = ()
+    trials_made: tuple[Trial, ...] = ()
     if any(finding.rank >= 1.0 for finding in beyond):
-        tried = trials(solved, _excess(figures), progress)
-        beyond = [_explained(finding, tried) for finding in beyond]
+        trials_made = trials(solved, _excess(figures), progress)
+        beyond = [_explained(finding, trials_made) for finding in beyond]
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
     return Judgement(
-        _headline(figures, ordered), ordered, tuple(_determined(figures)), drawn, tried
+        _headline(figures, ordered), ordered, tuple(_determined(figures)), drawn, trials_made
     )
 
 
@@ -174,13 +174,13 @@ def _excess(figures: Mapping[str, Any]) -> float:
     )
 
 
-def _explained(finding: Limit, tried: tuple[Trial, ...]) -> Limit:
+def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:
     """Add what explains a contradiction: the best of those that do."""
-    if finding.rank < 1.0 or not tried:
+    if finding.rank < 1.0 or not trials_made:
         return finding
-    good = [trial for trial in tried if trial.explains]
+    good = [trial for trial in trials_made if trial.explains]
     if not good:
-        names = ", ".join(trial.name for trial in tried)
+        names = ", ".join(trial.name for trial in trials_made)
         return Limit(
             finding.topic,
             finding.rank,

@@ -54,10 +54,10 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     if not missing.any():
         return block
     common = own & block.oriented
-    found = None
+    fitted = None
     if common.sum() >= FEWEST:
         R = nearest_rotation(np.einsum("nij,nkj->ik", block.C_mc[common], C[common]))
-        found = similarity(position[common], block.position_m[common], R)
+        fitted = similarity(position[common], block.position_m[common], R)
     elif len(block.control) >= FEWEST:
         seen = block.observations
         X = intersected(position, C, directions(block), seen.image, seen.point, len(block.points))[
@@ -65,12 +65,12 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
         ]
         good = np.isfinite(X).all(axis=1)
         if good.sum() >= FEWEST:
-            found = similarity(X[good], block.control.position_m[good])
-    if found is None:
+            fitted = similarity(X[good], block.control.position_m[good])
+    if fitted is None:
         return block
     new_position, new_C = np.array(block.position_m), np.array(block.C_mc)
-    new_position[missing] = found.positions(position[missing])
-    new_C[missing] = found.rotation @ C[missing]
+    new_position[missing] = fitted.positions(position[missing])
+    new_C[missing] = fitted.rotation @ C[missing]
     return replace(block, position_m=new_position, C_mc=new_C)
 
 

@@ -42,9 +42,10 @@ class AdjustmentResult:
             lines[0] = f"CONTRADICTION: {lines[0]}"
         first = next((f for f in judgement.findings if f.rank >= 1.0), None)
         lines += [f.sentence for f in judgement.findings if f is not first]
-        weak = [name for name, verdict, _ in judgement.determined if verdict == "not determined"]
-        if weak:
-            lines.append(f"not determined by this block: {', '.join(weak)}")
+        verdict = "not determined"
+        undetermined = [name for name, word, _ in judgement.determined if word == verdict]
+        if undetermined:
+            lines.append(f"not determined by this block: {', '.join(undetermined)}")
         lines += [f"note: {note}" for note in self.solved.inputs.notes]
         return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 

@@ -26,7 +26,7 @@ from .control import control_of
 from .datum import DATUM, ShiftedPoint
 from .solve import Solved, scaled
 
-WEAK = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
+LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 CHANCE, SHARE = 0.9999, 1.0 / 3.0
 USUAL = ("f", "cx", "cy")
 
@@ -84,7 +84,7 @@ def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tu
     for name, key, unit, build in _remedies(solved):
         progress(f"trying: {name}")
         try:
-            trial = _tried(solved, name, key, unit, build, excess)
+            trial = _trial_of(solved, name, key, unit, build, excess)
         except DataError:
             continue  # it is not determined, so that it explains nothing
         done.append(trial)
@@ -95,14 +95,14 @@ def _remedies(solved: Solved) -> Any:
     options = solved.inputs.file.aerial_control
     if solved.inputs.eo is not None:
         if options.time_offset_sigma_s == 0.0 and solved.inputs.eo.velocity_mps is not None:
-            wider = replace(options, time_offset_sigma_s=WEAK[TIME_OFFSET])
+            wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
             yield "delay of the exposures", key, "s", (wider, (TIME_OFFSET, 0))
         if options.lever_arm_sigma_m is None:
-            wider = replace(options, lever_arm_sigma_m=(WEAK[LEVER_ARM],) * 3)
+            wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
             yield "lever arm", "aerial_control.lever_arm_sigma_m", "m", (wider, (LEVER_ARM, 0))
-        if options.boresight_sigma_deg < WEAK[BORESIGHT]:
-            wider = replace(options, boresight_sigma_deg=WEAK[BORESIGHT])
+        if options.boresight_sigma_deg < LOOSE[BORESIGHT]:
+            wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
             yield "bore-sight", "aerial_control.boresight_sigma_deg", "rad", (wider, (BORESIGHT, 0))
         if len(solved.inputs.block.control) > 1:
             yield "shift of ground control", "ground.crs", "m", (options, DATUM)
@@ -111,7 +111,7 @@ def _remedies(solved: Solved) -> Any:
         yield "interior orientation", "camera.free", "px", (options, (CAMERA, 0))
 
 
-def _tried(
+def _trial_of(
     solved: Solved, name: str, option: str, unit: str, build: tuple[Any, Key], excess: float
 ) -> Trial:
     from scipy.stats import chi2
@@ -139,14 +139,14 @@ def _tried(
     rest = {n: f for n, f in solved.factors.items() if not n.startswith("image observations")}
     problem = scaled(problem, rest) if rest else problem
     problem = problem.with_active(own.rays.active)
-    tried = adjusted(problem, replace(result.values, blocks=blocks))
-    precision = precision_of(tried, 1.0)
-    gain = result.cost - tried.cost
+    again = adjusted(problem, replace(result.values, blocks=blocks))
+    precision = precision_of(again, 1.0)
+    gain = result.cost - again.cost
     if key[0] == CAMERA:
-        columns = tried.problem.layout.columns
-        value = tried.values.interior[0, columns] - result.values.interior[0, columns]
+        columns = again.problem.layout.columns
+        value = again.values.interior[0, columns] - result.values.interior[0, columns]
     else:
-        raw = tried.values.blocks[key]
+        raw = again.values.blocks[key]
         value = vector_from_rotation(raw) if raw.ndim == 2 else raw
     sigma = np.sqrt(np.diagonal(precision.cov(key)))
     enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)

@@ -34,12 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..config.load import load_flight
+    from ..config.load import load_flight, remounted
 
     flight = load_flight(options.flight)
     if options.mounting is not None:
-        from ..config.mounting_file import remounted
-
         flight = remounted(flight, options.mounting)
     from ..processing import pipeline
 

@@ -3,15 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
-from ..base.tables import Table, read_toml
-from ..records.block import INTERIOR
-from .resolve import resolved
+from .flight_file import resolved
 from .schema import Triple, check, option, options_of
-from .values import take
 
+if TYPE_CHECKING:
+    from ..base.tables import Table
+
+PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+"""Those of `records.block.INTERIOR`, which asks for numpy."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
 
@@ -67,7 +69,7 @@ class CameraTable:
     )
     free: tuple[str, ...] | None = option(
         None,
-        f"parameters of interior orientation that are estimated, of {' '.join(INTERIOR)}; [] none",
+        f"parameters of interior orientation that are estimated, of {' '.join(PARAMETERS)}",
         kind="texts",
         usual="those of the camera's file; of a project f, cx, cy and what is not zero",
         cli="--free",
@@ -77,8 +79,8 @@ class CameraTable:
     def __post_init__(self) -> None:
         check(self, "camera")
         for name in self.free or ():
-            if name not in INTERIOR:
-                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, INTERIOR)}")
+            if name not in PARAMETERS:
+                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, PARAMETERS)}")
 
 
 @dataclass(frozen=True)
@@ -284,6 +286,9 @@ def load_block(path: str | Path) -> BlockFile:
     InputError
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
+    from ..base.tables import read_toml
+    from .values import take
+
     path = Path(path)
     if path.is_dir():
         path = path / "block.toml"
@@ -313,8 +318,10 @@ def load_block(path: str | Path) -> BlockFile:
     return BlockFile(path=path, **take(root, [BlockFile]), **tables)
 
 
-def _made(root: Table, name: str) -> Any:
+def _made(root: "Table", name: str) -> Any:
     """The dataclass of a table; what it refuses is told at the line of the key."""
+    from .values import take
+
     table, (kind,) = root.table(name), BLOCK_TABLES[name]
     try:
         return kind(**take(table, [kind]))

@@ -9,7 +9,7 @@ replaces it) have no default. data_specs/flight_file.md is rendered from here.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -291,9 +291,7 @@ class Flight:
         return f"<Flight {self.name}, {self.path}>"
 
     def resolved(self) -> dict[str, Any]:
-        """Every value with its default filled in, as plain JSON types (`config.resolve`)."""
-        from .resolve import resolved
-
+        """Every value with its default filled in, as plain JSON types."""
         return resolved(self)
 
 
@@ -320,6 +318,33 @@ def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = (
         if inner:
             refuse_unread(getattr(new, name), name, inner)
     return new
+
+
+def resolved(file: Any) -> dict[str, Any]:
+    """Every value of a `Flight`, or of another file of options, as plain JSON types.
+
+    Defaults are filled in. Paths are relative to the file where they lie below its directory.
+    """
+    base = file.path.parent
+    return {f.name: _plain(getattr(file, f.name), base) for f in fields(file)}
+
+
+def _plain(value: Any, base: Path) -> Any:
+    """Return `value` in JSON types; an object that replaces a file is described as such."""
+    from ..records import Rows
+    from ..stochastic.noise_model import NoiseModel
+
+    if isinstance(value, Rows | NoiseModel):
+        return f"given as object: {value!r}"
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
+    if isinstance(value, Path):
+        return (value.relative_to(base) if value.is_relative_to(base) else value).as_posix()
+    if isinstance(value, Mapping):
+        return {key: _plain(item, base) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(item, base) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 TABLES: Mapping[str, tuple[type, ...]] = {

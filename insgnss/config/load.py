@@ -7,6 +7,7 @@ schema, how it is read in `values`; here stands what options have to do with eac
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -254,3 +255,44 @@ def _output(table: Table) -> Output:
     except UsageError as error:
         raise table.error("crs", str(error)) from None
     return output
+
+
+def remounted(flight: Flight, path: Path) -> Flight:
+    """Return a flight whose mounting is that of a file, as far as the file names it.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    path : Path
+        The file: a table [mounting] with keys of that of a flight file, and [camera] with
+        time_offset_s; others of its keys stay as the flight file has them.
+
+    Returns
+    -------
+    Flight
+        The flight otherwise.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key or a value in it is wrong.
+    """
+    if not path.is_file():
+        raise InputError.at_line(path, None, "does not exist; give mounting.toml of insgnss adjust")
+    keys = {name: own for name, own in known_keys().items() if name.startswith("mounting")}
+    root = read_toml(path, {"": ("mounting", "camera"), **keys, "camera": ("time_offset_s",)})
+    root.check_keys()
+    if not root.data:
+        raise InputError.at_line(path, None, "is empty; a table [mounting] is expected")
+    table = root.table("mounting")
+    given = mounting_of(table)
+    named = {"boresight" if key == "boresight_deg" else key for key in table.data}
+    own = {f.name: getattr(given, f.name) for f in fields(Mounting) if f.name in named}
+    changed = replace(flight, mounting=replace(flight.mounting, **own))
+    offset = root.table("camera").number("time_offset_s", None)
+    if offset is None:
+        return changed
+    if changed.camera is None:
+        raise root.table("camera").error("time_offset_s", "the flight file has no [camera]")
+    return replace(changed, camera=replace(changed.camera, time_offset_s=offset))

@@ -269,8 +269,9 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
         neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
         solution.event_cross[neighbours, POS, POS] += added
         shared.append(SharedError(spell.first, last, added))
-    chain = replace(solution.chain, shared=(*solution.chain.shared, *shared))
-    return replace(solution, chain=chain)
+    if (chain := solution.chain) is None:
+        return solution
+    return replace(solution, chain=replace(chain, shared=(*chain.shared, *shared)))
 
 
 def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool) -> Check:

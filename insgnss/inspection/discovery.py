@@ -52,7 +52,12 @@ NO_RECORDINGS = {
     ),
 }
 RAW_OBSERVATIONS = {".obs", ".rnx", ".crx", ".nav", ".rtcm3", ".ubx"}
-OWN_PRODUCTS = {"trajectory.csv", "eo_local-plane.txt", "metashape.csv"}
+OWN_PRODUCTS = {
+    "trajectory.csv",
+    "eo_local-plane.txt",
+    "eo_covariance.npz",
+    "metashape.csv",
+}
 LEFT_OUT_FOLDERS = {"truth"}
 FLIGHT_LOGS = {"ardupilot": "ArduPilot", "ulog": "PX4"}
 LOG_TABLES: dict[Role, tuple[str, ...]] = {

@@ -6,11 +6,11 @@ from event to event for all earlier events at once,
 
     cov_s(y_j, y_k) = Y_j,k (1 - Lambda_k P_k) T_k'
 
-Nothing of it is worked out before it is asked for. What the passes leave is kept by reference.
+Only M_k is worked out ahead, since what it is made of is gone after the smoother: 54 ms for 9116
+epochs and 34 states, 1 % of `process`. Three matrices n x n an event are kept.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -44,23 +44,18 @@ class EventChain:
 
     Parameters
     ----------
-    event : ndarray
-        (m,) number of the event of each epoch, or `codes.ABSENT`.
-    F, D, H, K, S, used : Array
-        Transitions, rows and gains of the filter, see `FilterHistory`.
+    epoch : ndarray
+        (events,) epoch of each event.
+    transitions : Array
+        (events, n, n) M_k of (B.8); of the first event the unit matrix.
     filtered, gain : Array
         (events, n, n) P_k of the filter and the last factor of (B.8).
     shared : tuple of SharedError
         What was added to the smoothed covariance.
     """
 
-    event: np.ndarray
-    F: Array
-    D: Array
-    H: Array
-    K: Array
-    S: Array
-    used: np.ndarray
+    epoch: np.ndarray
+    transitions: Array
     filtered: Array
     gain: Array
     shared: tuple[SharedError, ...] = ()
@@ -81,23 +76,13 @@ class EventChain:
         Returns
         -------
         EventChain
-            By reference; where there is no event it is empty, and holds nothing.
+            The chain, of all events of the epochs.
         """
-        h = history
-        if not smoothed.event_filter.size:
-            none = np.zeros(0)
-            return cls(np.zeros(0, dtype=np.int64), *[none] * 5, h.used, none, none)
-        return cls(
-            *(epochs.event, h.F, h.D, h.H, h.K, h.S, h.used),
-            *(smoothed.event_filter, smoothed.event_gain),
-        )
-
-    @cached_property
-    def transitions(self) -> Array:
-        """M_k of (B.8), (events, n, n); of the first event the unit matrix."""
-        M = np.empty_like(self.filtered)
-        event_transitions(self.event, self.F, self.D, self.H, self.K, self.S, self.used, M)
-        return M
+        h, at = history, np.flatnonzero(epochs.event >= 0)
+        M = np.empty_like(smoothed.event_filter)
+        event_transitions(epochs.event, h.F, h.D, h.H, h.K, h.S, h.used, M)
+        epoch = at[np.argsort(epochs.event[at])]
+        return cls(epoch, M, smoothed.event_filter, smoothed.event_gain)
 
     def covariance(self, first: int, T: Array) -> Array:
         """Return the smoothed covariance of what is wanted of consecutive events.
@@ -132,10 +117,7 @@ class EventChain:
 
     def _add_shared(self, cov: Array, first: int, T: Array) -> None:
         """Add what events within one spell share, to all pairs of them, in place."""
-        if not self.shared:
-            return
-        at_event = np.flatnonzero(self.event >= 0)
-        epoch = at_event[np.argsort(self.event[at_event])][first : first + len(T)]
+        epoch = self.epoch[first : first + len(T)]
         for error in self.shared:
             inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
             of_position = T[inside][:, :, POS]

@@ -36,6 +36,8 @@ class EstimationProblem:
         other way.
     huber_threshold : float
         NIS above which a triple is taken with a larger covariance (K.11); infinite for never.
+    event_chain : bool
+        Whether the solution is to give the covariance between any two camera events (B.8).
     """
 
     inc: Increments
@@ -47,6 +49,7 @@ class EstimationProblem:
     aiding_interval_s: float
     backward: bool = False
     huber_threshold: float = np.inf
+    event_chain: bool = True
 
 
 @dataclass(frozen=True)

@@ -64,8 +64,8 @@ class Solution:
         (s, 9) backward minus forward of the navigation states, and its standard deviation.
     passes : int
         Forward passes run.
-    chain : EventChain
-        What ties the events, for the covariance of several of them.
+    chain : EventChain or None
+        What ties the events, for the covariance of several of them, where the problem asks for it.
     """
 
     problem: EstimationProblem
@@ -82,7 +82,7 @@ class Solution:
     separation: Array
     separation_sigma: Array
     passes: int
-    chain: EventChain
+    chain: EventChain | None
 
     @property
     def time(self) -> Array:
@@ -203,7 +203,7 @@ def _solution(
         smoothed.separation,
         smoothed.separation_sigma,
         passes,
-        EventChain.of_passes(problem.epochs, history, smoothed),
+        EventChain.of_passes(problem.epochs, history, smoothed) if problem.event_chain else None,
     )
 
 

@@ -28,7 +28,7 @@ calibration leaves.
 
 Pairs are consecutive images: the smoother keeps the cross-covariance of neighbours. That of images
 farther apart does not follow from it, since the chain P_ik = P_ij P_jj^-1 P_jk holds for the whole
-state of the filter (velocity, biases), not for six of its components.
+state of the filter (velocity, biases), not for six of its components; eo_covariance.npz has it.
 """
 
 from dataclasses import dataclass

@@ -115,6 +115,7 @@ def prepare_segment(
         gate_from_sigma(flight.gnss.gate_sigma),
         float(np.median(np.diff(fixes.time))),
         huber_threshold=gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf,
+        event_chain=flight.output.strip_covariance,
     )
     return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event)
 

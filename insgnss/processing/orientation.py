@@ -133,7 +133,9 @@ def strip_covariances(
     wanted = strip_rows(eo, own)
     strips: list[StripCovariance] = []
     for rows in wanted:
-        k, chain = int(own[rows[0]]), with_images[int(own[rows[0]])].solution.chain
+        k = int(own[rows[0]])
+        chain = with_images[k].solution.chain
+        assert chain is not None, "the problem was solved without it"
         if k not in derivatives:
             J = pose_derivatives(_exposed(recording, with_images[k]), flight.mounting, plane)
             derivatives[k] = J @ event_derivatives(with_images[k].solution, of_receiver)

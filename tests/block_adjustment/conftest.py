@@ -39,9 +39,7 @@ def edited(path: Path, old: str, new: str) -> None:
 def flown(tmp_path_factory) -> Flown:
     directory = tmp_path_factory.mktemp("block") / "flight"
     block = BlockOptions(tie_points=30.0, control=10, check=5)
-    write_dataset(
-        directory, minutes=5.0, imu_rate=100.0, seed=4, start_in_air=True, block=block
-    )
+    write_dataset(directory, minutes=5.0, imu_rate=100.0, seed=4, start_in_air=True, block=block)
     process(load_flight(directory), write=True)
     return Flown(directory)
 

@@ -22,7 +22,7 @@ def truth(flown):
     """Poses of the truth, by image."""
     with np.load(flown.directory / "truth/eo.npz") as file:
         names = [str(x) for x in file["images"]]
-        return {n: (x, C) for n, x, C in zip(names, file["position_enu"], file["C_mc"], strict=True)}
+        return dict(zip(names, zip(file["position_enu"], file["C_mc"], strict=True), strict=True))
 
 
 def errors(eo, true):
@@ -47,7 +47,7 @@ def test_poses_and_camera_are_the_truth_within_their_covariance(flown, adjusted)
     low, high = chi2.ppf((5e-4, 1 - 5e-4), free.size)
     assert low < off @ np.linalg.solve(P, off) < high
     assert adjusted.figures["verdict"] == "consistent"
-    assert not adjusted.judgement.tried
+    assert not adjusted.judgement.trials_made
     assert INTERIOR[free[0]] == "f"
 
 
@@ -67,7 +67,8 @@ def test_products(flown, adjusted, tmp_path, capsys) -> None:
     page = (out / "adjust.html").read_text()
     assert page.count("<figure") == 4
     assert adjusted.judgement.headline in page
-    assert main(["export", str(out / "eo.json"), "metashape", "--out", str(tmp_path / "m.csv")]) == 0
+    words = ["export", str(out / "eo.json"), "metashape", "--out", str(tmp_path / "m.csv")]
+    assert main(words) == 0
     rows = (out / "poses.csv").read_text().splitlines()[2:]
     assert len(rows) == document["counts"]["images"]
     name, *values = rows[0].split(",")
@@ -86,9 +87,10 @@ def test_the_command_line_asks_for_the_same(flown, adjusted, tmp_path, capsys) -
     text = capsys.readouterr().out
     assert adjusted.judgement.headline in text
     assert "adjusting" in text  # progress
-    ours, theirs = (json.loads((d / "adjust.json").read_text()) for d in (
-        tmp_path / "a", root / "02_Processed/Adjustment"
-    ))
+    ours, theirs = (
+        json.loads((d / "adjust.json").read_text())
+        for d in (tmp_path / "a", root / "02_Processed/Adjustment")
+    )
     for document in (ours, theirs):
         for key in ("name", "block_file", "products"):
             document.pop(key)

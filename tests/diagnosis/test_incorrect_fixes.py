@@ -25,7 +25,8 @@ STEP = np.array([0.4, -0.3, 0.5])
 @pytest.fixture(scope="module")
 def flown():
     """Two minutes with fixes at 10 Hz."""
-    return fly(120.0, seed=3, imu_hz=100.0, gate=gate_from_sigma(5.0))
+    at_s = np.arange(5.0, 118.0, 5.0)
+    return fly(120.0, seed=3, imu_hz=100.0, gate=gate_from_sigma(5.0), events_s=at_s)
 
 
 def start(flown):
@@ -113,7 +114,9 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     before = solution.P[:, :3, :3].copy()
     spells = spells_apart(problem, solution)
     assert bounds(problem, spells) == [pytest.approx((40.1, 79.9), abs=0.25)]
+    alone = solution.chain
     priced = with_steps(solution, spells)
+    assert alone.shared == ()
     added = priced.P[:, :3, :3] - before
     inside = (problem.epochs.time > 41) & (problem.epochs.time < 79)
     assert np.abs(added[inside] - np.outer(STEP, STEP)).max() < 0.15
@@ -127,6 +130,27 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     assert np.abs(added[problem.epochs.time > resets[1] - 0.05]).max() == 0.0
     least = np.linalg.eigvalsh(added[inside][0])[0]
     assert 0.01**2 < least < 0.1**2
+    # exposures within the spell share the step, others do not
+    at = priced.event_epochs
+    T = np.tile(np.eye(9, solution.P.shape[1]), (at.size, 1, 1))
+    k = at.size
+    with_step, without = (
+        chain.covariance(0, T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
+        for chain in (priced.chain, alone)
+    )
+    own = np.einsum("aaij->aij", with_step)
+    sigma = np.sqrt(np.diagonal(own, axis1=1, axis2=2))
+    of_own = sigma[:, :, None] * sigma[:, None, :]
+    assert np.abs((own - priced.P[at, :9, :9]) / of_own).max() < 1e-9
+    next_one = with_step[np.arange(k - 1), np.arange(1, k)]
+    of_next = sigma[:-1, :, None] * sigma[1:, None, :]
+    assert np.abs((next_one - priced.event_cross[1:]) / of_next).max() < 1e-9
+    shared = np.abs((with_step - without)[:, :, :3, :3] - np.outer(STEP, STEP)).max(axis=(2, 3))
+    exposed = problem.epochs.time[at]
+    within = np.flatnonzero((exposed > 41) & (exposed < 79))
+    assert within.size > 3
+    assert shared[np.ix_(within, within)].max() < 0.15
+    assert not (with_step - without)[within[0], exposed < 39].any()
     assert "enlarged" in incorrect_check(problem, tuple(spells), False).found
 
 

@@ -218,7 +218,7 @@ def test_ulog_page(tmp_path: Path) -> None:
         read_imu(tmp_path / "x.ulg")
 
 
-@pytest.mark.parametrize("name", ["noise_model", "flight_file", "imu_calibration"])
+@pytest.mark.parametrize("name", ["noise_model", "flight_file", "block_file", "imu_calibration"])
 def test_pages_of_settings_are_toml(name: str) -> None:
     """Oracle: tomllib."""
     assert tomllib.loads(block(name, "true"))
@@ -239,11 +239,13 @@ def test_every_page_is_tested() -> None:
         "opensfm_model",
         "sbet",
         "eo_json",
+        "eo_covariance",
         "matlab",
         "npy",
         "ulog",
         "imu_calibration",
         "noise_model",
+        "block_file",
         "flight_file",
         "README",
     }

@@ -19,6 +19,8 @@ from written import image_positions
 from insgnss.base.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
+from insgnss.formats.orientation.eo_covariance import read_eo_covariance
+from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
@@ -137,6 +139,30 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
         report["inputs_sha256"]["igs.atx"]
         == hashlib.sha256((root / "igs.atx").read_bytes()).hexdigest()
     )
+
+
+def test_the_covariance_of_strips_stands_beside_the_images(flight, tmp_path):
+    """Oracle: the result in memory, bit by bit; a file of an earlier run is not taken for one of
+    this run, and where none is asked for there is none.
+    """
+    result = process(flight)
+    place = flight.output.directory
+    eo = read_eo_json(place / "eo.json")
+    found = read_eo_covariance(place / "eo_covariance.npz", eo)
+    assert place / "eo_covariance.npz" in result.files
+    assert found
+    for strip, written in zip(result.strips, found, strict=True):
+        np.testing.assert_array_equal(written.rows, strip.rows)
+        np.testing.assert_array_equal(written.cov, strip.cov)
+    other = replace(flight.gnss, gate_sigma=4.9, time_sigma_s=1e-3)
+    output = replace(flight.output, strip_covariance=False, formats=())
+    without = process(replace(flight, gnss=other, output=output), tmp_path / "other")
+    assert not (tmp_path / "other" / "eo_covariance.npz").exists()
+    assert without.strips == ()
+    with pytest.raises(InputError, match=r"does not belong to this eo\.json: the covariance of"):
+        read_eo_covariance(
+            place / "eo_covariance.npz", read_eo_json(tmp_path / "other" / "eo.json")
+        )
 
 
 def test_it_stands_within_a_directory_of_another_name(flight, tmp_path):

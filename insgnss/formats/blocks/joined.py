@@ -40,7 +40,7 @@ class Joined:
 
 
 def joined(
-    known: MeasuredBlock, ground: GroundTable | None = None, eo: ExteriorOrientation | None = None
+    source: MeasuredBlock, ground: GroundTable | None = None, eo: ExteriorOrientation | None = None
 ) -> Joined:
     """Join what is known of a block by the names of images and points.
 
@@ -49,7 +49,7 @@ def joined(
 
     Parameters
     ----------
-    known : MeasuredBlock
+    source : MeasuredBlock
         Image observations, cameras and poses.
     ground : GroundTable, optional
         Ground points in the axes of the block; those that are measured in no image are left out.
@@ -67,15 +67,15 @@ def joined(
         No camera, an observation that lies beside its image, or tables of which one knows no image
         or no point of the other.
     """
-    known = _observed(known)
-    measured = known.measured
+    source = _observed(source)
+    measured = source.measured
     n = len(measured.images)
-    if not known.cameras:
+    if not source.cameras:
         raise InputError(
             "no camera: the image observations come without one; give a camera file"
             " (data_specs/camera_toml.md)"
         )
-    _within(measured, known.cameras, known.camera)
+    _within(measured, source.cameras, source.camera)
     position, C_mc = no_poses(n)
     row = np.full(n, -1, dtype=np.int64)
     if eo is not None:
@@ -85,9 +85,9 @@ def joined(
         position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
     control, check = _ground(measured, ground)
     block = ImageBlock(
-        known.cameras,
+        source.cameras,
         measured.images,
-        known.camera,
+        source.camera,
         position,
         C_mc,
         np.zeros((n, 6), dtype=bool),
@@ -96,7 +96,7 @@ def joined(
         control,
         check,
     )
-    return Joined(block, row, known.position_m, known.C_mc)
+    return Joined(block, row, source.position_m, source.C_mc)
 
 
 def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
@@ -140,24 +140,24 @@ def _stem(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).stem.lower()
 
 
-def _observed(known: MeasuredBlock) -> MeasuredBlock:
+def _observed(source: MeasuredBlock) -> MeasuredBlock:
     """Return the block without images in which nothing was measured."""
-    seen = known.measured.observations
+    seen = source.measured.observations
     keep = np.unique(seen.image)
     if keep.size == 0:
         raise InputError("no image observation at all; give a table or project that has some")
-    if keep.size == len(known.measured.images):
-        return known
-    new = np.full(len(known.measured.images), -1, dtype=np.int64)
+    if keep.size == len(source.measured.images):
+        return source
+    new = np.full(len(source.measured.images), -1, dtype=np.int64)
     new[keep] = np.arange(keep.size)
-    images = tuple(known.measured.images[k] for k in keep)
+    images = tuple(source.measured.images[k] for k in keep)
     observations = replace(seen, image=new[seen.image])
     return replace(
-        known,
-        camera=known.camera[keep],
-        measured=replace(known.measured, images=images, observations=observations),
-        position_m=known.position_m[keep],
-        C_mc=known.C_mc[keep],
+        source,
+        camera=source.camera[keep],
+        measured=replace(source.measured, images=images, observations=observations),
+        position_m=source.position_m[keep],
+        C_mc=source.C_mc[keep],
     )
 
 

@@ -5,6 +5,7 @@ data_specs/eo_covariance.md.
 import io
 import zipfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -129,7 +130,7 @@ def _refuse_other_covariances(
 def _content(path: Source) -> dict[str, NDArray[Any]]:
     """Return the arrays of the file, once it is clear that it is one of this format."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}; {AGAIN}"

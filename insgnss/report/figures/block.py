@@ -99,20 +99,20 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
         points = [p for p in figures[_NAMES[kind]] if key in p]
         if not points:
             continue
-        at = np.array([p["position_m"] for p in points])
+        ends = np.array([p["position_m"] for p in points])
         d = np.array([p[key] for p in points])
-        ax.plot(at[:, 0], at[:, 1], shape, mfc="none", mec=colour, ms=7, zorder=5, label=kind)
-        for p, x in zip(points, at, strict=True):
+        ax.plot(ends[:, 0], ends[:, 1], shape, mfc="none", mec=colour, ms=7, zorder=5, label=kind)
+        for p, x in zip(points, ends, strict=True):
             ax.annotate(p["point"], x[:2], xytext=(5, 4), textcoords="offset points", fontsize=7)
-        arrows.append((at, d, colour))
+        arrows.append((ends, d, colour))
     reading = "Dots are images, grey lines flight lines, with their numbers at the first image."
     if arrows:
         every = np.vstack([d for _, d, _ in arrows])
         usual = float(np.quantile(np.linalg.norm(every, axis=1), 0.9))
         factor = SHARE * float(max(high - low).item() + 2.0 * margin) / max(usual, 1e-9)
-        for at, d, colour in arrows:
+        for ends, d, colour in arrows:
             ax.quiver(
-                *at[:, :2].T,
+                *ends[:, :2].T,
                 *(factor * d[:, :2]).T,
                 color=colour,
                 angles="xy",
@@ -121,7 +121,7 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
                 width=0.003,
                 zorder=6,
             )
-            for x, up in zip(at, d[:, 2], strict=True):
+            for x, up in zip(ends, d[:, 2], strict=True):
                 ax.plot([x[0], x[0]], [x[1], x[1] + factor * up], color=WARN, lw=2.0, alpha=0.7)
         scale, unit = length_unit(usual)
         reading += (
@@ -174,10 +174,10 @@ def _format(field: Field) -> Picture:
     )
 
 
-def _circle(at: tuple[float, float], radius: float) -> Any:
+def _circle(centre: tuple[float, float], radius: float) -> Any:
     from matplotlib.patches import Circle
 
-    return Circle(at, radius, fill=False, color=WARN, lw=1.0)
+    return Circle(centre, radius, fill=False, color=WARN, lw=1.0)
 
 
 def _images(figures: Mapping[str, Any]) -> Picture:
