@@ -12,6 +12,7 @@ PRODUCTS = {
     "EO_local-plane.txt",
     "metashape.csv",
     "eo.json",
+    "eo_covariance.npz",
     "trajectory.sbet",
     "trajectory.smrmsg",
     "trajectory.csv",

@@ -78,10 +78,10 @@ class EventChain:
         EventChain
             The chain, of all events of the epochs.
         """
-        h, at = history, np.flatnonzero(epochs.event >= 0)
+        h, exposed = history, np.flatnonzero(epochs.event >= 0)
         M = np.empty_like(smoothed.event_filter)
         event_transitions(epochs.event, h.F, h.D, h.H, h.K, h.S, h.used, M)
-        epoch = at[np.argsort(epochs.event[at])]
+        epoch = exposed[np.argsort(epochs.event[exposed])]
         return cls(epoch, M, smoothed.event_filter, smoothed.event_gain)
 
     def covariance(self, first: int, T: Array) -> Array:

@@ -71,8 +71,7 @@ def exterior_orientation(
         or (np.abs(at_exposure.time - events.time) > 1e-6).any()
     ):
         raise InputError("exterior_orientation: the trajectory is not at the exposures' times")
-    C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
-    C_mb = C_mn @ at_exposure.C_nb
+    C_mn, C_mb = _axes(at_exposure, plane)
     lever_m = C_mb @ mounting.camera_lever_b
     J = _pose_jacobian(C_mn, lever_m)
     J_t = np.swapaxes(J, -1, -2)
@@ -123,10 +122,16 @@ def pose_derivatives(at_exposure: Trajectory, mounting: Mounting, plane: Tangent
         position, velocity (which make none) and psi of the navigation centre, in axes north, east,
         down at the point.
     """
-    C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
+    C_mn, C_mb = _axes(at_exposure, plane)
     J = np.zeros((len(at_exposure), 6, 9))
-    J[:, :, POSE] = _pose_jacobian(C_mn, C_mn @ at_exposure.C_nb @ mounting.camera_lever_b)
+    J[:, :, POSE] = _pose_jacobian(C_mn, C_mb @ mounting.camera_lever_b)
     return J
+
+
+def _axes(at_exposure: Trajectory, plane: TangentPlane) -> tuple[Array, Array]:
+    """C_mn and C_mb, (n, 3, 3)."""
+    C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
+    return C_mn, C_mn @ at_exposure.C_nb
 
 
 def _pose_jacobian(C_mn: Array, lever_m: Array) -> Array:

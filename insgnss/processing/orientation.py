@@ -94,7 +94,7 @@ def orient_images(
     refuse_unobservable(flight, exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
     taken = take_events(events, oriented)
-    if recording.event_clock == "receiver":
+    if _by_receiver(recording):
         taken = replace(taken, time=exposed.time)
     eo = exterior_orientation(exposed, taken, flight.mounting, plane, history)
     return replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch)
@@ -121,11 +121,11 @@ def strip_covariances(
     strips : tuple of StripCovariance
         The strips; one whose covariance is not positive definite within the digits of the filter's,
         as in an outage of minutes, is left out.
-    said : str
+    note : str
         What was done, in a sentence.
     """
     plane = TangentPlane(*(float(x) for x in eo.origin))
-    of_receiver = recording.event_clock == "receiver"
+    of_receiver = _by_receiver(recording)
     with_images = [segment for segment in segments if segment.at_event.size]
     sizes = [segment.at_event.size for segment in with_images]
     begin, own = np.cumsum([0, *sizes]), np.repeat(np.arange(len(sizes)), sizes)
@@ -149,12 +149,12 @@ def strip_covariances(
             strips.append(StripCovariance(rows, cov))
     images = sum(strip.rows.size for strip in strips)
     left_out = len(wanted) - len(strips)
-    said = (
+    note = (
         f"covariance of all poses of each of {len(strips)} strips, {images} of {len(eo)} images, at"
         f" most {max((strip.rows.size for strip in strips), default=0)} in one"
     )
-    said += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
-    return tuple(strips), said
+    note += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
+    return tuple(strips), note
 
 
 def _positive_definite(cov: Array) -> bool:
@@ -169,10 +169,15 @@ def _positive_definite(cov: Array) -> bool:
     return True
 
 
+def _by_receiver(recording: Recording) -> bool:
+    """Tell whether the receiver stamped the exposures, which are moved with its clock then."""
+    return recording.event_clock == "receiver"
+
+
 def _exposed(recording: Recording, segment: Segment) -> Trajectory:
     """Return the trajectory at the exposures of a segment, by the clock that stamped them."""
     solution, week = segment.solution, recording.gps_week
-    if recording.event_clock == "receiver":
+    if _by_receiver(recording):
         return receiver_events(solution, week)
     return trajectory(solution, solution.event_epochs, week, events=True)
 

@@ -166,8 +166,8 @@ def process(
     if eo is None:
         refuse_unobservable(flight, sampled)
     elif flight.output.strip_covariance:
-        strips, said = strip_covariances(flight, recording, segments, eo)
-        history = (*history, said)
+        strips, note = strip_covariances(flight, recording, segments, eo)
+        history = (*history, note)
         eo = replace(eo, history=history)
 
     clock.step("report")

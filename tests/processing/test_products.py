@@ -24,6 +24,7 @@ from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
+from insgnss.inspection.discovery import sources_of
 from insgnss.processing import products
 from insgnss.processing.input_files import input_files
 from insgnss.processing.pipeline import process
@@ -150,6 +151,7 @@ def test_the_covariance_of_strips_stands_beside_the_images(flight, tmp_path):
     eo = read_eo_json(place / "eo.json")
     found = read_eo_covariance(place / "eo_covariance.npz", eo)
     assert place / "eo_covariance.npz" in result.files
+    assert sources_of(place / "eo_covariance.npz") == []  # of no recording
     assert found
     for strip, written in zip(result.strips, found, strict=True):
         np.testing.assert_array_equal(written.rows, strip.rows)

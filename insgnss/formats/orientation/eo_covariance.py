@@ -80,10 +80,10 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
         number = np.asarray(content["strip"], dtype=np.int64)
         if number.shape != (len(images),):
             raise ValueError(f"{number.size} strip numbers of {len(images)} images")
-        place = {name: row for row, name in enumerate(images)}
-        if missing := [name for name in eo.images if name not in place]:
+        file_row = {name: row for row, name in enumerate(images)}
+        if missing := [name for name in eo.images if name not in file_row]:
             raise _foreign(path, f"image {missing[0]} is not in it")
-        in_file = np.array([place[name] for name in eo.images], dtype=np.int64)
+        in_file = np.array([file_row[name] for name in eo.images], dtype=np.int64)
         strips = []
         for k in range(int(number.max(initial=NONE)) + 1):
             whole = np.flatnonzero(number == k)
@@ -92,8 +92,8 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
                 cov = np.asarray(content[f"cov_{k}"], dtype=np.float64)
                 if cov.shape != (6 * whole.size, 6 * whole.size):
                     raise ValueError(f"cov_{k}: shape {cov.shape} of {whole.size} images")
-                at = np.searchsorted(whole, in_file[rows])
-                columns = (6 * at[:, None] + np.arange(6)).ravel()
+                index = np.searchsorted(whole, in_file[rows])
+                columns = (6 * index[:, None] + np.arange(6)).ravel()
                 strips.append(StripCovariance(rows, cov[np.ix_(columns, columns)]))
     except KeyError as error:
         raise InputError.at_line(path, None, f"no {error.args[0]}; {AGAIN}") from None
