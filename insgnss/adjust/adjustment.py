@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..records.block import Array
-from . import _kernels
+from .kernels import collinearity
 from .normals import Problem, assembled, corrections, cost, factorised
 from .start import directions, intersected
 from .unknowns import POINT, Unknowns
@@ -207,7 +207,7 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
         Which take part.
     """
     e = np.empty_like(problem.rays.uv)
-    _kernels.residuals(problem.rays, values.kernel_values(), e)
+    collinearity.residuals(problem.rays, values.kernel_values(), e)
     size = np.array([max(c.width, c.height) for c in problem.block.cameras], dtype=np.float64)
     good = problem.rays.active & np.isfinite(e).all(axis=1)
     good &= np.abs(e).max(axis=1) < size[problem.rays.camera[problem.rays.image]]
@@ -253,7 +253,7 @@ def residuals_px(result: Adjusted) -> Array:
     """
     problem = result.problem
     e = np.empty_like(problem.rays.uv)
-    _kernels.residuals(problem.rays, result.values.kernel_values(), e)
+    collinearity.residuals(problem.rays, result.values.kernel_values(), e)
     out = np.empty_like(e)
     out[problem.order] = e
     return out

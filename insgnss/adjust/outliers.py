@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records.block import Array
-from . import _kernels
+from .kernels import collinearity
 from .adjustment import Adjusted, adjusted
 from .normals import Problem
 from .precision import Precision, precision_of
@@ -108,10 +108,10 @@ def without_outliers(
     return Cleaned(precision, rejected)
 
 
-def _lengths(result: Adjusted, given: _kernels.Rays) -> tuple[Array, float]:
+def _lengths(result: Adjusted, given: collinearity.Rays) -> tuple[Array, float]:
     """Return the lengths of the whitened residuals (n,), and their robust unit."""
     e = np.empty_like(given.uv)
-    _kernels.residuals(given, result.values.kernel_values(), e)
+    collinearity.residuals(given, result.values.kernel_values(), e)
     off = np.linalg.norm(e * given.weight, axis=1)
     part_of = result.problem.rays.active & np.isfinite(off)
     unit = float(np.median(off[part_of])) / MEDIAN_LENGTH if part_of.any() else 1.0

@@ -1,0 +1,1 @@
+"""Compiled loops over all image observations of a block. Mathematics: `insgnss.adjust`."""
