@@ -25,7 +25,20 @@ class Places(NamedTuple):
 
 @njit(cache=True)
 def place(places, r, c):
-    """Return where entry (r, c) of a symmetric matrix stands."""
+    """Return where an entry of a symmetric matrix stands.
+
+    Parameters
+    ----------
+    places : Places
+        Where entries stand.
+    r, c : int
+        Row and column, in any order.
+
+    Returns
+    -------
+    int
+        Its place among the numbers that are stored.
+    """
     if r < c:
         r, c = c, r
     return r + (places.inner[c] if r < places.window else places.outer[c])

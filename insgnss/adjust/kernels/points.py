@@ -10,7 +10,20 @@ from .collinearity import INTERIOR, Array, Rays, Rows, image_jacobian, image_res
 
 @njit(cache=True)
 def invert3(V, out):
-    """Invert a symmetric positive definite matrix (3, 3) into `out`; False where it is none."""
+    """Invert a symmetric positive definite matrix.
+
+    Parameters
+    ----------
+    V : ndarray, (3, 3)
+        The matrix.
+    out : ndarray, (3, 3)
+        Its inverse, written here.
+
+    Returns
+    -------
+    bool
+        Whether it is positive definite.
+    """
     c00 = V[1, 1] * V[2, 2] - V[2, 1] * V[2, 1]
     c10 = V[2, 1] * V[2, 0] - V[1, 0] * V[2, 2]
     c20 = V[1, 0] * V[2, 1] - V[1, 1] * V[2, 0]
@@ -183,7 +196,17 @@ def linearise_point(rays, values, p, s):
 
 @njit(cache=True)
 def take_own(own_V, own_g, p, s):
-    """Begin the matrix and right-hand side of point p with what groups say of it alone."""
+    """Begin the matrix and right-hand side of a point with what groups say of it alone.
+
+    Parameters
+    ----------
+    own_V, own_g : ndarray
+        (np, 3, 3) and (np, 3) what groups say of each point alone.
+    p : int
+        Row of the point.
+    s : Scratch
+        V and g are written.
+    """
     for a in range(3):
         s.g[a] = own_g[p, a]
         for b in range(3):
@@ -192,7 +215,15 @@ def take_own(own_V, own_g, p, s):
 
 @njit(cache=True)
 def times_inverse(s, n):
-    """Compute T = W V^-1 of n rows."""
+    """Compute T = W V^-1.
+
+    Parameters
+    ----------
+    s : Scratch
+        T is written.
+    n : int
+        Rows of W.
+    """
     for a in range(n):
         for b in range(3):
             s.T[a, b] = s.W[a, 0] * s.Vi[0, b] + s.W[a, 1] * s.Vi[1, b] + s.W[a, 2] * s.Vi[2, b]
