@@ -88,21 +88,21 @@ def inverse_right_jacobian(v: Array) -> Array:
 
     Parameters
     ----------
-    v : ndarray, (3,)
-        A rotation vector shorter than pi, rad.
+    v : ndarray, (..., 3)
+        Rotation vectors shorter than pi, rad.
 
     Returns
     -------
-    ndarray, (3, 3)
-        The derivative, I + [v x] / 2 + ...
+    ndarray, (..., 3, 3)
+        The derivatives, I + [v x] / 2 + ...
     """
+    v = np.asarray(v, dtype=np.float64)
+    angle = np.sqrt((v * v).sum(axis=-1))[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    second = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
     V = skew(v)
-    angle = float(np.linalg.norm(v))
-    if angle < 1e-4:
-        second = 1.0 / 12.0
-    else:
-        second = 1.0 / angle**2 - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
-    return np.asarray(np.eye(3) + 0.5 * V + second * V @ V)
+    return np.asarray(np.eye(3) + 0.5 * V + np.where(small, 1.0 / 12.0, second) * (V @ V))
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,7 @@ def problem_of(
     """
     layout = layout_of(block, blocks or {}, [group.keys for group in groups])
     seen = block.observations
-    order = np.argsort(seen.point, kind="stable")
+    order = np.lexsort((layout.place[seen.image], seen.point))
     rays = collinearity.Rays(
         np.searchsorted(seen.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
         seen.image[order],
@@ -140,7 +140,34 @@ class Normals:
     damping: float
 
 
-def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Normals:
+Linearised = list[tuple[Array, Array]]
+"""Residual and Jacobian of each group."""
+
+
+def linearised(problem: Problem, values: Unknowns) -> Linearised:
+    """Linearise all groups.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        Where they are linearised.
+
+    Returns
+    -------
+    list of tuple
+        Residual (m,) and Jacobian (m, d) of each group.
+    """
+    return [group.linearised(values) for group in problem.groups]
+
+
+def assembled(
+    problem: Problem,
+    values: Unknowns,
+    damping: float = 0.0,
+    groups: Linearised | None = None,
+) -> Normals:
     """Assemble the normal equations.
 
     Parameters
@@ -151,6 +178,8 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
         Where they are linearised.
     damping : float
         lambda; the diagonals of the points are enlarged by it before they are eliminated.
+    groups : list of tuple, optional
+        What `linearised` gives there.
 
     Returns
     -------
@@ -165,8 +194,8 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
     u, m, envelope = problem.layout.size, len(problem.block.points), problem.layout.envelope
     S, g, reduced, diagonal = np.zeros(envelope.starts[-1]), np.zeros(u), np.zeros(u), np.zeros(u)
     V_own, g_own = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    for group in problem.groups:
-        e, J = group.linearised(values)
+    groups = linearised(problem, values) if groups is None else groups
+    for group, (e, J) in zip(problem.groups, groups, strict=True):
         N, right = _normal(group.weight, J, e)
         (name, row), *others = group.keys
         if name == POINT and not others and problem.layout.kept[row] < 0:
@@ -359,7 +388,9 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     return dx, dp
 
 
-def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
+def cost(
+    problem: Problem, values: Unknowns, groups: Linearised | None = None
+) -> tuple[float, int]:
     """Compute e^T P e of all observations.
 
     Parameters
@@ -368,6 +399,8 @@ def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
         The observations.
     values : Unknowns
         The values of the unknowns.
+    groups : list of tuple, optional
+        What `linearised` gives there.
 
     Returns
     -------
@@ -378,7 +411,7 @@ def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
     """
     e = np.empty_like(problem.rays.uv)
     total, invalid = collinearity.residuals(problem.rays, values.kernel_values(), e)
-    for group in problem.groups:
-        r, _ = group.linearised(values)
+    groups = linearised(problem, values) if groups is None else groups
+    for group, (r, _) in zip(problem.groups, groups, strict=True):
         total += float(r @ group.weight @ r)
     return float(total), int(invalid)

@@ -100,12 +100,18 @@ def normal_equations(
         if not invert3(s.V, s.Vi):
             return p
         times_inverse(s, n)
+        begin = 0
         for a in range(n):
             row = s.row[a]
+            # rays stand in the order of their images' columns; rows before have been met
+            if a == 6 * m:
+                begin = a
+            elif a % 6 == 0 and a < 6 * m and s.row[begin] != row:
+                begin = a
             t0, t1, t2 = s.T[a, 0], s.T[a, 1], s.T[a, 2]
             g_reduced[row] -= t0 * s.g[0] + t1 * s.g[1] + t2 * s.g[2]
             inner, outer = places.inner[row], places.outer[row]
-            for b in range(n):
+            for b in range(begin, n):
                 r = s.row[b]
                 if r >= row:
                     k = r + (inner if r < places.window else outer)
