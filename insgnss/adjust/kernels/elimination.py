@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ...base.compilation import njit
 from .collinearity import Rows
 from .points import invert3, linearise_point, take_own, times_inverse
@@ -77,6 +79,7 @@ def normal_equations(
         First point whose matrix is singular, -1 if there is none.
     """
     wide = 6 + rays.columns.size
+    w0, w1, w2 = np.empty(len(s.W)), np.empty(len(s.W)), np.empty(len(s.W))
     for p in range(rays.start.size - 1):
         take_own(own_V, own_g, p, s)
         m, n = linearise_point(rays, values, p, s)
@@ -89,10 +92,12 @@ def normal_equations(
                 g[row] += l0 * s.e[t, 0] + l1 * s.e[t, 1]
                 diagonal[row] += l0 * l0 + l1 * l1
                 inner, outer = places.inner[row], places.outer[row]
-                for b in range(a, width):
-                    r = s.column[t, b]
-                    k = r + (inner if r < places.window else outer)
-                    S[k] += l0 * s.L[t, 0, b] + l1 * s.L[t, 1, b]
+                if a < 6:
+                    k = row - a + (inner if places.window > 0 else outer)
+                    for b in range(a, 6):
+                        S[k + b] += l0 * s.L[t, 0, b] + l1 * s.L[t, 1, b]
+                for b in range(max(a, 6), width):
+                    S[s.column[t, b] + outer] += l0 * s.L[t, 0, b] + l1 * s.L[t, 1, b]
         if n == 0:
             continue
         for a in range(3):
@@ -100,22 +105,34 @@ def normal_equations(
         if not invert3(s.V, s.Vi):
             return p
         times_inverse(s, n)
+        poses = 6 * m
+        for a in range(n):
+            w0[a], w1[a], w2[a] = s.W[a, 0], s.W[a, 1], s.W[a, 2]
         begin = 0
         for a in range(n):
             row = s.row[a]
             # rays stand in the order of their images' columns; rows before have been met
-            if a == 6 * m:
+            if a == poses:
                 begin = a
-            elif a % 6 == 0 and a < 6 * m and s.row[begin] != row:
+            elif a % 6 == 0 and a < poses and s.row[begin] != row:
                 begin = a
             t0, t1, t2 = s.T[a, 0], s.T[a, 1], s.T[a, 2]
             g_reduced[row] -= t0 * s.g[0] + t1 * s.g[1] + t2 * s.g[2]
             inner, outer = places.inner[row], places.outer[row]
-            for b in range(begin, n):
+            of_pose = inner if places.window > 0 else outer
+            for b in range(begin, poses, 6):
+                r = s.row[b]
+                k = r + of_pose
+                if r >= row:
+                    for c in range(6):
+                        S[k + c] -= t0 * w0[b + c] + t1 * w1[b + c] + t2 * w2[b + c]
+                else:
+                    for c in range(row - r, 6):
+                        S[k + c] -= t0 * w0[b + c] + t1 * w1[b + c] + t2 * w2[b + c]
+            for b in range(max(begin, poses), n):
                 r = s.row[b]
                 if r >= row:
-                    k = r + (inner if r < places.window else outer)
-                    S[k] -= t0 * s.W[b, 0] + t1 * s.W[b, 1] + t2 * s.W[b, 2]
+                    S[r + outer] -= t0 * w0[b] + t1 * w1[b] + t2 * w2[b]
     return -1
 
 
@@ -132,16 +149,21 @@ def back_substitute(rays, values, damping, own_V, own_g, s, dx, dp):
     dp : ndarray, (np, 3)
         Corrections of the points, m, written here.
     """
+    wide = 6 + rays.columns.size
     for p in range(rays.start.size - 1):
         for a in range(3):
             dp[p, a] = dx[rays.kept[p] + a] if rays.kept[p] >= 0 else 0.0
         if rays.kept[p] >= 0:
             continue
         take_own(own_V, own_g, p, s)
-        _, n = linearise_point(rays, values, p, s)
-        for a in range(n):
-            for b in range(3):
-                s.g[b] -= s.W[a, b] * dx[s.row[a]]
+        m, _ = linearise_point(rays, values, p, s, False)
+        for t in range(m):
+            for r in range(2):
+                moved = 0.0
+                for a in range(wide):
+                    moved += s.L[t, r, a] * dx[s.column[t, a]]
+                for b in range(3):
+                    s.g[b] -= s.L[t, r, wide + b] * moved
         for a in range(3):
             s.V[a, a] *= 1.0 + damping
         if invert3(s.V, s.Vi):

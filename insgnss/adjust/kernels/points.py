@@ -105,7 +105,7 @@ def scratch_for(rays: Rays, n_cameras: int) -> Scratch:
 
 
 @njit(cache=True)
-def linearise_point(rays, values, p, s):
+def linearise_point(rays, values, p, s, with_W=True):
     """Linearise the active observations of one point.
 
     Parameters
@@ -117,13 +117,15 @@ def linearise_point(rays, values, p, s):
     s : Scratch
         L, e, ray, column, W and row are written; J^T P J and J^T P e of the point are added to V
         and g.
+    with_W : bool
+        Whether W and row are wanted.
 
     Returns
     -------
     m : int
         Number of active rays.
     n : int
-        Number of rows of W; 0 of a point that is not eliminated.
+        Number of rows of W; 0 of a point that is not eliminated, and where W is not wanted.
     """
     k = rays.columns.size
     wide, kept = 6 + k, rays.kept[p]
@@ -165,6 +167,14 @@ def linearise_point(rays, values, p, s):
         m += 1
     if kept >= 0:
         return m, 0
+    for t in range(m):
+        for a in range(3):
+            for r in range(2):
+                s.g[a] += s.L[t, r, wide + a] * s.e[t, r]
+                for b in range(3):
+                    s.V[a, b] += s.L[t, r, wide + a] * s.L[t, r, wide + b]
+    if not with_W:
+        return m, 0
     n = 6 * m
     for t in range(m):
         cam = rays.camera[rays.image[s.ray[t]]]
@@ -184,11 +194,6 @@ def linearise_point(rays, values, p, s):
                     s.W[row, b] = 0.0
                 for r in range(2):
                     s.W[row, b] += s.L[t, r, a] * s.L[t, r, wide + b]
-        for a in range(3):
-            for r in range(2):
-                s.g[a] += s.L[t, r, wide + a] * s.e[t, r]
-                for b in range(3):
-                    s.V[a, b] += s.L[t, r, wide + a] * s.L[t, r, wide + b]
     for t in range(m):
         s.slot[rays.camera[rays.image[s.ray[t]]]] = -1
     return m, n
