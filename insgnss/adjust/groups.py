@@ -9,6 +9,7 @@ share a variance component.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -249,6 +250,54 @@ class InteriorObservation:
         J = np.zeros((self.parameters.size, current.size))
         J[np.arange(self.parameters.size), self.parameters] = 1.0
         return self.values - current[self.parameters], J
+
+
+@dataclass(frozen=True, eq=False)
+class Rescaled:
+    """An observation group with other weights.
+
+    Parameters
+    ----------
+    group : ObservationGroup
+        The group.
+    factor : float
+        Its variances are multiplied by it.
+    """
+
+    group: ObservationGroup
+    factor: float
+
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+        return self.group.name
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Blocks of unknowns that the group sees."""
+        return self.group.keys
+
+    @cached_property
+    def weight(self) -> Array:
+        """Inverse of the covariance, (m, m)."""
+        return np.asarray(self.group.weight / self.factor)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        return self.group.linearised(values)
 
 
 def control_points(control: GroundPoints, name: str = "ground control") -> list[PointObservation]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records.block import INTERIOR, Array
+from ..records.block import INTERIOR, Array, ImageBlock
 from .adjustment import Adjusted, residuals_px
 from .groups import ObservationGroup
 from .kernels import points, posterior
@@ -245,10 +245,9 @@ class Precision:
         whitened = residuals_px(self.result) / seen.sigma_px
         of_camera = problem.block.camera[seen.image]
         components = []
-        for c, camera in enumerate(problem.block.cameras):
+        for c in range(len(problem.block.cameras)):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
-            several = len(problem.block.cameras) > 1
-            name = f"image observations of {camera.name}" if several else "image observations"
+            name = image_component(problem.block, c)
             cost, r = float((whitened[mine] ** 2).sum()), float(self.redundancy[mine].sum())
             components.append(_component(name, 2 * int(mine.sum()), cost, r))
         for name in dict.fromkeys(test.name for test in self.groups):
@@ -260,6 +259,25 @@ class Precision:
                     r += float(test.redundancy.sum())
             components.append(_component(name, count, cost, r))
         return tuple(components)
+
+
+def image_component(block: ImageBlock, camera: int) -> str:
+    """Return the name of the variance component of a camera's image observations.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+    camera : int
+        Row of the camera.
+
+    Returns
+    -------
+    str
+        Its name.
+    """
+    several = len(block.cameras) > 1
+    return f"image observations{f' of {block.cameras[camera].name}' if several else ''}"
 
 
 def _component(name: str, count: int, cost: float, redundancy: float) -> Component:
