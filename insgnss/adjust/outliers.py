@@ -154,7 +154,7 @@ def _robust(problem: Problem, values: Unknowns) -> tuple[Problem, Unknowns, NDAr
     which observations are not far off then.
     """
     given, groups = problem.rays, problem.groups
-    active = given.active.copy()
+    active, off_groups = given.active.copy(), np.ones(len(groups))
     for _ in range(ROBUST_ROUNDS):
         result = adjusted(problem.with_active(active), values)
         off, unit = _lengths(result, given)
@@ -163,13 +163,20 @@ def _robust(problem: Problem, values: Unknowns) -> tuple[Problem, Unknowns, NDAr
         factor = np.where(np.isfinite(off), np.minimum(1.0, HUBER * unit / off), 1.0)
         weight = given.weight * np.sqrt(factor)[:, None]
         change = np.abs(weight / problem.rays.weight - 1.0).max(initial=0.0)
-        robust = _robust_groups(groups, result.values)
-        change = max(change, *(_change(a, b) for a, b in zip(robust, problem.groups, strict=True)), 0)
+        before, off_groups = off_groups, _robust_factors(groups, result.values)
+        change = max(change, np.abs(np.sqrt(before / off_groups) - 1.0).max(initial=0.0))
+        robust = tuple(
+            Rescaled(group, float(f)) if f > 1.0 else group
+            for group, f in zip(groups, off_groups, strict=True)
+        )
         problem = replace(problem, rays=problem.rays._replace(weight=weight), groups=robust)
         if change < 0.05:
             break
     off, unit = _lengths(result, given)
-    active &= ~(off > FAR * unit)
+    # which of a point's coordinates and its rays are wrong, their tests decide
+    doubtful = np.zeros(len(problem.block.points), dtype=bool)
+    doubtful[[groups[k].keys[0][1] for k in np.flatnonzero(off_groups > 1.0)]] = True
+    active &= ~((off > FAR * unit) & ~doubtful[_point_of_rays(problem)])
     active &= ~_left_alone(problem, active)
     return replace(problem, rays=given, groups=groups), values, active
 
@@ -183,25 +190,15 @@ def _of_points(groups: tuple[ObservationGroup, ...]) -> dict[str, list[int]]:
     return rows
 
 
-def _robust_groups(
-    groups: tuple[ObservationGroup, ...], values: Unknowns
-) -> tuple[ObservationGroup, ...]:
-    """Return the groups with Huber's weights of those that observe one object point."""
-    out = list(groups)
+def _robust_factors(groups: tuple[ObservationGroup, ...], values: Unknowns) -> Array:
+    """Return Huber's factors of the variances of groups that observe one object point, else one."""
+    factor = np.ones(len(groups))
     for rows in _of_points(groups).values():
         e = [groups[k].linearised(values)[0] for k in rows]
         off = np.array([np.sqrt(r @ groups[k].weight @ r) for k, r in zip(rows, e, strict=True)])
         unit = max(1.0, float(np.median(off)) / MEDIAN_LENGTH_3)
-        for k, length in zip(rows, off, strict=True):
-            if length > HUBER * unit:
-                out[k] = Rescaled(groups[k], float(length / (HUBER * unit)))
-    return tuple(out)
-
-
-def _change(now: ObservationGroup, before: ObservationGroup) -> float:
-    """Return the relative change of a group's robust weight."""
-    factor = [g.factor if isinstance(g, Rescaled) else 1.0 for g in (now, before)]
-    return abs(np.sqrt(factor[1] / factor[0]) - 1.0)
+        factor[rows] = np.maximum(1.0, off / (HUBER * unit))
+    return factor
 
 
 def _worst_control(
