@@ -334,7 +334,7 @@ def unknown_name(problem: Problem, column: int) -> str:
     Returns
     -------
     str
-        Such as "k1 of camera P1" or "Z of image 8001.tif".
+        Such as "k1 of camera P1", "Z of image 8001.tif" or "lever arm z".
     """
     name, row = problem.layout.names()[column]
     position = column - int(problem.layout.of((name, row))[0][0])
@@ -345,7 +345,10 @@ def unknown_name(problem: Problem, column: int) -> str:
         return f"{parameter} of camera {problem.block.cameras[row].name}"
     if name == POINT:
         return f"{'XYZ'[position]} of point {problem.block.points[row]}"
-    return f"component {position} of {name} {row}"
+    length = problem.layout.first[(name, row)][1]
+    axis = f" {'xyz'[position]}" if length == 3 else f" {position}" if length > 1 else ""
+    several = sum(other == name for other, _ in problem.layout.first) > 1
+    return f"{name}{axis}{f' {row}' if several else ''}"
 
 
 def _undetermined(problem: Problem, column: int) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..records.block import INTERIOR, Array, ImageBlock
 from .adjustment import Adjusted, residuals_px
+from .envelope import Factor
 from .groups import ObservationGroup
 from .kernels import points, posterior
 from .normals import MANY, Problem, assembled, columns_of, factorised, unknown_name
@@ -16,6 +17,9 @@ from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""
 TOO_CORRELATED = 0.9
+COMMON = ("height", "rotation about y", "rotation about x")
+"""Motions that all images of a camera may have in common: mean Z of their projection centres (m),
+and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +100,17 @@ class Cofactors:
         The observations, and the adjusted values.
     stored : ndarray
         S^-1 within the envelope of the normal matrix; zero in rows and columns of what is held.
+    common : ndarray, (u, 3 c)
+        Cofactors of all columns with the common motions of each camera's images (`COMMON`).
+    common_motions : ndarray, (3 c, 3 c)
+        Cofactors of these motions.
     """
 
     problem: Problem
     values: Unknowns
     stored: Array
+    common: Array
+    common_motions: Array
 
     def of(self, columns: NDArray[np.int64]) -> Array:
         """Return the cofactors of some columns.
@@ -309,7 +319,7 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     if scale is None:
         scale = result.sigma0**2 if result.redundancy > 0 else 1.0
     normals = assembled(problem, result.values)
-    Q = Cofactors(problem, result.values, factorised(problem, normals).inverted())
+    Q = _cofactors(problem, result.values, factorised(problem, normals))
     point = np.full((len(problem.block.points), 3, 3), np.nan)
     r = np.full_like(problem.rays.uv, np.nan)
     posterior.posterior(
@@ -334,6 +344,21 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
         detectable = NONCENTRALITY * np.sqrt(scale) * sigma / root
     tests = tuple(_tested(result, group, Q, point, scale) for group in problem.groups)
     return Precision(result, scale, Q, scale * point, redundancy, w, detectable, tests)
+
+
+def _cofactors(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
+    """Return all cofactors; the factor is used up."""
+    layout, block = problem.layout, problem.block
+    motions = np.zeros((layout.size, len(COMMON) * len(block.cameras)))
+    share = 1.0 / np.maximum(np.bincount(block.camera, minlength=len(block.cameras)), 1)
+    for i, c in enumerate(block.camera):
+        columns, _ = layout.of((POSE, i))
+        first = len(COMMON) * c
+        motions[columns[2], first] = share[c]
+        motions[columns[3:], first + 1] = share[c] * values.C_mc[i][:, 1]
+        motions[columns[3:], first + 2] = share[c] * values.C_mc[i][:, 0]
+    common = factor.solved(motions)
+    return Cofactors(problem, values, factor.inverted(), common, motions.T @ common)
 
 
 def _tested(
