@@ -67,7 +67,9 @@ camera         (J.3) to (J.5) on arrays: rays of pixels, pixels of rays, the fol
 unknowns       values of the unknowns, and where each stands in the normal matrix
 groups         observation groups: poses, ground control, interior orientation
 aerial         observation groups: strips of poses through the mounting
-_kernels       image observations: residual, Jacobian, (J.6), (J.7)
+kernels        image observations: residual, Jacobian, (J.6), (J.7)
+ordering       in which order images stand in the normal matrix
+envelope       factor, solution and inverse of a matrix of which an envelope is stored (J.11)
 normals        assembly and solution of the normal equations
 adjustment     the iteration, and its result
 precision      covariances, redundancy numbers, tests, variance components

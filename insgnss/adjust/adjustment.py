@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..records.block import Array
-from . import _kernels
-from .normals import Problem, assembled, corrections, cost, factorised
+from .kernels import collinearity
+from .normals import Linearised, Problem, assembled, corrections, cost, factorised, linearised
 from .start import directions, intersected
 from .unknowns import POINT, Unknowns
 
@@ -133,26 +133,28 @@ def _iterated(
     """Iterate with the observations that are active, which are valid at the first values."""
     missing = ~problem.determined
     values = values.with_points(np.where(missing[:, None], 0.0, values.point))
-    now, _ = cost(problem, values)
+    groups = linearised(problem, values)
+    now, _ = cost(problem, values, groups)
     first, freedom = now, max(redundancy_of(problem), 1)
     damping, raised, negligible = 0.0, RAISED, False
     for step in range(steps + 1, steps + MOST_STEPS + 1):
         try:
-            dx, dp, predicted = _step(problem, values, damping)
+            dx, dp, predicted = _step(problem, values, damping, groups)
         except DataError:
             if damping > 0.0 or negligible:
                 raise
             # a place on the way may be singular where the solution is not
             damping = FIRST_DAMPING
-            dx, dp, predicted = _step(problem, values, damping)
+            dx, dp, predicted = _step(problem, values, damping, groups)
         trial = values.moved(problem.layout, dx, dp)
-        new, invalid = cost(problem, trial)
+        ahead = linearised(problem, trial)
+        new, invalid = cost(problem, trial, ahead)
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
         negligible = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
         gain = (now - new) / predicted if predicted > 0.0 else 0.0
         if accepted:
-            values, now = trial, new
+            values, now, groups = trial, new, ahead
         if progress is not None:
             progress(step, now)
         if (negligible and damping == 0.0) or (small and not accepted):
@@ -168,14 +170,16 @@ def _iterated(
     else:
         raise DataError(_not_converged(MOST_STEPS, first, now))
     if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
-        factorised(problem, assembled(problem, values))
+        factorised(problem, assembled(problem, values, groups=groups))
     point = np.where(missing[:, None], np.nan, values.point)
     return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
 
 
-def _step(problem: Problem, values: Unknowns, damping: float) -> tuple[Array, Array, float]:
+def _step(
+    problem: Problem, values: Unknowns, damping: float, groups: Linearised | None = None
+) -> tuple[Array, Array, float]:
     """Return corrections of columns and points, and dx^T N dx."""
-    normals = assembled(problem, values, damping)
+    normals = assembled(problem, values, damping, groups)
     dx, dp = corrections(problem, values, normals)
     eliminated = problem.layout.kept < 0
     return dx, dp, float(normals.g @ dx + (normals.gp * dp)[eliminated].sum())
@@ -207,7 +211,7 @@ def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
         Which take part.
     """
     e = np.empty_like(problem.rays.uv)
-    _kernels.residuals(problem.rays, values.kernel_values(), e)
+    collinearity.residuals(problem.rays, values.kernel_values(), e)
     size = np.array([max(c.width, c.height) for c in problem.block.cameras], dtype=np.float64)
     good = problem.rays.active & np.isfinite(e).all(axis=1)
     good &= np.abs(e).max(axis=1) < size[problem.rays.camera[problem.rays.image]]
@@ -253,7 +257,7 @@ def residuals_px(result: Adjusted) -> Array:
     """
     problem = result.problem
     e = np.empty_like(problem.rays.uv)
-    _kernels.residuals(problem.rays, result.values.kernel_values(), e)
+    collinearity.residuals(problem.rays, result.values.kernel_values(), e)
     out = np.empty_like(e)
     out[problem.order] = e
     return out

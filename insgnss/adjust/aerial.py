@@ -122,42 +122,62 @@ class AerialControl:
         J : ndarray, (m, d)
             d computed / d unknown.
         """
-        n = len(self.images)
-        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
-        first = dict.fromkeys(PARAMETERS, 6 * n)
-        column = 6 * n
-        for p in PARAMETERS:
-            if p in value:
-                first[p] = column
-                column += 1 if p == TIME_OFFSET else 3
-        offset = float(value[TIME_OFFSET][0]) if TIME_OFFSET in value else 0.0
-        lever, E = value.get(LEVER_ARM, np.zeros(3)), value.get(BORESIGHT, np.eye(3))
-        since = self.time - self.time.mean() if n else self.time
-        J = np.zeros((n, 6, column))
-        e = np.empty((n, 6))
-        for k, i in enumerate(self.images):
-            C, C_o, v, rate = values.C_mc[i], self.C_mc[k], self.velocity[k], self.rate[k]
-            arm = C @ lever
-            computed = values.position[i] + arm - v * offset
-            computed = computed + value.get(SHIFT, 0.0) + since[k] * value.get(DRIFT, 0.0)
-            turn = rotation_from_vector(rate * offset)
-            psi = vector_from_rotation(C_o @ E @ C.T @ turn)
-            e[k, :3], e[k, 3:] = self.position_m[k] - computed, psi
-            right = inverse_right_jacobian(psi)
-            pose = slice(6 * k, 6 * k + 6)
-            J[k, :, pose] = np.block([[np.eye(3), -skew(arm)], [np.zeros((3, 3)), right @ turn.T]])
-            blocks = {
-                LEVER_ARM: np.vstack([C, np.zeros((3, 3))]),
-                BORESIGHT: np.vstack([np.zeros((3, 3)), -inverse_right_jacobian(-psi) @ C_o]),
-                TIME_OFFSET: np.concatenate([-v, -right @ rate])[:, None],
-                SHIFT: np.eye(6, 3),
-                DRIFT: since[k] * np.eye(6, 3),
-            }
-            for p in value:
-                own = blocks[p]
-                J[k, :, first[p] : first[p] + own.shape[1]] = own
+        n, images = len(self.images), list(self.images)
         m = self.weight.shape[0] // n if n else 6
-        return e[:, :m].ravel(), J[:, :m].reshape(n * m, column)
+        value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
+        since = (self.time - self.time.mean() if n else self.time)[:, None]
+        C, v = values.C_mc[images], self.velocity
+        # of each image: observed - computed, and derivatives by its pose and by the parameters
+        computed, own = values.position[images], np.zeros((n, m, 6))
+        own[:, :3, :3] = np.eye(3)
+        of: dict[str, Array] = {p: np.zeros((n, m, _size(p))) for p in value}
+        if LEVER_ARM in value:
+            arm = C @ value[LEVER_ARM]
+            computed = computed + arm
+            own[:, :3, 3:] = -skew(arm)
+            of[LEVER_ARM][:, :3] = C
+        if TIME_OFFSET in value:
+            computed = computed - v * value[TIME_OFFSET][0]
+            of[TIME_OFFSET][:, :3, 0] = -v
+        if SHIFT in value:
+            computed = computed + value[SHIFT]
+            of[SHIFT][:, :3] = np.eye(3)
+        if DRIFT in value:
+            computed = computed + since * value[DRIFT]
+            of[DRIFT][:, :3] = since[:, :, None] * np.eye(3)
+        e = self.position_m - computed
+        if m == 6:
+            psi = self._attitude(C, value, own, of)
+            e = np.hstack([e, psi])
+        J = np.zeros((n, m, 6 * n + sum(_size(p) for p in value)))
+        for k in range(n):
+            J[k, :, 6 * k : 6 * k + 6] = own[k]
+        if value:
+            J[:, :, 6 * n :] = np.concatenate([of[p] for p in PARAMETERS if p in value], axis=2)
+        return e.ravel(), J.reshape(n * m, -1)
+
+    def _attitude(
+        self, C: Array, value: Mapping[str, Array], own: Array, of: dict[str, Array]
+    ) -> Array:
+        """Return observed - computed of the attitudes (J.9), and write their derivatives (J.10)."""
+        C_o, turned = self.C_mc, C.swapaxes(1, 2)
+        if TIME_OFFSET in value:
+            turn = rotation_from_vector(self.rate * value[TIME_OFFSET][0])
+            turned = turned @ turn
+        E = value.get(BORESIGHT, np.eye(3))
+        psi = vector_from_rotation(C_o @ E @ turned)
+        right = inverse_right_jacobian(psi)
+        own[:, 3:, 3:] = right
+        if TIME_OFFSET in value:
+            own[:, 3:, 3:] = right @ turn.swapaxes(1, 2)
+            of[TIME_OFFSET][:, 3:] = -right @ self.rate[:, :, None]
+        if BORESIGHT in value:
+            of[BORESIGHT][:, 3:] = -inverse_right_jacobian(-psi) @ C_o
+        return psi
+
+
+def _size(parameter: str) -> int:
+    return 1 if parameter == TIME_OFFSET else 3
 
 
 @dataclass(frozen=True, eq=False)

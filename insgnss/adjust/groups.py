@@ -9,6 +9,7 @@ share a variance component.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -88,21 +89,21 @@ def inverse_right_jacobian(v: Array) -> Array:
 
     Parameters
     ----------
-    v : ndarray, (3,)
-        A rotation vector shorter than pi, rad.
+    v : ndarray, (..., 3)
+        Rotation vectors shorter than pi, rad.
 
     Returns
     -------
-    ndarray, (3, 3)
-        The derivative, I + [v x] / 2 + ...
+    ndarray, (..., 3, 3)
+        The derivatives, I + [v x] / 2 + ...
     """
+    v = np.asarray(v, dtype=np.float64)
+    angle = np.sqrt((v * v).sum(axis=-1))[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    second = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
     V = skew(v)
-    angle = float(np.linalg.norm(v))
-    if angle < 1e-4:
-        second = 1.0 / 12.0
-    else:
-        second = 1.0 / angle**2 - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
-    return np.asarray(np.eye(3) + 0.5 * V + second * V @ V)
+    return np.asarray(np.eye(3) + 0.5 * V + np.where(small, 1.0 / 12.0, second) * (V @ V))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +250,54 @@ class InteriorObservation:
         J = np.zeros((self.parameters.size, current.size))
         J[np.arange(self.parameters.size), self.parameters] = 1.0
         return self.values - current[self.parameters], J
+
+
+@dataclass(frozen=True, eq=False)
+class Rescaled:
+    """An observation group with other weights.
+
+    Parameters
+    ----------
+    group : ObservationGroup
+        The group.
+    factor : float
+        Its variances are multiplied by it.
+    """
+
+    group: ObservationGroup
+    factor: float
+
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+        return self.group.name
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Blocks of unknowns that the group sees."""
+        return self.group.keys
+
+    @cached_property
+    def weight(self) -> Array:
+        """Inverse of the covariance, (m, m)."""
+        return np.asarray(self.group.weight / self.factor)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        return self.group.linearised(values)
 
 
 def control_points(control: GroundPoints, name: str = "ground control") -> list[PointObservation]:

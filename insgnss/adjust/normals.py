@@ -8,14 +8,18 @@ from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..records.block import INTERIOR, Array, ImageBlock
-from . import _kernels
+from .envelope import Factor
+from .envelope import factorised as envelope_factorised
 from .groups import ObservationGroup
+from .kernels import collinearity, elimination, points
 from .unknowns import CAMERA, POINT, POSE, Key, Layout, Unknowns, layout_of
 
 SMALLEST_EIGENVALUE = 1e-14
 """Of the normal matrix with unit diagonal. Without datum, or without scale, rounding leaves some
 1e-16; a strip of 60 images that hangs on three control points in a line has 1e-13, a good block
 1e-5."""
+MANY = 100
+"""Unknowns of a group from which on its Jacobian is taken for sparse."""
 POSE_NAMES = ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")
 
 
@@ -40,7 +44,7 @@ class Problem:
     block: ImageBlock
     groups: tuple[ObservationGroup, ...]
     layout: Layout
-    rays: _kernels.Rays
+    rays: collinearity.Rays
     order: NDArray[np.int64]
 
     def with_active(self, active: NDArray[np.bool_]) -> "Problem":
@@ -94,14 +98,15 @@ def problem_of(
     """
     layout = layout_of(block, blocks or {}, [group.keys for group in groups])
     seen = block.observations
-    order = np.argsort(seen.point, kind="stable")
-    rays = _kernels.Rays(
+    order = np.lexsort((layout.place[seen.image], seen.point))
+    rays = collinearity.Rays(
         np.searchsorted(seen.point[order], np.arange(len(block.points) + 1)).astype(np.int64),
         seen.image[order],
         np.ascontiguousarray(seen.uv[order]),
         1.0 / seen.sigma_px[order],
         np.ones(len(seen), dtype=bool),
         np.ascontiguousarray(block.camera, dtype=np.int64),
+        6 * layout.place,
         np.array([camera.backward for camera in block.cameras]),
         np.array([camera.unit_px for camera in block.cameras], dtype=np.float64),
         layout.columns,
@@ -116,7 +121,7 @@ class Normals:
 
     Parameters
     ----------
-    S : (u, u) normal matrix, its lower triangle, not damped on its diagonal.
+    S : normal matrix, as its envelope is stored, not damped on its diagonal.
     g : (u,) J^T P e of its columns.
     g_reduced : (u,) the same with the points eliminated.
     diagonal : (u,) diagonal of U.
@@ -135,7 +140,34 @@ class Normals:
     damping: float
 
 
-def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Normals:
+Linearised = list[tuple[Array, Array]]
+"""Residual and Jacobian of each group."""
+
+
+def linearised(problem: Problem, values: Unknowns) -> Linearised:
+    """Linearise all groups.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        Where they are linearised.
+
+    Returns
+    -------
+    list of tuple
+        Residual (m,) and Jacobian (m, d) of each group.
+    """
+    return [group.linearised(values) for group in problem.groups]
+
+
+def assembled(
+    problem: Problem,
+    values: Unknowns,
+    damping: float = 0.0,
+    groups: Linearised | None = None,
+) -> Normals:
     """Assemble the normal equations.
 
     Parameters
@@ -146,6 +178,8 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
         Where they are linearised.
     damping : float
         lambda; the diagonals of the points are enlarged by it before they are eliminated.
+    groups : list of tuple, optional
+        What `linearised` gives there.
 
     Returns
     -------
@@ -157,30 +191,30 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
     DataError
         An object point is not determined by its rays.
     """
-    u, m = problem.layout.size, len(problem.block.points)
-    S, g, reduced, diagonal = np.zeros((u, u)), np.zeros(u), np.zeros(u), np.zeros(u)
+    u, m, envelope = problem.layout.size, len(problem.block.points), problem.layout.envelope
+    S, g, reduced, diagonal = np.zeros(envelope.starts[-1]), np.zeros(u), np.zeros(u), np.zeros(u)
     V_own, g_own = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    for group in problem.groups:
-        e, J = group.linearised(values)
-        weighted = group.weight @ J
-        N, right = J.T @ weighted, weighted.T @ e
+    groups = linearised(problem, values) if groups is None else groups
+    for group, (e, J) in zip(problem.groups, groups, strict=True):
+        N, right = _normal(group.weight, J, e)
         (name, row), *others = group.keys
         if name == POINT and not others and problem.layout.kept[row] < 0:
             V_own[row] += N
             g_own[row] += right
             continue
         columns, taken = columns_of(problem.layout, group.keys)
-        S[np.ix_(columns, columns)] += N[np.ix_(taken, taken)]
+        envelope.add(S, columns, N[np.ix_(taken, taken)])
         g[columns] += right[taken]
         diagonal[columns] += np.diagonal(N)[taken]
     gp = np.empty((m, 3))
-    singular = _kernels.normal_equations(
+    singular = elimination.normal_equations(
         problem.rays,
         values.kernel_values(),
         damping,
         V_own,
         g_own,
-        _kernels.scratch_for(problem.rays, len(values.interior)),
+        points.scratch_for(problem.rays, len(values.interior)),
+        envelope.places,
         S,
         g,
         reduced,
@@ -192,6 +226,18 @@ def assembled(problem: Problem, values: Unknowns, damping: float = 0.0) -> Norma
             f"object point {problem.block.points[singular]}: its rays are parallel; leave it out"
         )
     return Normals(S, g, g + reduced, diagonal, V_own, g_own, gp, damping)
+
+
+def _normal(P: Array, J: Array, e: Array) -> tuple[Array, Array]:
+    """Return J^T P J and J^T P e of a group."""
+    if J.shape[1] < MANY:
+        weighted = P @ J
+        return J.T @ weighted, weighted.T @ e
+    from scipy.sparse import csr_array
+
+    # of whole strips: an observed pose depends on its own image, and on few other unknowns
+    Jt = csr_array(J.T)
+    return np.asarray(Jt @ (Jt @ P).T), np.asarray(Jt @ (P @ e))
 
 
 def columns_of(
@@ -223,68 +269,54 @@ def columns_of(
     return np.concatenate(columns), np.concatenate(taken)
 
 
-def factorised(problem: Problem, normals: Normals) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Factorise the damped normal matrix of what is free.
-
-    Dense: some 1500 images. A sparse factorisation of larger blocks takes the place of this
-    function, of `corrections` and of `cofactors`, the only ones that use it.
+def factorised(problem: Problem, normals: Normals) -> Factor:
+    """Factorise the damped normal matrix of what is free, in the place of S.
 
     Parameters
     ----------
     problem : Problem
         The observations.
     normals : Normals
-        What was assembled of them.
+        What was assembled of them; its S is used up.
 
     Returns
     -------
-    L : ndarray, (f, f)
-        Lower triangle of the scaled matrix, scale N scale = L L^T.
-    scale : ndarray, (f,)
-        Inverse roots of the diagonal of U.
-    free : ndarray of int, (f,)
-        The columns that are free.
+    Factor
+        Of the matrix that is scaled by the inverse roots of the diagonal of U.
 
     Raises
     ------
     DataError
         A column is not determined, with its name.
     """
-    from scipy.linalg import lapack
-
-    free = np.flatnonzero(~problem.layout.held)
-    diagonal = normals.diagonal[free]
-    if not (diagonal > 0.0).all():
-        raise DataError(_undetermined(problem, int(free[np.argmin(diagonal)])))
-    scale = 1.0 / np.sqrt(diagonal)
-    N = normals.S[np.ix_(free, free)] * scale
-    N *= scale[:, None]
-    N[np.diag_indices(free.size)] += normals.damping
-    # LAPACK counts columns first: the upper triangle of the transpose is our lower one
-    L, info = lapack.dpotrf(N.T, lower=0, overwrite_a=1, clean=1)
-    if info > 0:
-        raise DataError(_undetermined(problem, int(free[info - 1])))
-    if free.size and normals.damping == 0.0:
-        eigenvalue, vector = _smallest(L)
+    free = ~problem.layout.held
+    if not (normals.diagonal[free] > 0.0).all():
+        worst = np.flatnonzero(free)[np.argmin(normals.diagonal[free])]
+        raise DataError(_undetermined(problem, int(worst)))
+    scale = np.zeros(free.size)
+    scale[free] = 1.0 / np.sqrt(normals.diagonal[free])
+    factor, column = envelope_factorised(
+        problem.layout.envelope, normals.S, scale, normals.damping
+    )
+    if column >= 0:
+        raise DataError(_undetermined(problem, column))
+    if free.any() and normals.damping == 0.0:
+        eigenvalue, vector = _smallest(factor)
         if eigenvalue < SMALLEST_EIGENVALUE:
-            raise DataError(_undetermined(problem, int(free[np.argmax(np.abs(vector))])))
-    return L.T, scale, free
+            raise DataError(_undetermined(problem, int(np.argmax(np.abs(vector)))))
+    return factor
 
 
-def _smallest(L: Array) -> tuple[float, Array]:
+def _smallest(factor: Factor) -> tuple[float, Array]:
     """Return the smallest eigenvalue of L L^T, and its vector, by inverse iteration.
 
     It is no smaller than the true one, and near it where that is far from the next: as it is where
     something is not determined.
     """
-    from scipy.linalg import lapack
-
-    n = len(L)
-    vector = np.cos(np.arange(n) * 2.399963)  # in no direction of its own
+    vector = np.cos(np.arange(factor.scale.size) * 2.399963)  # in no direction of its own
     size = 1.0
     for _ in range(4):
-        vector /= np.linalg.norm(vector)
-        vector, _ = lapack.dpotrs(L, vector, lower=0)
+        vector = factor.solved(vector / np.linalg.norm(vector), scaled=True)
         size = float(np.linalg.norm(vector))
     return 1.0 / size, vector
 
@@ -302,7 +334,7 @@ def unknown_name(problem: Problem, column: int) -> str:
     Returns
     -------
     str
-        Such as "k1 of camera P1" or "Z of image 8001.tif".
+        Such as "k1 of camera P1", "Z of image 8001.tif" or "lever arm z".
     """
     name, row = problem.layout.names()[column]
     position = column - int(problem.layout.of((name, row))[0][0])
@@ -313,7 +345,10 @@ def unknown_name(problem: Problem, column: int) -> str:
         return f"{parameter} of camera {problem.block.cameras[row].name}"
     if name == POINT:
         return f"{'XYZ'[position]} of point {problem.block.points[row]}"
-    return f"component {position} of {name} {row}"
+    length = problem.layout.first[(name, row)][1]
+    axis = f" {'xyz'[position]}" if length == 3 else f" {position}" if length > 1 else ""
+    several = sum(other == name for other, _ in problem.layout.first) > 1
+    return f"{name}{axis}{f' {row}' if several else ''}"
 
 
 def _undetermined(problem: Problem, column: int) -> str:
@@ -331,7 +366,8 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     Parameters
     ----------
     problem, values, normals
-        The observations, where they were linearised, and what was assembled there.
+        The observations, where they were linearised, and what was assembled there; its S is used
+        up.
 
     Returns
     -------
@@ -340,60 +376,24 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     dp : ndarray, (m, 3)
         Corrections of all points, m.
     """
-    from scipy.linalg import solve_triangular
-
-    L, scale, free = factorised(problem, normals)
-    y = solve_triangular(L, scale * normals.g_reduced[free], lower=True, check_finite=False)
-    dx = np.zeros(problem.layout.size)
-    dx[free] = scale * solve_triangular(L, y, lower=True, trans="T", check_finite=False)
+    dx = factorised(problem, normals).solved(normals.g_reduced)
     dp = np.zeros((len(problem.block.points), 3))
-    _kernels.back_substitute(
+    elimination.back_substitute(
         problem.rays,
         values.kernel_values(),
         normals.damping,
         normals.own_V,
         normals.own_g,
-        _kernels.scratch_for(problem.rays, len(values.interior)),
+        points.scratch_for(problem.rays, len(values.interior)),
         dx,
         dp,
     )
     return dx, dp
 
 
-def cofactors(problem: Problem, normals: Normals) -> Array:
-    """Compute the cofactors of all unknowns but eliminated points.
-
-    Parameters
-    ----------
-    problem : Problem
-        The observations.
-    normals : Normals
-        What was assembled of them, not damped.
-
-    Returns
-    -------
-    ndarray, (u, u)
-        S^-1; zero in rows and columns of what is held.
-
-    Raises
-    ------
-    DataError
-        A column is not determined, with its name.
-    """
-    from scipy.linalg import lapack
-
-    L, scale, free = factorised(problem, normals)
-    inverse, _ = lapack.dpotri(L.T, lower=0, overwrite_c=0)
-    inverse = np.triu(inverse) * scale * scale[:, None]
-    inverse += np.triu(inverse, 1).T
-    if free.size == problem.layout.size:
-        return np.asarray(inverse)
-    Q = np.zeros((problem.layout.size,) * 2)
-    Q[np.ix_(free, free)] = inverse
-    return Q
-
-
-def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
+def cost(
+    problem: Problem, values: Unknowns, groups: Linearised | None = None
+) -> tuple[float, int]:
     """Compute e^T P e of all observations.
 
     Parameters
@@ -402,6 +402,8 @@ def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
         The observations.
     values : Unknowns
         The values of the unknowns.
+    groups : list of tuple, optional
+        What `linearised` gives there.
 
     Returns
     -------
@@ -411,8 +413,8 @@ def cost(problem: Problem, values: Unknowns) -> tuple[float, int]:
         Number of active image observations without residual: behind the camera, or beyond the fold.
     """
     e = np.empty_like(problem.rays.uv)
-    total, invalid = _kernels.residuals(problem.rays, values.kernel_values(), e)
-    for group in problem.groups:
-        r, _ = group.linearised(values)
+    total, invalid = collinearity.residuals(problem.rays, values.kernel_values(), e)
+    groups = linearised(problem, values) if groups is None else groups
+    for group, (r, _) in zip(problem.groups, groups, strict=True):
         total += float(r @ group.weight @ r)
     return float(total), int(invalid)

@@ -4,17 +4,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..records.block import INTERIOR, Array
-from . import _kernels
+from ..records.block import INTERIOR, Array, ImageBlock
 from .adjustment import Adjusted, residuals_px
+from .envelope import Factor
 from .groups import ObservationGroup
-from .normals import assembled, cofactors, columns_of, unknown_name
-from .unknowns import CAMERA, POINT, POSE, Key
+from .kernels import points, posterior
+from .normals import MANY, Problem, assembled, columns_of, factorised, unknown_name
+from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
 
 NONCENTRALITY = 4.13
 """Of Baarda's test with 0.1 % false alarms and 80 % power."""
 TOO_CORRELATED = 0.9
+COMMON = ("height", "rotation about y", "rotation about x")
+"""Motions that all images of a camera may have in common: mean Z of their projection centres (m),
+and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +91,53 @@ class Correlation:
 
 
 @dataclass(frozen=True, eq=False)
+class Cofactors:
+    """Cofactors of all unknowns but eliminated points.
+
+    Parameters
+    ----------
+    problem, values
+        The observations, and the adjusted values.
+    stored : ndarray
+        S^-1 within the envelope of the normal matrix; zero in rows and columns of what is held.
+    common : ndarray, (u, 3 c)
+        Cofactors of all columns with the common motions of each camera's images (`COMMON`).
+    common_motions : ndarray, (3 c, 3 c)
+        Cofactors of these motions.
+    """
+
+    problem: Problem
+    values: Unknowns
+    stored: Array
+    common: Array
+    common_motions: Array
+
+    def of(self, columns: NDArray[np.int64]) -> Array:
+        """Return the cofactors of some columns.
+
+        Of images that have nothing in common they are not stored: then the normal equations are
+        solved for these columns, for the price of an iteration.
+
+        Parameters
+        ----------
+        columns : ndarray of int
+            (d,) columns.
+
+        Returns
+        -------
+        ndarray, (d, d)
+            Their cofactors.
+        """
+        envelope = self.problem.layout.envelope
+        if envelope.holds(columns):
+            return envelope.entries(self.stored, columns)
+        unit = np.zeros((envelope.size, len(columns)))
+        unit[columns, np.arange(len(columns))] = 1.0
+        factor = factorised(self.problem, assembled(self.problem, self.values))
+        return np.asarray(factor.solved(unit)[columns])
+
+
+@dataclass(frozen=True, eq=False)
 class Precision:
     """Covariances and tests of an adjustment.
 
@@ -95,8 +147,8 @@ class Precision:
         The adjustment.
     scale : float
         Variance of unit weight that is taken: sigma_0^2, or one where variances are known.
-    Q : ndarray, (u, u)
-        Cofactors of all columns of the layout; zero where they are held.
+    cofactors : Cofactors
+        Cofactors of all unknowns but eliminated points.
     point_cov : ndarray, (m, 3, 3)
         Covariance of the object points, m^2; NaN of those that do not take part.
     redundancy, w, detectable_px : ndarray, (n, 2)
@@ -108,7 +160,7 @@ class Precision:
 
     result: Adjusted
     scale: float
-    Q: Array
+    cofactors: Cofactors
     point_cov: Array
     redundancy: Array
     w: Array
@@ -135,7 +187,7 @@ class Precision:
         if name == POINT and not others and layout.kept[row] < 0:
             return np.array(self.point_cov[row])
         columns = np.concatenate([layout.of(key)[0] for key in keys])
-        return self.scale * self.Q[np.ix_(columns, columns)]
+        return self.scale * self.cofactors.of(columns)
 
     def sigma_interior(self, camera: int) -> Array:
         """Return the standard deviations of a camera's interior orientation.
@@ -158,9 +210,9 @@ class Precision:
     @property
     def pose_cov(self) -> Array:
         """(n, 6, 6) covariance of each image's position (m) and psi (rad); zero where held."""
-        n = self.result.problem.layout.n_images
-        rows = np.arange(6 * n).reshape(n, 6)
-        return np.asarray(self.scale * self.Q[rows[:, :, None], rows[:, None, :]])
+        layout = self.result.problem.layout
+        blocks = [self.cofactors.of(layout.of((POSE, i))[0]) for i in range(layout.n_images)]
+        return self.scale * np.array(blocks).reshape(-1, 6, 6)
 
     def correlations(self, limit: float = TOO_CORRELATED) -> tuple[Correlation, ...]:
         """Return the pairs of unknowns of cameras, and of blocks that groups bring, above a limit.
@@ -177,13 +229,15 @@ class Precision:
         """
         layout = self.result.problem.layout
         names = layout.names()
-        rows = [
+        free = [
             k
             for k, (name, _) in enumerate(names)
-            if name not in (POSE, POINT) and self.Q[k, k] > 0.0
+            if name not in (POSE, POINT) and not layout.held[k]
         ]
-        sigma = np.sqrt(np.diagonal(self.Q)[rows])
-        rho = self.Q[np.ix_(rows, rows)] / sigma / sigma[:, None]
+        rows = np.array(free, dtype=np.int64)
+        Q = self.cofactors.of(rows)
+        sigma = np.sqrt(np.diagonal(Q))
+        rho = Q / sigma / sigma[:, None]
         pairs = [
             Correlation(
                 unknown_name(self.result.problem, rows[i]),
@@ -201,10 +255,9 @@ class Precision:
         whitened = residuals_px(self.result) / seen.sigma_px
         of_camera = problem.block.camera[seen.image]
         components = []
-        for c, camera in enumerate(problem.block.cameras):
+        for c in range(len(problem.block.cameras)):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
-            several = len(problem.block.cameras) > 1
-            name = f"image observations of {camera.name}" if several else "image observations"
+            name = image_component(problem.block, c)
             cost, r = float((whitened[mine] ** 2).sum()), float(self.redundancy[mine].sum())
             components.append(_component(name, 2 * int(mine.sum()), cost, r))
         for name in dict.fromkeys(test.name for test in self.groups):
@@ -216,6 +269,25 @@ class Precision:
                     r += float(test.redundancy.sum())
             components.append(_component(name, count, cost, r))
         return tuple(components)
+
+
+def image_component(block: ImageBlock, camera: int) -> str:
+    """Return the name of the variance component of a camera's image observations.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+    camera : int
+        Row of the camera.
+
+    Returns
+    -------
+    str
+        Its name.
+    """
+    several = len(block.cameras) > 1
+    return f"image observations{f' of {block.cameras[camera].name}' if several else ''}"
 
 
 def _component(name: str, count: int, cost: float, redundancy: float) -> Component:
@@ -247,16 +319,17 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     if scale is None:
         scale = result.sigma0**2 if result.redundancy > 0 else 1.0
     normals = assembled(problem, result.values)
-    Q = cofactors(problem, normals)
+    Q = _cofactors(problem, result.values, factorised(problem, normals))
     point = np.full((len(problem.block.points), 3, 3), np.nan)
     r = np.full_like(problem.rays.uv, np.nan)
-    _kernels.posterior(
+    posterior.posterior(
         problem.rays,
         result.values.kernel_values(),
         normals.own_V,
         normals.own_g,
-        _kernels.scratch_for(problem.rays, len(result.values.interior)),
-        Q,
+        points.scratch_for(problem.rays, len(result.values.interior)),
+        problem.layout.envelope.places,
+        Q.stored,
         point,
         r,
     )
@@ -273,8 +346,23 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     return Precision(result, scale, Q, scale * point, redundancy, w, detectable, tests)
 
 
+def _cofactors(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
+    """Return all cofactors; the factor is used up."""
+    layout, block = problem.layout, problem.block
+    motions = np.zeros((layout.size, len(COMMON) * len(block.cameras)))
+    share = 1.0 / np.maximum(np.bincount(block.camera, minlength=len(block.cameras)), 1)
+    for i, c in enumerate(block.camera):
+        columns, _ = layout.of((POSE, i))
+        first = len(COMMON) * c
+        motions[columns[2], first] = share[c]
+        motions[columns[3:], first + 1] = share[c] * values.C_mc[i][:, 1]
+        motions[columns[3:], first + 2] = share[c] * values.C_mc[i][:, 0]
+    common = factor.solved(motions)
+    return Cofactors(problem, values, factor.inverted(), common, motions.T @ common)
+
+
 def _tested(
-    result: Adjusted, group: ObservationGroup, Q: Array, point: Array, scale: float
+    result: Adjusted, group: ObservationGroup, Q: Cofactors, point: Array, scale: float
 ) -> GroupTest:
     """Return the test of a group: w = (P e)_i / sqrt((P Q_vv P)_ii), for correlated ones too."""
     layout = result.problem.layout
@@ -284,16 +372,27 @@ def _tested(
         mine = point[row]
     else:
         columns, taken = columns_of(layout, group.keys)
-        J, mine = J[:, taken], Q[np.ix_(columns, columns)]
+        J, mine = J[:, taken], Q.of(columns)
     P = group.weight
-    explained = J @ mine @ J.T @ P  # Q_vv P = 1 - explained
-    against = np.diagonal(P - P @ explained)
+    A = _explained(J, mine)
+    redundancy = 1.0 - (A * P).sum(axis=1)  # diagonal of Q_vv P = 1 - A P
+    against = np.diagonal(P) - ((P @ A) * P).sum(axis=1)
     scaled = against / np.diagonal(P)
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.where(scaled > 1e-9, np.sqrt(np.maximum(against, 0.0)), 0.0)
         w = np.where(root > 0.0, (P @ e) / root / np.sqrt(scale), 0.0)
         detectable = NONCENTRALITY * np.sqrt(scale) / root
-    return GroupTest(group.name, group.keys, e, 1.0 - np.diagonal(explained), w, detectable)
+    return GroupTest(group.name, group.keys, e, redundancy, w, detectable)
+
+
+def _explained(J: Array, Q: Array) -> Array:
+    """Return J Q J^T."""
+    if J.shape[1] < MANY:
+        return J @ Q @ J.T
+    from scipy.sparse import csr_array
+
+    sparse = csr_array(J)
+    return np.asarray(sparse @ (sparse @ Q).T)
 
 
 def strongest(precision: Precision, count: int = 10) -> Sequence[tuple[str, str, float]]:

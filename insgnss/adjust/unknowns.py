@@ -5,8 +5,9 @@ other name that a group brings, such as ("boresight", 0). Corrections of a pose 
 position (m) and psi (rad) in the axes of the block; those of any other block whose value is a
 matrix (3, 3) are a rotation vector on its left, exp([psi x]) C, and those of a vector are added.
 
-The columns of the normal matrix are poses, cameras (parameters that are unknowns of some camera),
-other blocks, points that are not eliminated. Columns that are held (values that do not change) are
+The columns of the normal matrix are poses (in an order of their own where the matrix is not dense,
+`ordering`), cameras (parameters that are unknowns of some camera), other blocks, points that are
+not eliminated. Columns that are held (values that do not change) are
 left out when it is solved.
 """
 
@@ -19,8 +20,10 @@ from numpy.typing import NDArray
 from ..base.errors import UsageError
 from ..geodesy.rotation import rotation_from_vector
 from ..records.block import INTERIOR, Array, BrownCamera, ImageBlock
-from . import _kernels
+from .kernels import collinearity
 from .camera import fold_radius
+from .envelope import Envelope
+from .ordering import arranged
 
 Key = tuple[str, int]
 POSE, CAMERA, POINT = "pose", "camera", "point"
@@ -64,7 +67,7 @@ class Unknowns:
             The new values.
         """
         n, k = len(self.position), layout.columns.size
-        pose = dx[: 6 * n].reshape(n, 6)
+        pose = dx[: 6 * n].reshape(n, 6)[layout.place]
         interior = self.interior.copy()
         c = len(interior)
         interior[:, layout.columns] += dx[6 * n : 6 * n + k * c].reshape(c, k)
@@ -80,10 +83,10 @@ class Unknowns:
             blocks,
         )
 
-    def kernel_values(self) -> _kernels.Values:
+    def kernel_values(self) -> collinearity.Values:
         """Return what the kernels take of the values."""
         fold2 = np.array([fold_radius(c) ** 2 for c in self.interior])
-        return _kernels.Values(self.position, self.C_mc, self.interior, fold2, self.point)
+        return collinearity.Values(self.position, self.C_mc, self.interior, fold2, self.point)
 
     def cameras(self, cameras: Sequence[BrownCamera]) -> tuple[BrownCamera, ...]:
         """Return cameras with these values of their interior orientations.
@@ -132,6 +135,10 @@ class Layout:
         (m,) first column of each point that is not eliminated, -1 of the others.
     held : ndarray of bool
         (u,) columns whose values are held.
+    place : ndarray of int
+        (n,) place of each image among the poses.
+    envelope : Envelope
+        What is stored of the normal matrix.
     """
 
     n_images: int
@@ -140,6 +147,8 @@ class Layout:
     first: Mapping[Key, tuple[int, int]]
     kept: NDArray[np.int64]
     held: NDArray[np.bool_]
+    place: NDArray[np.int64]
+    envelope: Envelope
 
     @property
     def size(self) -> int:
@@ -168,7 +177,8 @@ class Layout:
         """
         name, row = key
         if name == POSE and 0 <= row < self.n_images:
-            return np.arange(6 * row, 6 * row + 6), np.arange(6)
+            start = 6 * int(self.place[row])
+            return np.arange(start, start + 6), np.arange(6)
         if name == CAMERA and 0 <= row < self.n_cameras:
             k = self.columns.size
             start = 6 * self.n_images + k * row
@@ -183,7 +193,7 @@ class Layout:
     def names(self) -> list[Key]:
         """Return the key of each column's block."""
         k = self.columns.size
-        keys = [(POSE, i) for i in range(self.n_images) for _ in range(6)]
+        keys = [(POSE, int(i)) for i in np.argsort(self.place) for _ in range(6)]
         keys += [(CAMERA, c) for c in range(self.n_cameras) for _ in range(k)]
         for key, (_, length) in self.first.items():
             keys += [key] * length
@@ -234,7 +244,7 @@ def layout_of(
     n, c = len(block.images), len(block.cameras)
     free = np.array([[name in camera.free for name in INTERIOR] for camera in block.cameras])
     columns = np.flatnonzero(free.any(axis=0)).astype(np.int64)
-    held = [np.asarray(block.held).ravel(), ~free[:, columns].ravel()]
+    held = [~free[:, columns].ravel()]
     position = 6 * n + columns.size * c
     first = {}
     for key in blocks:
@@ -249,4 +259,7 @@ def layout_of(
                 kept[row] = position
                 position += 3
                 held.append(np.zeros(3, dtype=bool))
-    return Layout(n, c, columns, first, kept, np.concatenate(held))
+    together = [[row for name, row in tied if name == POSE] for tied in keys]
+    place, envelope = arranged(block, together, position)
+    held = [np.asarray(block.held)[np.argsort(place)].ravel(), *held]
+    return Layout(n, c, columns, first, kept, np.concatenate(held), place, envelope)

@@ -5,7 +5,7 @@ import pytest
 from oracles import oracle
 from simulated_blocks import camera, simulated
 
-from insgnss.adjust import _kernels
+from insgnss.adjust.kernels import collinearity
 from insgnss.adjust.camera import distorted, fold_radius, pixels_of, rays_of, undistorted
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.records.block import INTERIOR, BrownCamera
@@ -48,9 +48,9 @@ def test_residual_and_derivative(backward):
         uv = np.array([2590.0, 1972.0]) + rng.uniform(-1500.0, 1500.0, 2)
         work, e, A, K, B = (np.empty(s) for s in (10, 2, (2, 6), (2, 11), (2, 3)))
         args = (X0, C, X, interior, backward, cam.unit_px)
-        assert _kernels.image_residual(*args, np.inf, uv, work, e)
+        assert collinearity.image_residual(*args, np.inf, uv, work, e)
         assert e == pytest.approx(computed(X0, C, X, cam, interior, uv), abs=1e-8)
-        _kernels.image_jacobian(*args, uv, work, A, K, B)
+        collinearity.image_jacobian(*args, uv, work, A, K, B)
 
         def numeric(move, step):
             ahead, behind = (computed(*move(s), uv) for s in (step, -step))  # noqa: B023
@@ -127,9 +127,9 @@ def test_a_point_beyond_the_fold_is_not_seen():
     assert undistorted([[0.15, 0.0]], interior)[0, 0] == pytest.approx(0.1514, abs=1e-3)
     e, work = np.empty(2), np.empty(10)
     args = (interior, False, 1.0, 1.0 / 1.2, np.array([650.0, 500.0]), work, e)
-    assert not _kernels.image_residual(np.zeros(3), np.eye(3), np.array([1.5, 0.0, 1.0]), *args)
-    assert not _kernels.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args)
-    assert _kernels.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, 1.0]), *args)
+    assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([1.5, 0.0, 1.0]), *args)
+    assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args)
+    assert collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, 1.0]), *args)
 
 
 def test_simulated_pixels_have_no_residual():

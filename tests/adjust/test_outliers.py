@@ -3,14 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from simulated_blocks import camera, simulated, with_pixels
 
 from insgnss.adjust.adjustment import adjusted
-from insgnss.adjust.groups import control_points
+from insgnss.adjust.groups import PoseObservation, control_points
 from insgnss.adjust.normals import problem_of
 from insgnss.adjust.outliers import without_outliers
 from insgnss.adjust.precision import precision_of
 from insgnss.adjust.start import first_values
+from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector
 
 SHAPE = {"strips": 2, "images": 6, "points": 150, "control": 8}
@@ -84,3 +86,63 @@ def test_points_behind_their_camera_at_first_are_taken_when_poses_are_better() -
     got = adjusted(problem, replace(made.truth, C_mc=C, point=few))
     assert got.redundancy == want.redundancy
     assert abs(got.cost - want.cost) < 1e-6 * want.cost
+
+
+@pytest.mark.parametrize(("axis", "aerial"), [(0, False), (2, False), (2, True), (1, True)])
+def test_a_gross_control_point_is_rejected_and_does_not_bend_the_block(axis, aerial) -> None:
+    """Oracle: the planted half metre in one of eight control points; the block is that without it,
+    to a tenth of its standard deviations.
+    """
+    made = simulated(35, cameras=(camera(free=("f",)),), **SHAPE)
+    position = made.block.control.position_m.copy()
+    position[3, axis] += 0.5
+    block = replace(made.block, control=replace(made.block.control, position_m=position))
+    groups = [*control_points(block.control)]
+    if aerial:
+        P = np.diag([1 / 0.1**2] * 3 + [1 / np.radians(0.05) ** 2] * 3)
+        rng = np.random.default_rng(5)
+        groups += [
+            PoseObservation(i, x + rng.normal(0.0, 0.1, 3), C, P)
+            for i, (x, C) in enumerate(zip(made.truth.position, made.truth.C_mc, strict=True))
+        ]
+    cleaned = without_outliers(problem_of(block, groups), first_values(block))
+    assert [r.group for r in cleaned.control] == [3]
+    bad = cleaned.control[0]
+    assert bad.point == block.points[block.control.point[3]]
+    assert bad.off_m[axis] == pytest.approx(0.5, abs=0.15)
+    assert bad.w > 4.0
+    assert "left out" in str(bad)
+    assert bad.point in str(bad)
+    del groups[3]
+    want = precision_of(adjusted(problem_of(block, groups), made.truth))
+    sigma = np.sqrt(np.diagonal(want.pose_cov, 0, 1, 2))[:, :3]
+    off = cleaned.result.values.position - want.result.values.position
+    assert (np.abs(off) / sigma).max() < 0.1 + 0.9 * (cleaned.rejected.size > 0)
+    assert cleaned.rejected.size <= 1
+
+
+def test_control_that_claims_too_little_stays() -> None:
+    """Oracle: the simulation: eight points three times worse than stated are no gross errors."""
+    for seed in range(36, 40):
+        made = simulated(seed, cameras=(camera(free=()),), **SHAPE)
+        control = replace(made.block.control, cov=made.block.control.cov / 9.0)
+        cleaned = without_outliers(problem_of(made.block, control_points(control)), made.truth)
+        assert cleaned.control == ()
+
+
+def test_the_last_three_control_points_stay() -> None:
+    """Oracle: with two there is no datum. What an error along a strip leaves is a large w; where
+    the three lie nearly in a line and rays go with it, the block is refused by name.
+    """
+    made = simulated(41, cameras=(camera(free=()),), **(SHAPE | {"control": 3}))
+    position = made.block.control.position_m.copy()
+    position[1, 0] += 0.5
+    control = replace(made.block.control, position_m=position)
+    try:
+        cleaned = without_outliers(problem_of(made.block, control_points(control)), made.truth)
+    except DataError as refused:
+        assert "is not determined by the observations" in str(refused)
+    else:
+        assert cleaned.control == ()
+        largest = max(np.abs(t.w).max() for t in cleaned.precision.groups)
+        assert largest > 4.0 or cleaned.rejected.size
