@@ -64,6 +64,23 @@ class Problem:
             self.block, self.groups, self.layout, self.rays._replace(active=active), self.order
         )
 
+    def with_active_of(self, other: "Problem") -> "Problem":
+        """Return the problem with the image observations active that are so in another.
+
+        Parameters
+        ----------
+        other : Problem
+            One of the same image observations, whose rays may stand in another order.
+
+        Returns
+        -------
+        Problem
+            The same otherwise.
+        """
+        active = np.empty(other.order.size, dtype=bool)
+        active[other.order] = other.rays.active
+        return self.with_active(active[self.order])
+
     @property
     def determined(self) -> NDArray[np.bool_]:
         """(m,) which object points take part: seen, or observed by a group."""
@@ -79,6 +96,7 @@ def problem_of(
     block: ImageBlock,
     groups: Sequence[ObservationGroup] = (),
     blocks: Mapping[Key, Array] | None = None,
+    keep: Sequence[int] = (),
 ) -> Problem:
     """Return the problem of a block and its groups.
 
@@ -90,13 +108,16 @@ def problem_of(
         All other observations, ground control among them.
     blocks : mapping, optional
         Values of the unknowns that groups bring.
+    keep : sequence of int
+        Object points that are not eliminated, so that their covariances with others can be had.
 
     Returns
     -------
     Problem
         With all image observations active.
     """
-    layout = layout_of(block, blocks or {}, [group.keys for group in groups])
+    tied = [group.keys for group in groups] + [((POINT, p), (POINT, p)) for p in keep]
+    layout = layout_of(block, blocks or {}, tied)
     seen = block.observations
     order = np.lexsort((layout.place[seen.image], seen.point))
     rays = collinearity.Rays(
@@ -295,9 +316,7 @@ def factorised(problem: Problem, normals: Normals) -> Factor:
         raise DataError(_undetermined(problem, int(worst)))
     scale = np.zeros(free.size)
     scale[free] = 1.0 / np.sqrt(normals.diagonal[free])
-    factor, column = envelope_factorised(
-        problem.layout.envelope, normals.S, scale, normals.damping
-    )
+    factor, column = envelope_factorised(problem.layout.envelope, normals.S, scale, normals.damping)
     if column >= 0:
         raise DataError(_undetermined(problem, column))
     if free.any() and normals.damping == 0.0:
@@ -391,9 +410,7 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     return dx, dp
 
 
-def cost(
-    problem: Problem, values: Unknowns, groups: Linearised | None = None
-) -> tuple[float, int]:
+def cost(problem: Problem, values: Unknowns, groups: Linearised | None = None) -> tuple[float, int]:
     """Compute e^T P e of all observations.
 
     Parameters

@@ -11,7 +11,7 @@ of themselves is mostly chance.
 Source: Foerstner and Wrobel (2016), Photogrammetric Computer Vision, 4.2.4.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,7 +119,9 @@ class Reweighted:
         return out
 
 
-def reweighted(problem: Problem, values: Unknowns) -> Reweighted:
+def reweighted(
+    problem: Problem, values: Unknowns, kinds: Collection[str] | None = None
+) -> Reweighted:
     """Adjust a block with weights that agree with the residuals.
 
     Parameters
@@ -128,6 +130,9 @@ def reweighted(problem: Problem, values: Unknowns) -> Reweighted:
         The observations, free of gross errors (`outliers`): one of them spoils its whole kind.
     values : Unknowns
         First values.
+    kinds : collection of str, optional
+        Names of the components whose weights may change, of image observations "image observations"
+        for every camera; by default all.
 
     Returns
     -------
@@ -142,14 +147,19 @@ def reweighted(problem: Problem, values: Unknowns) -> Reweighted:
     product: dict[str, float] = {}
     trusted: set[str] | None = None
     for _ in range(MOST_ROUNDS):
-        current = _with_factors(problem, product)
+        current = with_factors(problem, product)
         result = adjusted(current, values)
         point = np.where(np.isnan(result.values.point), values.point, result.values.point)
         values = result.values.with_points(point)
         precision = precision_of(result, 1.0)
         components = precision.components()
         if trusted is None:  # by their redundancy with the stated weights
-            trusted = {c.name for c in components if _relative(c) <= UNCERTAIN}
+            trusted = {
+                c.name
+                for c in components
+                if _relative(c) <= UNCERTAIN
+                and (kinds is None or c.name.partition(" of ")[0] in kinds)
+            }
         change = {c.name: c.variance for c in components if c.name in trusted}
         if all(abs(v - 1.0) < ENOUGH_CHANGE for v in change.values()):
             return Reweighted(precision, _factors(components, product, trusted), True)
@@ -175,8 +185,21 @@ def _factors(
     return tuple(out)
 
 
-def _with_factors(problem: Problem, factors: dict[str, float]) -> Problem:
-    """Return the problem with variances multiplied by factors, by the name of the kind."""
+def with_factors(problem: Problem, factors: Mapping[str, float]) -> Problem:
+    """Return a problem with variances multiplied by factors.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    factors : mapping
+        Factor by the name of the kind; kinds that are missing keep their variances.
+
+    Returns
+    -------
+    Problem
+        The same otherwise.
+    """
     block = problem.block
     names = [image_component(block, c) for c in range(len(block.cameras))]
     of_camera = np.array([factors.get(name, 1.0) for name in names])

@@ -9,9 +9,11 @@ from .. import __version__
 from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from ..adjust.precision import NONCENTRALITY, strongest
+from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, ImageBlock
+from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
 
 
@@ -29,6 +31,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         As data_specs/adjust_json.md has it; SI, pixels, radians where a name does not say degrees.
     """
     block, result = solved.result.problem.block, solved.result
+    checks = check_points(solved)
     return {
         "format": "insgnss adjustment",
         "format_version": 1,
@@ -44,11 +47,19 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "mounting": _mounting(solved),
         "flight_lines": _lines(solved),
         "ground_control": _control(solved),
-        "check_points": _check(solved),
+        "rejected_ground_control": [
+            {"point": c.point, "residual_m": c.off_m.tolist(), "w": c.w}
+            for c in solved.rejected_control
+        ],
+        "check_points": _check(solved, checks),
+        "check_points_together": {
+            "normalised_square": checks.normalised_square,
+            "degrees_of_freedom": int(checks.difference_m.size),
+        },
         "images": _images(solved),
         "correlations": [
-            {"first": c.first, "second": c.second, "correlation": c.value}
-            for c in solved.precision.correlations()
+            {"first": c.first, "second": c.second, "correlation": c.value, "remedy": c.remedy}
+            for c in inseparable(solved.precision)
         ],
         "rejected": _rejected(solved),
         "strongest": [
@@ -190,27 +201,23 @@ def _control(solved: Solved) -> list[dict[str, Any]]:
     return out
 
 
-def _check(solved: Solved) -> list[dict[str, Any]]:
+def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
     """Check points: surveyed - adjusted, with the standard deviation of this difference."""
     block, point = solved.result.problem.block, solved.result.values.point
     rays = _rays(solved)
-    out = []
-    for row, surveyed, cov in zip(
-        block.check.point, block.check.position_m, block.check.cov, strict=True
-    ):
-        own: dict[str, Any] = {"point": block.points[row], "images": int(rays[row])}
-        if np.isfinite(point[row]).all():
-            adjusted_cov = solved.precision.cov((POINT, int(row)))
-            both = adjusted_cov + cov
-            d = surveyed - point[row]
-            own |= {
-                "difference_m": d.tolist(),
-                "sigma_m": np.sqrt(np.diagonal(both)).tolist(),
-                "sigma_adjusted_m": np.sqrt(np.diagonal(adjusted_cov)).tolist(),
-                "normalised_square": float(d @ np.linalg.solve(both, d)),
-                "position_m": point[row].tolist(),
-            }
-        out.append(own)
+    out: list[dict[str, Any]] = [
+        {"point": block.points[row], "images": int(rays[row])} for row in block.check.point
+    ]
+    for k, (own, d) in enumerate(zip(checks.rows, checks.difference_m, strict=True)):
+        P = checks.cov[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        both = P + checks.survey[k]
+        out[own] |= {
+            "difference_m": d.tolist(),
+            "sigma_m": np.sqrt(np.diagonal(both)).tolist(),
+            "sigma_adjusted_m": np.sqrt(np.diagonal(P)).tolist(),
+            "normalised_square": float(d @ np.linalg.solve(both, d)),
+            "position_m": point[block.check.point[own]].tolist(),
+        }
     return out
 
 

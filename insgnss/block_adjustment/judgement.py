@@ -23,6 +23,7 @@ PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
 MANY_REJECTED = 0.05
 DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
 SIGNIFICANT = 3.0
+STRONG = 0.95  # of a correlation that is worth a sentence
 AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)}
 
 
@@ -134,11 +135,11 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
 
 def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
-    squares = [c["normalised_square"] for c in figures["check_points"] if "difference_m" in c]
-    if not squares:
+    together = figures["check_points_together"]
+    if not (degrees := together["degrees_of_freedom"]):
         return
-    _, high = _bounds(3.0 * len(squares))
-    mean = sum(squares) / (3.0 * len(squares))
+    _, high = _bounds(degrees)
+    mean = together["normalised_square"] / degrees
     if mean > max(high, WORSE**2):
         worst = max(
             (c for c in figures["check_points"] if "difference_m" in c),
@@ -147,8 +148,8 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
         yield Limit(
             "check points",
             float(np.sqrt(mean)),
-            f"check points lie {np.sqrt(mean):.1f} times as far off as their standard deviations"
-            f" allow, {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
+            f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
+            f" {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
             " (east, north, up)",
         )
 
@@ -217,19 +218,16 @@ def advice(trial: Trial) -> str:
 
 
 def _control(figures: Mapping[str, Any]) -> Iterator[Limit]:
-    """Ground control points with gross errors."""
-    for point in figures["ground_control"]:
-        w = max(abs(x) for x in point["w"])
-        if w > GROSS_W:
-            residual = lengths([1e3 * x for x in point["residual_m"]])
-            yield Limit(
-                GROUND,
-                w / GROSS_W,
-                f"ground control point {point['point']} does not fit: {residual} (east, north, up),"
-                f" {w:.1f} sigma",
-                "check its coordinates and its image measurements, or make it a check point by"
-                " ground.check",
-            )
+    """Ground control points with gross errors, which were rejected."""
+    for point in figures["rejected_ground_control"]:
+        residual = lengths([1e3 * x for x in point["residual_m"]])
+        yield Limit(
+            GROUND,
+            max(1.0, point["w"] / GROSS_W),
+            f"ground control point {point['point']} does not fit and was left out: {residual}"
+            f" (east, north, up), {point['w']:.1f} sigma",
+            "check its coordinates and its image measurements",
+        )
 
 
 def _rejected(figures: Mapping[str, Any]) -> Iterator[Limit]:
@@ -262,20 +260,20 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
 
 def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
-    for pair in figures["correlations"][:3]:
-        if abs(pair["correlation"]) > 0.95 and not _polynomial(pair):
-            yield Limit(
-                "correlation",
-                0.3,
-                f"{pair['first']} and {pair['second']} are hardly told apart (correlation"
-                f" {pair['correlation']:+.3f})",
-            )
-
-
-def _polynomial(pair: Mapping[str, Any]) -> bool:
-    """Whether both are coefficients of one radial polynomial, of which the sum counts."""
-    first, second = pair["first"].split()[0], pair["second"].split()[0]
-    return first[0] == second[0] == "k" and first[1:].isdigit() and second[1:].isdigit()
+    """The strongest pair of each remedy; coefficients of one polynomial are no finding."""
+    seen: set[str] = set()
+    for pair in figures["correlations"]:
+        strong = abs(pair["correlation"]) > STRONG
+        if not strong or pair["remedy"] in seen or pair["remedy"].startswith("normal"):
+            continue
+        seen.add(pair["remedy"])
+        yield Limit(
+            "correlation",
+            0.3,
+            f"{pair['first']} and {pair['second']} are hardly told apart (correlation"
+            f" {pair['correlation']:+.3f})",
+            pair["remedy"],
+        )
 
 
 def _determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

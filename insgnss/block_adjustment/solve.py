@@ -1,24 +1,23 @@
 """The adjustment of a block: gross errors, variances by components, and trials of what it lacks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.adjustment import Adjusted, adjusted
-from ..adjust.groups import control_points
+from ..adjust.groups import PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
-from ..adjust.outliers import Cleaned, without_outliers
+from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import Component, Precision, precision_of
 from ..adjust.start import first_values
+from ..adjust.variance_components import Reweighted, reweighted
 from ..base.errors import DataError
 from .control import Control, control_of
 from .inputs import Inputs
 
 IMAGE, GROUND = "image observations", "ground control"
-SETTLED = 0.01  # of a component's change
-MOST_ROUNDS = 6
 Progress = Callable[[str], None]
 
 
@@ -32,22 +31,32 @@ class Solved:
         What it started from.
     control : Control
         Its aerial control.
-    precision : Precision
-        Values, covariances and tests; variance of unit weight one.
+    reweighted : Reweighted
+        Values, covariances and tests, with variances that follow their components.
     rejected : ndarray of int
         Rows of the image observations that were rejected.
-    factors : dict
-        By which the variances of a group were multiplied, by its name.
+    rejected_control : tuple of RejectedControl
+        Ground control points that were rejected.
     iterations : int
         Steps of the adjustment from the first values, before variances were multiplied.
     """
 
     inputs: Inputs
     control: Control
-    precision: Precision
+    reweighted: Reweighted
     rejected: NDArray[np.int64]
-    factors: dict[str, float]
+    rejected_control: tuple[RejectedControl, ...]
     iterations: int
+
+    @property
+    def precision(self) -> Precision:
+        """Values, covariances and tests; the variance of unit weight is one."""
+        return self.reweighted.precision
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """By which the variances of a kind were multiplied, by its name."""
+        return {f.name: f.factor for f in self.reweighted.factors if f.reweighted}
 
     @property
     def result(self) -> Adjusted:
@@ -97,64 +106,24 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
         cleaned = Cleaned(precision_of(adjusted(problem, values)), np.zeros(0, dtype=np.int64))
     else:
         cleaned = without_outliers(problem, values, options.limit_w)
-    precision, factors = _reweighted(cleaned.precision, options.reweight, progress)
+    progress("variance components")
+    again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
     steps = cleaned.result.iterations
-    return Solved(inputs, control, precision, cleaned.rejected, factors, steps)
+    return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
 
 
-def _reweighted(
-    precision: Precision, names: Sequence[str], progress: Progress
-) -> tuple[Precision, dict[str, float]]:
-    """Multiply variances of groups by their components until these are one."""
-    factors: dict[str, float] = {}
-    for _ in range(MOST_ROUNDS):
-        change = {
-            c.name: c.variance
-            for c in precision.components()
-            if c.name.partition(" of ")[0] in names and np.isfinite(c.variance) and c.variance > 0.0
-        }
-        if not change:
-            break
-        factors = {name: factors.get(name, 1.0) * v for name, v in change.items()}
-        progress("variance components")
-        result = precision.result
-        problem = scaled(result.problem, change)
-        precision = precision_of(adjusted(problem, result.values), 1.0)
-        if max(abs(v - 1.0) for v in change.values()) < SETTLED:
-            break
-    else:
-        pass
-    if precision.scale != 1.0:
-        precision = precision_of(precision.result, 1.0)
-    return precision, factors
-
-
-def scaled(problem: Problem, factors: dict[str, float]) -> Problem:
-    """Return a problem with variances of groups multiplied.
+def ground_groups(problem: Problem) -> list[PointObservation]:
+    """Return the ground control of a problem with the variances that were stated.
 
     Parameters
     ----------
     problem : Problem
         The observations.
-    factors : dict
-        Factor of the variances by name of the component.
 
     Returns
     -------
-    Problem
-        The same otherwise.
+    list of PointObservation
+        One a point; those that were rejected are not there.
     """
-    block, groups = problem.block, []
-    for group in problem.groups:
-        factor = factors.get(group.name, 1.0)
-        groups.append(replace(group, weight=group.weight / factor) if factor != 1.0 else group)  # type: ignore[type-var]
-    sigma = np.array(block.observations.sigma_px)
-    for c, camera in enumerate(block.cameras):
-        name = f"{IMAGE} of {camera.name}" if len(block.cameras) > 1 else IMAGE
-        mine = block.camera[block.observations.image] == c
-        sigma[mine] *= np.sqrt(factors.get(name, 1.0))
-    block = replace(block, observations=replace(block.observations, sigma_px=sigma))
-    weight = 1.0 / sigma[problem.order]
-    return replace(
-        problem, block=block, groups=tuple(groups), rays=problem.rays._replace(weight=weight)
-    )
+    plain = (g.group if isinstance(g, Rescaled) else g for g in problem.groups)
+    return [group for group in plain if isinstance(group, PointObservation)]

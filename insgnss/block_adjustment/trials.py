@@ -15,16 +15,17 @@ import numpy as np
 
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
-from ..adjust.groups import ObservationGroup, PointObservation
+from ..adjust.groups import ObservationGroup
 from ..adjust.normals import problem_of
 from ..adjust.precision import precision_of
 from ..adjust.unknowns import CAMERA, Key
+from ..adjust.variance_components import with_factors
 from ..base.errors import DataError
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array
 from .control import control_of
 from .datum import DATUM, ShiftedPoint
-from .solve import Solved, scaled
+from .solve import IMAGE, Solved, ground_groups
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 CHANCE, SHARE = 0.9999, 1.0 / 3.0
@@ -121,7 +122,7 @@ def _trial_of(
     own = result.problem
     block = own.block
     control = control_of(solved.inputs, options)
-    points = [group for group in own.groups if isinstance(group, PointObservation)]
+    points = ground_groups(own)
     groups: list[ObservationGroup] = [*control.groups, *points]
     blocks = {k: result.values.blocks.get(k, v) for k, v in control.blocks.items()}
     if key == DATUM:
@@ -136,9 +137,9 @@ def _trial_of(
         block = replace(block, cameras=cameras)
     problem = problem_of(block, groups, blocks)
     # image observations have their final variances already
-    rest = {n: f for n, f in solved.factors.items() if not n.startswith("image observations")}
-    problem = scaled(problem, rest) if rest else problem
-    problem = problem.with_active(own.rays.active)
+    rest = {name: f for name, f in solved.factors.items() if not name.startswith(IMAGE)}
+    problem = with_factors(problem, rest)
+    problem = problem.with_active_of(own)
     again = adjusted(problem, replace(result.values, blocks=blocks))
     precision = precision_of(again, 1.0)
     gain = result.cost - again.cost

@@ -128,7 +128,9 @@ def test_a_point_beyond_the_fold_is_not_seen():
     e, work = np.empty(2), np.empty(10)
     args = (interior, False, 1.0, 1.0 / 1.2, np.array([650.0, 500.0]), work, e)
     assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([1.5, 0.0, 1.0]), *args)
-    assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args)
+    assert not collinearity.image_residual(
+        np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args
+    )
     assert collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, 1.0]), *args)
 
 

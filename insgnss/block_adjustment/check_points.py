@@ -1,0 +1,83 @@
+"""Check points: surveyed minus adjusted, with the covariance of all of them together.
+
+Adjusted points of one block share their errors: twenty check points that all lie 3 cm too low say
+one thing once. So their differences are judged by their joint covariance,
+
+    q = d^T (P + S)^-1 d,    chi-square with 3 m degrees of freedom                          (C.1)
+
+P that of the adjusted points among each other, S that of their survey. P asks for points that are
+not eliminated: the normal equations are assembled once more at the solution with these points kept.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..adjust.normals import assembled, factorised, problem_of
+from ..adjust.unknowns import POINT
+from ..records.block import Array
+from .solve import Solved
+
+
+@dataclass(frozen=True, eq=False)
+class CheckPoints:
+    """Check points that are seen in two images or more.
+
+    Parameters
+    ----------
+    rows : ndarray of int
+        (m,) their rows among the block's check points.
+    difference_m : ndarray
+        (m, 3) surveyed - adjusted, m.
+    cov : ndarray
+        (3 m, 3 m) covariance of the adjusted points, m^2.
+    survey : ndarray
+        (m, 3, 3) covariance of the survey, m^2.
+    """
+
+    rows: NDArray[np.int64]
+    difference_m: Array
+    cov: Array
+    survey: Array
+
+    @property
+    def normalised_square(self) -> float:
+        """q of (C.1)."""
+        both = self.cov.copy()
+        for k, S in enumerate(self.survey):
+            both[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += S
+        d = self.difference_m.ravel()
+        return float(d @ np.linalg.solve(both, d)) if d.size else 0.0
+
+
+def check_points(solved: Solved) -> CheckPoints:
+    """Compare check points with the adjustment.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block.
+
+    Returns
+    -------
+    CheckPoints
+        Those that the adjustment determines.
+    """
+    result = solved.result
+    block, point = result.problem.block, result.values.point
+    own = result.problem
+    rows = np.flatnonzero(np.isfinite(point[block.check.point]).all(axis=1))
+    of_block = block.check.point[rows]
+    d = block.check.position_m[rows] - point[of_block]
+    if not rows.size:
+        return CheckPoints(rows, d, np.zeros((0, 0)), block.check.cov[rows])
+    keep = [int(p) for p in of_block]
+    problem = problem_of(block, own.groups, result.values.blocks, keep).with_active_of(own)
+    missing = ~problem.determined
+    values = result.values.with_points(np.where(missing[:, None], 0.0, point))
+    columns = np.concatenate([problem.layout.of((POINT, p))[0] for p in keep])
+    unit = np.zeros((problem.layout.size, columns.size))
+    unit[columns, np.arange(columns.size)] = 1.0
+    Q = factorised(problem, assembled(problem, values)).solved(unit)[columns]
+    return CheckPoints(rows, d, 0.5 * (Q + Q.T), block.check.cov[rows])
