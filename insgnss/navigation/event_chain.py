@@ -103,15 +103,15 @@ class EventChain:
         k, d, n = T.shape
         M = self.transitions[first : first + k]
         Y = np.empty((k * d, n))
-        cov = np.empty((k * d, k * d))
+        lower = np.zeros((k * d, k * d))  # row by row: columns would be strewn over the memory
         for a in range(k):
             own, to_here = slice(a * d, (a + 1) * d), (a + 1) * d
             if a:
                 Y[: a * d] = Y[: a * d] @ M[a].T
             Y[own] = T[a] @ self.filtered[first + a]
-            cov[:to_here, own] = Y[:to_here] @ (self.gain[first + a] @ T[a].T)
-            cov[own, : a * d] = cov[: a * d, own].T
-            cov[own, own] = 0.5 * (cov[own, own] + cov[own, own].T)
+            lower[own, :to_here] = (self.gain[first + a] @ T[a].T).T @ Y[:to_here].T
+            lower[own, own] *= 0.5
+        cov = lower + lower.T
         self._add_shared(cov.reshape(k, d, k, d), first, T)
         return cov
 
