@@ -73,6 +73,11 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     """
     notes: list[str] = []
     progress("reading image observations")
+    if file.images.file is None:
+        raise InputError(
+            "images.file is missing: image observations, a table or the project of a photogrammetry"
+            " program; `insgnss adjust --plan` goes without"
+        )
     source = read_measured_block(
         file.images.file, file.images.format, sigma_px=file.images.sigma_px
     )
@@ -89,7 +94,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if file.aerial_control.file is not None:
         progress("reading aerial control")
         eo = read_eo_json(file.aerial_control.file)
-    ground = _ground(file, source, eo, notes)
+    ground = ground_in_plane(file, source, eo, notes)
     made = joined(source, ground, eo)
     block, rows = made.block, made.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
@@ -142,11 +147,38 @@ def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     return tuple(replace(camera, free=file.camera.free) for camera in cameras)
 
 
-def _ground(
-    file: BlockFile, source: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
+def ground_in_plane(
+    file: BlockFile,
+    source: MeasuredBlock | None,
+    eo: ExteriorOrientation | None,
+    notes: list[str],
 ) -> GroundTable | None:
-    """Return the ground points in the axes of the block."""
-    ground, crs, path = source.ground, source.crs, file.images.file
+    """Return the ground points in the axes of the block.
+
+    Parameters
+    ----------
+    file : BlockFile
+        Says where they are and in which CRS.
+    source : MeasuredBlock, optional
+        What the photogrammetry program has of them.
+    eo : ExteriorOrientation, optional
+        Whose tangent plane has the axes of the block.
+    notes : list of str
+        Gets a sentence where something was assumed.
+
+    Returns
+    -------
+    GroundTable or None
+        The points; None where there are none.
+
+    Raises
+    ------
+    InputError
+        They are not where the images are, or a name is unknown.
+    """
+    ground, crs, path = None, None, file.images.file
+    if source is not None:
+        ground, crs = source.ground, source.crs
     if file.ground.file is not None:
         path = file.ground.file
         ground, crs = _ground_of(path)

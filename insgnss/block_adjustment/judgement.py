@@ -88,7 +88,7 @@ def judged(
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
     return Judgement(
-        _headline(figures, ordered), ordered, tuple(_determined(figures)), drawn, trials_made
+        _headline(figures, ordered), ordered, tuple(determined(figures)), drawn, trials_made
     )
 
 
@@ -276,7 +276,19 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Say of each unknown of cameras and mounting whether the block determines it.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    tuple of str
+        Its name, a verdict, and its value with standard deviation.
+    """
     for camera in figures["cameras"]:
         for name, own in camera["parameters"].items():
             if not own["estimated"]:

@@ -46,7 +46,7 @@ def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> I
     yield _findings(judgement)
     yield _numbers(figures)
     yield _determined(judgement)
-    drawn = pictures(figures, _fields(solved, judgement), _ground_of(solved))
+    drawn = pictures(figures, _fields(solved, judgement), ground_of(solved))
     yield from map(pictured, drawn)
     yield _components(figures)
     yield _control(figures)
@@ -55,11 +55,23 @@ def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> I
     yield _notes(figures)
 
 
-def _ground_of(solved: Solved) -> Ground:
-    """Return where images and points lie."""
+def ground_of(solved: Solved) -> Ground:
+    """Return where images and points lie.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    Ground
+        What the maps show.
+    """
     values = solved.result.values
-    point = values.point[np.isfinite(values.point[:, 0])]
-    return Ground(values.position, point, solved.control.lines)
+    sigma = np.sqrt(np.diagonal(solved.precision.point_cov, axis1=1, axis2=2))
+    good = np.isfinite(values.point[:, 0]) & np.isfinite(sigma).all(axis=1)
+    return Ground(values.position, values.point[good], sigma[good], solved.control.lines)
 
 
 def _fields(solved: Solved, judgement: Judgement) -> list[Field]:

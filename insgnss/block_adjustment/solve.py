@@ -112,6 +112,28 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
 
 
+def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:
+    """Return an adjustment from which nothing was rejected and whose variances are as stated.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    control : Control
+        Its aerial control.
+    precision : Precision
+        The adjustment.
+
+    Returns
+    -------
+    Solved
+        The same with what else belongs to one.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    steps = precision.result.iterations
+    return Solved(inputs, control, Reweighted(precision, (), True), none, (), steps)
+
+
 def ground_groups(problem: Problem) -> list[PointObservation]:
     """Return the ground control of a problem with the variances that were stated.
 

@@ -19,7 +19,9 @@ EXAMPLE = """\
   insgnss adjust block.toml
   insgnss adjust 02_Processed/GPS-INS/eo.json --images image_points.csv \\
       --camera camera.toml --ground ground_points.csv
-  insgnss adjust eo.json --images project.psx --ground gcp.csv --crs EPSG:2056+5728 --check G4 G7"""
+  insgnss adjust eo.json --images project.psx --ground gcp.csv --crs EPSG:2056+5728 --check G4 G7
+  insgnss adjust simulated/02_Processed/GPS-INS/eo.json --plan --camera camera.toml \\
+      --ground-height 510"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="BLOCK",
         help="the block file, its directory, or the eo.json of a processed flight with --images",
+    )
+    parser.add_argument(
+        "--plan",
+        action="store_true",
+        help="say what precision to expect of the block, without image observations",
     )
     add_options_of_tables(parser, BLOCK_TABLES)
     parser.add_argument(
@@ -57,7 +64,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
                     f"{named[key]} goes with an eo.json; the block file says the rest: {key}"
                 )
         return load_block(options.block)
-    if "file" not in given["images"]:
+    if "file" not in given["images"] and not options.plan:
         raise UsageError(
             "adjust: image observations are missing; give --images, a table or the project of a"
             " photogrammetry program"
@@ -82,6 +89,11 @@ def block_of(options: argparse.Namespace) -> BlockFile:
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     file = block_of(options)
+    if options.plan:
+        from ..block_adjustment.plan import planned
+
+        out = options.out or file.output.directory
+        return show_result(options, progress, planned(file, progress, out))
     from ..block_adjustment.run import adjust
 
     result: AdjustmentResult = adjust(file, options.out, progress)

@@ -22,8 +22,8 @@ DIRECTORY = "adjusted"
 class ImagesInput:
     """Table [images]: what was measured in the images, and the images as their program has them."""
 
-    file: Path = option(
-        ...,
+    file: Path | None = option(
+        None,
         "image observations: a table (image_points.md), or a project of a photogrammetry program",
         kind="existing",
         form="file or directory",
@@ -202,6 +202,27 @@ class AdjustmentTable:
 
 
 @dataclass(frozen=True)
+class PlanTable:
+    """Table [plan]: what `insgnss adjust --plan` supposes of a block that is not measured yet."""
+
+    tie_points: float = option(52.0, "tie points for each image", low=1.0, high=1e5)
+    matched: float = option(
+        0.6, "share of the images that see a tie point in which it is measured", low=0.05, high=1.0
+    )
+    ground_m: float | None = option(
+        None,
+        "height of the ground in the tangent plane",
+        unit="m",
+        usual="that of the ground points",
+        cli="--ground-height",
+        metavar="M",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "plan")
+
+
+@dataclass(frozen=True)
 class BlockOutput:
     """Table [output]: where the products go, and what else is written."""
 
@@ -240,12 +261,13 @@ class BlockFile:
     """
 
     path: Path = field(kw_only=True)
-    name: str = option("", "name of the block", kind="name", usual="name of the directory")
-    images: ImagesInput = field(kw_only=True)
+    name: str = option("", "name of the block", usual="name of the directory")
+    images: ImagesInput = field(default_factory=ImagesInput)
     camera: CameraTable = field(default_factory=CameraTable)
     aerial_control: AerialControlTable = field(default_factory=AerialControlTable)
     ground: GroundTableInput = field(default_factory=GroundTableInput)
     adjustment: AdjustmentTable = field(default_factory=AdjustmentTable)
+    plan: PlanTable = field(default_factory=PlanTable)
     output: BlockOutput = field(default_factory=BlockOutput)
 
     def __post_init__(self) -> None:
@@ -263,6 +285,7 @@ BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
     "aerial_control": (AerialControlTable,),
     "ground": (GroundTableInput,),
     "adjustment": (AdjustmentTable,),
+    "plan": (PlanTable,),
     "output": (BlockOutput,),
 }
 """The dataclasses whose options are the keys of each table."""
@@ -303,8 +326,6 @@ def load_block(path: str | Path) -> BlockFile:
     keys[""] += tuple(name for name in BLOCK_TABLES if name)
     root = read_toml(path, keys)
     root.check_keys()
-    if "images" not in root.data:
-        raise root.error("images", "is missing; name the image observations: [images] file = ...")
     control = root.table("aerial_control")
     if not control.resolve(str(control.text("file", "."))).exists():
         problem = f"{control.text('file')} does not exist; run insgnss process on the flight first"
@@ -315,7 +336,9 @@ def load_block(path: str | Path) -> BlockFile:
     if directory.exists() and not directory.is_dir():
         raise root.table("output").error("directory", f"{directory} is a file")
     tables["output"] = replace(output, directory=directory)
-    return BlockFile(path=path, **take(root, [BlockFile]), **tables)
+    own = take(root, [BlockFile])
+    own["name"] = own["name"] or path.absolute().parent.name
+    return BlockFile(path=path, **own, **tables)
 
 
 def _made(root: "Table", name: str) -> Any:

@@ -267,7 +267,7 @@ def simulate_block(
     source = np.random.default_rng([seed, _STREAM])
     ground, ties, targets, noise, gross = source.spawn(5)
     terrain = _terrain(flight.motion.frame.height, options.relief_m, ground)
-    tie = _tie_points(eo, terrain, options, ties)
+    tie = tie_points(eo, terrain, options, ties)
     target = _targets(eo, terrain, options, targets)
     position = np.vstack([tie.position, target.position])
     image = np.concatenate([tie.image, target.image])
@@ -294,20 +294,30 @@ def simulate_block(
 
 
 @dataclass(frozen=True, eq=False)
-class _Visible:
-    """Points and where they are seen: rows of images and points, and pixels."""
+class Visible:
+    """Points and where they are seen.
+
+    Parameters
+    ----------
+    position : ndarray, (m, 3)
+        The points, m.
+    image, point : ndarray of int, (n,)
+        Image and point of each appearance.
+    uv : ndarray, (n, 2)
+        Pixels.
+    """
 
     position: Array
     image: Rows
     point: Rows
     uv: Array
 
-    def chosen(self, points: Sequence[int] | Rows) -> "_Visible":
+    def chosen(self, points: Sequence[int] | Rows) -> "Visible":
         """Return some of the points, in that order."""
         row = np.full(len(self.position), -1)
         row[points] = np.arange(len(points))
         keep = row[self.point] >= 0
-        return _Visible(
+        return Visible(
             self.position[points], self.image[keep], row[self.point[keep]], self.uv[keep]
         )
 
@@ -323,7 +333,7 @@ def _terrain(height_m: float, relief_m: float, rng: np.random.Generator) -> Terr
     return Terrain(height_m, amplitude, wave, rng.uniform(0.0, 2.0 * np.pi, _WAVES))
 
 
-def _under_images(
+def under_images(
     eo: ExteriorOrientation, terrain: Terrain, count: int, rng: np.random.Generator
 ) -> Array:
     """Return points on the ground about the nadirs of images drawn at random."""
@@ -332,7 +342,7 @@ def _under_images(
     return terrain.points(centre[:, :2] + reach * rng.uniform(-1.0, 1.0, (count, 2)))
 
 
-def _seen(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> _Visible:
+def seen_points(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> Visible:
     """Return where points appear within the format."""
     images, points, pixels = [], [], []
     high = np.array([camera.width, camera.height]) - _BORDER_PX
@@ -344,20 +354,18 @@ def _seen(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -> _Vis
         points.append(ahead[inside])
         pixels.append(uv[inside])
         images.append(np.full(len(points[-1]), i))
-    return _Visible(
-        position, np.concatenate(images), np.concatenate(points), np.concatenate(pixels)
-    )
+    return Visible(position, np.concatenate(images), np.concatenate(points), np.concatenate(pixels))
 
 
-def _tie_points(
+def tie_points(
     eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
-) -> _Visible:
+) -> Visible:
     """Return tie points, each measured in two images or more."""
     wanted, batches = round(options.tie_points * len(eo.images)), []
     for _ in range(_ROUNDS):
-        drawn = _seen(eo, _under_images(eo, terrain, wanted, rng), options.true_camera)
+        drawn = seen_points(eo, under_images(eo, terrain, wanted, rng), options.true_camera)
         keep = rng.random(len(drawn.point)) < options.matched
-        drawn = _Visible(drawn.position, drawn.image[keep], drawn.point[keep], drawn.uv[keep])
+        drawn = Visible(drawn.position, drawn.image[keep], drawn.point[keep], drawn.uv[keep])
         batches.append(drawn.chosen(np.flatnonzero(drawn.rays() >= 2)))
         if sum(len(batch.position) for batch in batches) >= wanted:
             break
@@ -367,7 +375,7 @@ def _tie_points(
             f" {wanted} tie points can be measured; ask for more minutes"
         )
     first = np.cumsum([0, *(len(batch.position) for batch in batches)])
-    whole = _Visible(
+    whole = Visible(
         np.vstack([batch.position for batch in batches]),
         np.concatenate([batch.image for batch in batches]),
         np.concatenate([batch.point + k for batch, k in zip(batches, first, strict=False)]),
@@ -378,14 +386,14 @@ def _tie_points(
 
 def _targets(
     eo: ExteriorOrientation, terrain: Terrain, options: BlockOptions, rng: np.random.Generator
-) -> _Visible:
+) -> Visible:
     """Return targets far from each other, measured in three images or more; control comes first.
 
     A flight too short for all of them has fewer.
     """
     wanted = options.control + options.check
-    drawn = _under_images(eo, terrain, max(_TARGET_DRAWS * wanted, 1), rng)
-    seen = _seen(eo, drawn, options.true_camera)
+    drawn = under_images(eo, terrain, max(_TARGET_DRAWS * wanted, 1), rng)
+    seen = seen_points(eo, drawn, options.true_camera)
     good = np.flatnonzero(seen.rays() >= _TARGET_RAYS)
     horizontal = drawn[good, :2]
     chosen: list[int] = []

@@ -65,7 +65,7 @@ def test_products(flown, adjusted, tmp_path, capsys) -> None:
     f = document["cameras"][0]["parameters"]["f"]
     assert read_camera_toml(out / "camera.toml").of("f") == f["value"]
     page = (out / "adjust.html").read_text()
-    assert page.count("<figure") == 4
+    assert page.count("<figure") == 5
     assert adjusted.judgement.headline in page
     words = ["export", str(out / "eo.json"), "metashape", "--out", str(tmp_path / "m.csv")]
     assert main(words) == 0

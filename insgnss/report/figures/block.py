@@ -45,15 +45,23 @@ class Ground:
     ----------
     position : ndarray
         (n, 3) projection centres, m.
-    point : ndarray
-        (m, 3) object points, m.
+    point, sigma : ndarray
+        (m, 3) object points and their standard deviations, m.
     lines : sequence of ndarray
         Rows of the images of each flight line.
     """
 
     position: Array
     point: Array
+    sigma: Array
     lines: Sequence[NDArray[np.int64]]
+
+    def around(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points lie around the images: one on the horizon would shrink all else."""
+        low, high = self.position[:, :2].min(axis=0), self.position[:, :2].max(axis=0)
+        margin = 0.25 * float(max(high - low)) + 20.0
+        inside = (points[:, :2] > low - margin) & (points[:, :2] < high + margin)
+        return np.asarray(inside.all(axis=1))
 
 
 def pictures(
@@ -67,7 +75,7 @@ def pictures(
     fields : mean residuals, a camera each.
     ground : what lies where.
     """
-    drawn = [_map(figures, ground)]
+    drawn = [_map(figures, ground), precision_map(figures, ground)]
     drawn += [_format(field) for field in fields if len(field.mean)]
     drawn += [_images(figures)]
     drawn += [_correlations(c) for c in figures["cameras"] if len(c["correlated"]) > 1]
@@ -80,11 +88,10 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
     ax = axes[0, 0]
     X = ground.position
     shown = ground.point[:: max(1, len(ground.point) // MOST_POINTS)]
-    # a point far beyond the images, such as on the horizon, would shrink all else
+    shown = shown[ground.around(shown)]
+    ax.plot(*shown[:, :2].T, ".", color="#C3C9D2", ms=1, zorder=1)
     low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
     margin = 0.25 * float(max(high - low)) + 20.0
-    near = ((shown[:, :2] > low - margin) & (shown[:, :2] < high + margin)).all(axis=1)
-    ax.plot(*shown[near, :2].T, ",", color="#C3C9D2", zorder=1, rasterized=True)
     for k, rows in enumerate(ground.lines):
         if len(rows) > 1:
             own = X[rows]
@@ -137,6 +144,44 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
 
 
 _NAMES = {"ground control": "ground_control", "check point": "check_points"}
+
+
+def precision_map(
+    figures: Mapping[str, Any], ground: Ground, proposed: Array | None = None
+) -> Picture:
+    """Standard deviations of the heights of the object points.
+
+    Parameters
+    ----------
+    figures : of adjust.json.
+    ground : what lies where.
+    proposed : (2,) or (3,) where one more control point would help; None: nowhere.
+    """
+    figure, axes = sheet(1, 1, 8.0)
+    figure.subplots_adjust(right=0.94)
+    ax = axes[0, 0]
+    near = np.flatnonzero(ground.around(ground.point))
+    near = near[:: max(1, near.size // MOST_POINTS)]
+    up = 1e3 * ground.sigma[near, 2]
+    low, high = np.quantile(up, (0.02, 0.95)) if near.size else (0.0, 1.0)
+    drawn = ax.scatter(*ground.point[near, :2].T, c=up, s=5, cmap="viridis", vmin=low, vmax=high)
+    figure.colorbar(drawn, ax=ax, label="sigma of the height, mm", fraction=0.04, pad=0.02)
+    control = np.array([p["position_m"] for p in figures["ground_control"]]).reshape(-1, 3)
+    if len(control):
+        ax.plot(*control[:, :2].T, "^", mfc="none", mec=ACCENT, ms=8, label="ground control")
+    if proposed is not None:
+        ax.plot(*proposed[:2], "*", color=WARN, ms=14, label="one more would help here")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("east, m")
+    ax.set_ylabel("north, m")
+    if len(control) or proposed is not None:
+        legend(ax)
+    reading = (
+        "Each dot is an object point; its colour is the standard deviation of its height. Points of"
+        " two images, at the rim, are worse than those of many; colours that change over the whole"
+        " block ask for ground control where they are yellow."
+    )
+    return Picture("precision", "Precision of the object points", reading, png(figure))
 
 
 def _format(field: Field) -> Picture:
