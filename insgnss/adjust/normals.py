@@ -374,8 +374,8 @@ def _undetermined(problem: Problem, column: int) -> str:
     """Say which unknown the observations do not determine."""
     return (
         f"{unknown_name(problem, column)} is not determined by the observations: the block lacks"
-        " control, or is held together by too few points; give ground control or aerial control, or"
-        " hold a pose"
+        " control, is held together by too few points, or more of its camera is estimated than it"
+        " tells; give ground control or aerial control, hold a pose, or estimate less (camera.free)"
     )
 
 

@@ -11,7 +11,7 @@ from ..base.errors import InputError, near
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_toml
 from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
-from ..formats.blocks.joined import joined
+from ..formats.blocks.joined import joined, matched
 from ..formats.blocks.measured_block import MeasuredBlock
 from ..formats.blocks.reading import read_measured_block, recognised
 from ..formats.orientation.eo_json import read_eo_json
@@ -21,6 +21,8 @@ from ..records.block import INTERIOR, BrownCamera, ImageBlock
 from .placing import placed
 
 USUAL_FREE = ("f", "cx", "cy")
+FEWEST_POINTS = 4
+"""Of an image without aerial control: three orient it, and then nothing tells whether they do."""
 FAR_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
@@ -95,6 +97,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         progress("reading aerial control")
         eo = read_eo_json(file.aerial_control.file)
     ground = ground_in_plane(file, source, eo, notes)
+    source = _oriented_only(source, eo, notes)
     made = joined(source, ground, eo)
     block, rows = made.block, made.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
@@ -120,12 +123,33 @@ def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock
     if odd := [name for name in skip if name not in images]:
         raise InputError(f"images.skip: {odd[0]!r} is no image of it; {near(odd[0], images[:200])}")
     seen = source.measured.observations
-    left = np.array([name in skip for name in images])
+    gone = set(skip)
+    left = np.array([name in gone for name in images])
     keep = ~left[seen.image]
     observations = type(seen)(
         seen.image[keep], seen.point[keep], seen.uv[keep], seen.sigma_px[keep]
     )
     return replace(source, measured=replace(source.measured, observations=observations))
+
+
+def _oriented_only(
+    source: MeasuredBlock, eo: ExteriorOrientation | None, notes: list[str]
+) -> MeasuredBlock:
+    """Leave images out that neither aerial control nor enough points orient."""
+    images, seen = source.measured.images, source.measured.observations
+    count = np.bincount(seen.image, minlength=len(images))
+    few = (count > 0) & (count < FEWEST_POINTS)
+    if eo is not None:
+        few &= matched(images, eo.images) < 0
+    if not few.any():
+        return source
+    names = [images[k] for k in np.flatnonzero(few)]
+    some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
+    notes.append(
+        f"{len(names)} images are left out, which see fewer than {FEWEST_POINTS} points and have no"
+        f" aerial control: {some}"
+    )
+    return _without_images(source, names)
 
 
 def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
@@ -135,7 +159,7 @@ def _cameras(file: BlockFile, source: MeasuredBlock) -> tuple[BrownCamera, ...]:
     else:
         cameras = tuple(
             camera
-            if camera.free
+            if camera.free or source.free_stated
             else replace(
                 camera,
                 free=tuple(n for n in INTERIOR if n in USUAL_FREE or camera.of(n) != 0.0),

@@ -186,8 +186,8 @@ def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:
             finding.topic,
             finding.rank,
             finding.text,
-            f"none of {names} explains it; look for"
-            " gross errors, exchanged names, or standard deviations that are too small",
+            f"tried without success: {names}; look for gross errors, exchanged names, or standard"
+            " deviations that are too small",
         )
     best = good[0]
     return Limit(

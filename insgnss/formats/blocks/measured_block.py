@@ -42,6 +42,8 @@ class MeasuredBlock:
         axes are geocentric, or else those of `ground`.
     geocentric : bool
         Whether the poses stand in Earth-centred, Earth-fixed axes, m.
+    free_stated : bool
+        Whether the file says which parameters of its cameras are estimated.
     notes : tuple of str
         What was left out or taken on trust, in sentences.
 
@@ -61,6 +63,7 @@ class MeasuredBlock:
     crs: str | None
     local: bool
     geocentric: bool = False
+    free_stated: bool = False
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -174,6 +177,8 @@ def image_points(
     -------
     measured : ImagePoints
         The observations.
+    free_stated : bool
+        Whether the file says which parameters of its cameras are estimated.
     notes : tuple of str
         What was left out.
     """

@@ -206,5 +206,6 @@ def read_dbat_block(path: Source) -> MeasuredBlock:
         ground,
         None,
         local=ground is None,
+        free_stated=True,
         notes=("the datum of DBAT's script is left out",) if block.held.any() else (),
     )
