@@ -88,7 +88,20 @@ def ceres_problem(case: Case) -> tuple[object, object]:
 
     block, first = case.block, first_values(case.block)
     scene, v = pycolmap.Reconstruction(), VALUES
-    params = [v["f"], v["f"], v["cx"], v["cy"], v["k1"], v["k2"], v["p2"], v["p1"], v["k3"], 0, 0, 0]
+    params = [
+        v["f"],
+        v["f"],
+        v["cx"],
+        v["cy"],
+        v["k1"],
+        v["k2"],
+        v["p2"],
+        v["p1"],
+        v["k3"],
+        0,
+        0,
+        0,
+    ]
     scene.add_camera_with_trivial_rig(
         pycolmap.Camera(model="FULL_OPENCV", width=5120, height=3840, params=params, camera_id=1)
     )

@@ -295,9 +295,7 @@ def factorised(problem: Problem, normals: Normals) -> Factor:
         raise DataError(_undetermined(problem, int(worst)))
     scale = np.zeros(free.size)
     scale[free] = 1.0 / np.sqrt(normals.diagonal[free])
-    factor, column = envelope_factorised(
-        problem.layout.envelope, normals.S, scale, normals.damping
-    )
+    factor, column = envelope_factorised(problem.layout.envelope, normals.S, scale, normals.damping)
     if column >= 0:
         raise DataError(_undetermined(problem, column))
     if free.any() and normals.damping == 0.0:
@@ -391,9 +389,7 @@ def corrections(problem: Problem, values: Unknowns, normals: Normals) -> tuple[A
     return dx, dp
 
 
-def cost(
-    problem: Problem, values: Unknowns, groups: Linearised | None = None
-) -> tuple[float, int]:
+def cost(problem: Problem, values: Unknowns, groups: Linearised | None = None) -> tuple[float, int]:
     """Compute e^T P e of all observations.
 
     Parameters

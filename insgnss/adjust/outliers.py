@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records.block import Array
+from .adjustment import Adjusted, adjusted
 from .groups import ObservationGroup, Rescaled
 from .kernels import collinearity
-from .adjustment import Adjusted, adjusted
 from .normals import Problem
 from .precision import Precision, precision_of
 from .unknowns import POINT, POSE, Unknowns
@@ -69,7 +69,9 @@ class RejectedControl:
 
     def __str__(self) -> str:
         """Return a sentence for people."""
-        off = ", ".join(f"{axis} {value:+.3f}" for axis, value in zip("XYZ", self.off_m, strict=True))
+        off = ", ".join(
+            f"{axis} {value:+.3f}" for axis, value in zip("XYZ", self.off_m, strict=True)
+        )
         return (
             f"{self.name} {self.point}: {off} m off the block (w {self.w:.1f}, limit {LIMIT_W:g});"
             " left out; check its coordinates and where it was measured in the images"

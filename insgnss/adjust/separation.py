@@ -39,7 +39,9 @@ CALIBRATED_CENTRE = (
     f"{SUM} them apart; if each is wanted, give cx and cy of a calibration with their standard"
     " deviations (a pixel)"
 )
-HELD_CENTRE = f"{SUM} them apart; if the attitude is wanted, hold cx and cy at a calibration's values"
+HELD_CENTRE = (
+    f"{SUM} them apart; if the attitude is wanted, hold cx and cy at a calibration's values"
+)
 CALIBRATED_DECENTRING = (
     "hold p1 and p2 at values of a calibration; strips across, tilted ones or more control help"
     " little"
@@ -95,7 +97,9 @@ class Inseparable:
 
     def __str__(self) -> str:
         """Return a sentence for people."""
-        said = f"{self.first} and {self.second} are hardly told apart (correlation {self.value:.3f})"
+        said = (
+            f"{self.first} and {self.second} are hardly told apart (correlation {self.value:.3f})"
+        )
         return f"{said}: {self.remedy}" if self.remedy else said
 
 

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from ..base.errors import UsageError
 from ..geodesy.rotation import rotation_from_vector
 from ..records.block import INTERIOR, Array, BrownCamera, ImageBlock
-from .kernels import collinearity
 from .camera import fold_radius
 from .envelope import Envelope
+from .kernels import collinearity
 from .ordering import arranged
 
 Key = tuple[str, int]

@@ -94,9 +94,11 @@ def precision_expected(plan: Plan) -> Precision:
     where, pixels = where[keep], pixels[keep]
     chosen = np.flatnonzero(count >= 3)
     chosen = chosen[np.linspace(0, chosen.size - 1, plan.control).astype(int)]
-    control = GroundPoints(
-        chosen, X[chosen], np.tile(np.eye(3) * 0.01**2, (len(chosen), 1, 1))
-    ) if plan.control else no_ground()
+    control = (
+        GroundPoints(chosen, X[chosen], np.tile(np.eye(3) * 0.01**2, (len(chosen), 1, 1)))
+        if plan.control
+        else no_ground()
+    )
     block = ImageBlock(
         (camera,),
         tuple(f"i{i}" for i in range(len(centre))),

@@ -5,8 +5,8 @@ import pytest
 from oracles import oracle
 from simulated_blocks import camera, simulated
 
-from insgnss.adjust.kernels import collinearity
 from insgnss.adjust.camera import distorted, fold_radius, pixels_of, rays_of, undistorted
+from insgnss.adjust.kernels import collinearity
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.records.block import INTERIOR, BrownCamera
 
@@ -128,7 +128,9 @@ def test_a_point_beyond_the_fold_is_not_seen():
     e, work = np.empty(2), np.empty(10)
     args = (interior, False, 1.0, 1.0 / 1.2, np.array([650.0, 500.0]), work, e)
     assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([1.5, 0.0, 1.0]), *args)
-    assert not collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args)
+    assert not collinearity.image_residual(
+        np.zeros(3), np.eye(3), np.array([0.1, 0.0, -1.0]), *args
+    )
     assert collinearity.image_residual(np.zeros(3), np.eye(3), np.array([0.1, 0.0, 1.0]), *args)
 
 

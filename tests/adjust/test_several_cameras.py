@@ -27,7 +27,12 @@ def three(seed, **shape):
     shape = {"strips": 3, "images": 4, "points": 90, "control": 8} | shape
     made = simulated(seed, cameras=CAMERAS, start_m=0.2, start_deg=0.1, **shape)
     stated = [
-        c.with_([v + OFF.get(name, 0.0) * (name in c.free) for name, v in zip(INTERIOR, c.interior)])
+        c.with_(
+            [
+                v + OFF.get(name, 0.0) * (name in c.free)
+                for name, v in zip(INTERIOR, c.interior, strict=True)
+            ]
+        )
         for c in CAMERAS
     ]
     return replace(made, block=replace(made.block, cameras=tuple(stated)))
@@ -40,7 +45,11 @@ def whitened(block, values):
         rows = block.camera[seen.image] == c
         i, p = seen.image[rows], seen.point[rows]
         e = computed(
-            values.position[i], values.C_mc[i], values.point[p], cam, values.interior[c],
+            values.position[i],
+            values.C_mc[i],
+            values.point[p],
+            cam,
+            values.interior[c],
             seen.uv[rows],
         )
         out.append((e / seen.sigma_px[rows]).ravel())

@@ -69,9 +69,7 @@ def test_few_redundant_observations_keep_their_weights() -> None:
     assert not control.reweighted
     assert control.redundancy < 9.0
     assert control.sigma == pytest.approx(control.factor * np.sqrt(2.0 / control.redundancy))
-    assert any(
-        s.startswith("ground control:") and "too few to judge" in s for s in got.sentences()
-    )
+    assert any(s.startswith("ground control:") and "too few to judge" in s for s in got.sentences())
     P = [g.weight for g in got.precision.result.problem.groups if g.name == "ground control"]
     assert P[0] == pytest.approx(np.eye(3) / 0.01**2)
 

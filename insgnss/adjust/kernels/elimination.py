@@ -47,9 +47,7 @@ def place(places, r, c):
 
 
 @njit(cache=True)
-def normal_equations(
-    rays, values, damping, own_V, own_g, s, places, S, g, g_reduced, diagonal, gp
-):
+def normal_equations(rays, values, damping, own_V, own_g, s, places, S, g, g_reduced, diagonal, gp):
     """Add the image observations to the normal equations, points eliminated (J.6).
 
     Parameters
@@ -112,9 +110,7 @@ def normal_equations(
         for a in range(n):
             row = s.row[a]
             # rays stand in the order of their images' columns; rows before have been met
-            if a == poses:
-                begin = a
-            elif a % 6 == 0 and a < poses and s.row[begin] != row:
+            if a == poses or (a % 6 == 0 and a < poses and s.row[begin] != row):
                 begin = a
             t0, t1, t2 = s.T[a, 0], s.T[a, 1], s.T[a, 2]
             g_reduced[row] -= t0 * s.g[0] + t1 * s.g[1] + t2 * s.g[2]
