@@ -1,4 +1,4 @@
-"""Image blocks for benchmarks: strips over rolling ground, in memory, with aerial and ground control."""
+"""Image blocks for benchmarks: strips over rolling ground with aerial and ground control."""
 
 from dataclasses import dataclass
 

@@ -60,22 +60,25 @@ Precision
 
     the redundancy numbers of observations r = 1 - diag(J Q J^T P), their test w = e / (sigma
     sqrt(r)), the minimal detectable bias 4.13 sigma / sqrt(r) (Baarda; 0.1 % and 80 %), and the
-    variance component of a group e^T P e / sum of r, all in `precision`.
+    variance component of a group e^T P e / sum of r, all in `precision`. S is stored and
+    solved by its envelope where images have something in common with their neighbours only (J.11).
 
-============== ===================================================================
-camera         (J.3) to (J.5) on arrays: rays of pixels, pixels of rays, the fold
-unknowns       values of the unknowns, and where each stands in the normal matrix
-groups         observation groups: poses, ground control, interior orientation
-aerial         observation groups: strips of poses through the mounting
-kernels        image observations: residual, Jacobian, (J.6), (J.7)
-ordering       in which order images stand in the normal matrix
-envelope       factor, solution and inverse of a matrix of which an envelope is stored (J.11)
-normals        assembly and solution of the normal equations
-adjustment     the iteration, and its result
-precision      covariances, redundancy numbers, tests, variance components
-start          first values: resection and forward intersection
-outliers       robust weights, and rejection of gross errors by their tests
-============== ===================================================================
+==================== ==========================================================================
+camera               (J.3) to (J.5) on arrays: rays of pixels, pixels of rays, the fold
+unknowns             values of the unknowns, and where each stands in the normal matrix
+groups               observation groups: poses, ground control, interior orientation
+aerial               observation groups: strips of poses through the mounting
+kernels              image observations: residual, Jacobian, (J.6), (J.7)
+ordering             in which order images stand in the normal matrix
+envelope             factor, solution and inverse of a matrix of which an envelope is stored (J.11)
+normals              assembly and solution of the normal equations
+adjustment           the iteration, and its result
+precision            covariances, redundancy numbers, tests, variance components
+start                first values: resection and forward intersection
+outliers             robust weights, and rejection of gross errors by their tests
+variance_components  weights that agree with the residuals
+separation           unknowns that are hardly told apart, and what would separate them
+==================== ==========================================================================
 
 Sources: Brown (1971) for (J.3); Triggs et al. (2000), Bundle adjustment - a modern synthesis;
 Foerstner and Wrobel (2016), Photogrammetric Computer Vision, 4.6 for tests, 15.3 for (J.6).

@@ -25,6 +25,7 @@ sizes of the panels (`envelope_of`).
 Source: George and Liu (1981), Computer Solution of Large Sparse Positive Definite Systems, 4 and 5.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,6 +40,8 @@ Rows = NDArray[np.int64]
 
 PANELS = (4, 8, 16, 32, 64)
 """Images in a panel, of which the cheapest number is taken."""
+MANY = 100
+"""Columns of a group from which on they are taken one by one."""
 COPY, PANEL = 32.0, 1e6
 """What copying one entry of a front and taking up one panel cost, in floating-point operations."""
 
@@ -137,10 +140,22 @@ class Envelope:
         inside = columns[columns < self.window]
         return not inside.size or bool(inside.max() < self.end[inside.min()])
 
-    def _places(self, columns: Rows) -> Rows:
-        """Return where the entries between some columns stand (n, n)."""
+    def _check(self, columns: Rows) -> None:
         if not self.holds(columns):
             raise UsageError("Envelope: these columns have entries that are not stored")
+
+    def _by_columns(self, columns: Rows) -> Iterator[tuple[int, int, Rows, int]]:
+        """Yield which of some columns it is, its column, which are not before it, and how many of
+        these lie in the window: of many columns faster than all pairs at once.
+        """
+        order = np.argsort(columns)
+        within = int(np.searchsorted(columns[order], self.window))
+        for k, own in enumerate(order):
+            yield int(own), int(columns[own]), order[k:], max(within - k, 0)
+
+    def _places(self, columns: Rows) -> Rows:
+        """Return where the entries between some columns stand (n, n)."""
+        self._check(columns)
         row = np.maximum(columns[:, None], columns)
         column = np.minimum(columns[:, None], columns)
         of_border = row >= self.window
@@ -159,8 +174,14 @@ class Envelope:
         N : ndarray, (n, n)
             What is added.
         """
-        lower = columns[:, None] >= columns
-        stored[self._places(columns)[lower]] += N[lower]
+        if len(columns) < MANY:
+            lower = columns[:, None] >= columns
+            stored[self._places(columns)[lower]] += N[lower]
+            return
+        self._check(columns)
+        for own, column, rows, split in self._by_columns(columns):
+            stored[self.places.inner[column] + columns[rows[:split]]] += N[own, rows[:split]]
+            stored[self.places.outer[column] + columns[rows[split:]]] += N[own, rows[split:]]
 
     def entries(self, stored: Array, columns: Rows) -> Array:
         """Return the entries between some columns.
@@ -182,7 +203,15 @@ class Envelope:
         UsageError
             Some are not stored.
         """
-        return np.asarray(stored[self._places(columns)])
+        if len(columns) < MANY:
+            return np.asarray(stored[self._places(columns)])
+        self._check(columns)
+        out = np.empty((len(columns),) * 2)
+        for own, column, rows, split in self._by_columns(columns):
+            out[own, rows[:split]] = stored[self.places.inner[column] + columns[rows[:split]]]
+            out[own, rows[split:]] = stored[self.places.outer[column] + columns[rows[split:]]]
+            out[rows, own] = out[own, rows]
+        return out
 
     def diagonal(self, stored: Array) -> Array:
         """Return the diagonal.

@@ -108,8 +108,8 @@ class Reweighted:
             elif not f.reweighted:
                 out.append(
                     f"{f.name}: {f.redundancy:.1f} redundant observations of {f.observations} are"
-                    f" too few to judge their variances (at least {2.0 / UNCERTAIN**2:.0f}); weights"
-                    " stay as stated"
+                    f" too few to judge their variances (at least {2.0 / UNCERTAIN**2:.0f});"
+                    " weights stay as stated"
                 )
         if not self.converged:
             out.append(

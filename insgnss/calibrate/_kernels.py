@@ -33,7 +33,7 @@ from ..navigation.kernels.error_model import (
 from ..navigation.kernels.measurements import measured_triple
 from ..navigation.kernels.records import StateModel, make_interval_work, make_triple
 from ..navigation.kernels.update import (
-    cholesky3,
+    cholesky,
     forward_solve3,
     innovation_test,
     reset_covariance,
@@ -386,7 +386,7 @@ def run_linear(
                     R[a, c] = lin.R[e, j, a, c] * scale[j]
             out = X[:2, :3]
             nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, out)
-            cholesky3(lin.R[e, j], L)
+            cholesky(lin.R[e, j], L)
             log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
             verdict[e, j] = USED
             if nis[e, j] > gate:

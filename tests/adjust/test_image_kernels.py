@@ -5,8 +5,8 @@ import pytest
 from oracles import oracle
 from simulated_blocks import camera, simulated
 
-from insgnss.adjust.kernels import collinearity
 from insgnss.adjust.camera import distorted, fold_radius, pixels_of, rays_of, undistorted
+from insgnss.adjust.kernels import collinearity
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.records.block import INTERIOR, BrownCamera
 

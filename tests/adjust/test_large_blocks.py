@@ -14,8 +14,9 @@ from insgnss.adjust.aerial import BORESIGHT, LEVER_ARM, SHIFT, AerialControl, Pa
 from insgnss.adjust.groups import control_points, weight_of
 from insgnss.adjust.normals import problem_of
 from insgnss.adjust.precision import precision_of
-from insgnss.base.errors import DataError
+from insgnss.base.errors import DataError, UsageError
 from insgnss.geodesy.rotation import rotation_from_vector
+from insgnss.records.block import ImageObservations
 
 
 @pytest.fixture(scope="module")
@@ -112,14 +113,36 @@ def test_precision(corridor, monkeypatch) -> None:
         assert mine.w == pytest.approx(theirs.w, abs=1e-4)
     far = (("pose", 0), ("pose", 59), (BORESIGHT, 0))
     assert got.cov(*far) == pytest.approx(want.cov(*far), rel=1e-5, abs=1e-12)
-    with pytest.raises(Exception, match="not stored"):
-        columns = np.concatenate([sparse.layout.of(key)[0] for key in far])
+    columns = np.concatenate([sparse.layout.of(key)[0] for key in far])
+    with pytest.raises(UsageError, match="not stored"):
         sparse.layout.envelope.entries(got.cofactors.stored, columns)
+
+
+def test_a_point_measured_twice_in_an_image() -> None:
+    """Oracle: one measurement of half the variance: standard deviations and poses."""
+    made = simulated(63, strips=2, images=4, points=40, cameras=(camera(free=("f",)),))
+    seen, groups = made.block.observations, control_points(made.block.control)
+    twice = [np.concatenate([a, a[::3]]) for a in (seen.image, seen.point, seen.uv)]
+    again = np.concatenate([seen.sigma_px, seen.sigma_px[::3]])
+    better = seen.sigma_px.copy()
+    better[::3] /= np.sqrt(2.0)
+    got, want = (
+        precision_of(
+            adjusted(problem_of(replace(made.block, observations=o), groups), made.truth), 1
+        )
+        for o in (
+            ImageObservations(*twice, again),
+            ImageObservations(seen.image, seen.point, seen.uv, better),
+        )
+    )
+    assert got.pose_cov == pytest.approx(want.pose_cov, rel=1e-6, abs=1e-14)
+    assert got.point_cov == pytest.approx(want.point_cov, rel=1e-6, abs=1e-10, nan_ok=True)
+    assert got.result.values.position == pytest.approx(want.result.values.position, abs=1e-6)
 
 
 def test_the_order_of_the_images_does_not_matter(corridor) -> None:
     """Oracle: the same block whose images are listed at random costs as little."""
-    block, groups, first = corridor
+    block, _, _ = corridor
     n = len(block.images)
     images = np.random.default_rng(3).permutation(n)
     row = np.argsort(images)
@@ -169,7 +192,7 @@ def test_any_envelope(n, border, images, monkeypatch) -> None:
     inverse = np.zeros_like(A)
     inverse[np.ix_(free, free)] = np.linalg.inv(A[np.ix_(free, free)])
     stored = factor.inverted()
-    for k, (first, stop, last) in enumerate(stored_as.panels):
+    for first, stop, last in stored_as.panels:
         columns = np.r_[first:last, stored_as.window : size] if stop > first else np.arange(0)
         for c in columns[: stop - first]:
             got = stored_as.entries(stored, np.array([c, columns[-1]]))

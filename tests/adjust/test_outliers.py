@@ -138,10 +138,13 @@ def test_the_last_three_control_points_stay() -> None:
     position = made.block.control.position_m.copy()
     position[1, 0] += 0.5
     control = replace(made.block.control, position_m=position)
+    said = ""
     try:
         cleaned = without_outliers(problem_of(made.block, control_points(control)), made.truth)
     except DataError as refused:
-        assert "is not determined by the observations" in str(refused)
+        said = str(refused)
+    if said:
+        assert "is not determined by the observations" in said
     else:
         assert cleaned.control == ()
         largest = max(np.abs(t.w).max() for t in cleaned.precision.groups)

@@ -28,7 +28,10 @@ def three(seed, **shape):
     made = simulated(seed, cameras=CAMERAS, start_m=0.2, start_deg=0.1, **shape)
     stated = [
         c.with_(
-            [v + OFF.get(name, 0.0) * (name in c.free) for name, v in zip(INTERIOR, c.interior)]
+            [
+                v + OFF.get(name, 0.0) * (name in c.free)
+                for name, v in zip(INTERIOR, c.interior, strict=True)
+            ]
         )
         for c in CAMERAS
     ]

@@ -16,7 +16,7 @@ INTERIOR = 11
 
 
 class Rays(NamedTuple):
-    """Image observations in the order of their points, and of a point of the columns of their poses.
+    """Image observations, point by point; those of a point in the order of their poses' columns.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from .error_model import add_gap_noise, linearise, predict_covariance, propagate
 from .measurements import measured_triple
 from .records import make_interval_work, make_triple
 from .update import (
-    cholesky3,
+    cholesky,
     feed_back,
     forward_solve3,
     innovation_test,
@@ -166,7 +166,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
                     R *= nis / options.huber_threshold
             if kind == POSITION:
                 rejected_since = ABSENT
-            cholesky3(R, L)
+            cholesky(R, L)
             forward_solve3(L, H)
             forward_solve3(L, nu)
             for i in range(3):

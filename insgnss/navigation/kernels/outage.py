@@ -4,6 +4,7 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..codes import IMU0, N_NAV
+from .update import cholesky
 
 
 @njit(cache=True)
@@ -31,16 +32,8 @@ def scaled_cholesky(P, scale, L):
         scale[r] = np.sqrt(P[r, r])
     for r in range(n):
         for c in range(r + 1):
-            t = P[r, c] / (scale[r] * scale[c])
-            for k in range(c):
-                t -= L[r, k] * L[c, k]
-            if r == c:
-                if t <= 0.0:
-                    return False
-                L[r, r] = np.sqrt(t)
-            else:
-                L[r, c] = t / L[c, c]
-    return True
+            L[r, c] = P[r, c] / (scale[r] * scale[c])
+    return cholesky(L, L)
 
 
 @njit(cache=True)

@@ -11,22 +11,23 @@ LARGEST_TILT_VARIANCE = 3e-4  # rad^2, a degree: what a covariance reset adds to
 
 
 @njit(cache=True)
-def cholesky3(R, L):
-    """Compute the lower Cholesky factor of a 3 x 3 matrix.
+def cholesky(R, L):
+    """Compute the lower Cholesky factor of a matrix.
 
     Parameters
     ----------
     R : ndarray
-        (3, 3) symmetric matrix.
+        (n, n) symmetric matrix; its lower triangle is read.
     L : ndarray
-        (3, 3) its factor, filled in place.
+        (n, n) its factor, filled in place, which may be that of R; above its diagonal nothing is
+        written.
 
     Returns
     -------
     bool
         Whether the matrix is positive definite.
     """
-    for r in range(3):
+    for r in range(R.shape[0]):
         for c in range(r + 1):
             t = R[r, c]
             for k in range(c):
@@ -103,7 +104,7 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
                     t += H[r, i] * a
             S[r, c] = t
             S[c, r] = t
-    if not cholesky3(S, L):
+    if not cholesky(S, L):
         return np.inf
     y0 = out[0, 0] / L[0, 0]
     y1 = (out[0, 1] - L[1, 0] * y0) / L[1, 1]
