@@ -157,16 +157,22 @@ def main() -> None:
     """Print the tables and the bars."""
     print("| 440 images | CPU s | steps | cost | peak MB (before it began) |")
     print("|---|---|---|---|---|")
-    rows = {"insgnss": measured("ours", 8, 55), "with posterior": measured("posterior", 8, 55)}
-    rows["Ceres, sparse Schur"] = measured("ceres", 8, 55)
+    pairs = [(measured("ours", 8, 55), measured("ceres", 8, 55)) for _ in range(REPEATS)]
+    rows = {
+        "insgnss": pairs[0][0],
+        "with posterior": measured("posterior", 8, 55),
+        "Ceres, sparse Schur": pairs[0][1],
+    }
     for name, row in rows.items():
         cpu = row["cpu"] + row.get("posterior", 0.0)
         print(
             f"| {name} | {cpu:.2f} | {row['steps']} | {row['cost']:.4f} | {row['peak']:.0f}"
             f" ({row['before']:.0f}) |"
         )
-    ratio = rows["Ceres, sparse Schur"]["cpu"] / rows["insgnss"]["cpu"]
-    print(f"\nratio {ratio:.1f} (bar: {RATIO_BAR}) {'met' if ratio >= RATIO_BAR else 'MISSED'}\n")
+    ratios = sorted(theirs["cpu"] / mine["cpu"] for mine, theirs in pairs)
+    ratio = statistics.median(ratios)
+    print(f"\nratios {', '.join(f'{r:.1f}' for r in ratios)}")
+    print(f"ratio {ratio:.1f} (bar: {RATIO_BAR}) {'met' if ratio >= RATIO_BAR else 'MISSED'}\n")
     print("| corridor, images | image points | CPU s | posterior | ms an image | peak MB |")
     print("|---|---|---|---|---|---|")
     each = []

@@ -43,22 +43,22 @@ def arranged(
         What is stored.
     """
     n = len(block.images)
-    best, place = dense(size), np.arange(n)
+    best, position = dense(size), np.arange(n)
     if n <= FEW:
-        return place, best
+        return position, best
     least = np.inf
     first, second = _pairs(block, together)
     for order in (np.arange(n), *_by_breadth(first, second, n)):
-        position = np.empty(n, dtype=np.int64)
-        position[order] = np.arange(n)
-        low, high = np.minimum(position[first], position[second]), position[second]
-        high = np.maximum(position[first], high)
+        trial = np.empty(n, dtype=np.int64)
+        trial[order] = np.arange(n)
+        low, high = np.minimum(trial[first], trial[second]), trial[second]
+        high = np.maximum(trial[first], high)
         reach = np.arange(n)
         np.maximum.at(reach, low, high)
         envelope, operations = envelope_of(size, reach)
         if operations < least:
-            best, least, place = envelope, operations, position
-    return (place if best.window else np.arange(n)), best
+            best, least, position = envelope, operations, trial
+    return (position if best.window else np.arange(n)), best
 
 
 def _pairs(block: ImageBlock, together: Sequence[Sequence[int]]) -> tuple[Rows, Rows]:
@@ -68,9 +68,9 @@ def _pairs(block: ImageBlock, together: Sequence[Sequence[int]]) -> tuple[Rows, 
     seen, m = block.observations, len(block.points)
     several = [sorted(set(images)) for images in together if len(set(images)) > 1]
     image = np.concatenate([seen.image, *(np.array(s, dtype=np.int64) for s in several)])
-    what = np.concatenate([seen.point, *(np.full(len(s), m + k) for k, s in enumerate(several))])
+    shared = np.concatenate([seen.point, *(np.full(len(s), m + k) for k, s in enumerate(several))])
     shape = (len(block.images), m + len(several))
-    sees = csr_array((np.ones(image.size), (image, what)), shape=shape)
+    sees = csr_array((np.ones(image.size), (image, shared)), shape=shape)
     common = (sees @ sees.T).tocoo()
     return common.row.astype(np.int64), common.col.astype(np.int64)
 
@@ -85,12 +85,12 @@ def _by_breadth(first: Rows, second: Rows, n: int) -> list[Rows]:
     )
 
     graph = csr_array((np.ones(first.size), (first, second)), shape=(n, n))
-    parts, part = connected_components(graph, directed=False)
+    components, component = connected_components(graph, directed=False)
     order = []
-    for k in range(parts):
-        start = int(np.flatnonzero(part == k)[0])
+    for k in range(components):
+        start = int(np.flatnonzero(component == k)[0])
         for _ in range(3):  # the last one that is found lies at an end, and so on
-            found = breadth_first_order(graph, start, False, return_predecessors=False)
-            start = int(found[-1])
-        order.append(found)
+            reached = breadth_first_order(graph, start, False, return_predecessors=False)
+            start = int(reached[-1])
+        order.append(reached)
     return [np.concatenate(order), reverse_cuthill_mckee(graph, symmetric_mode=True)]

@@ -218,7 +218,7 @@ def _worst_control(
     w_of_rays = np.zeros(len(whole.block.points))
     seen = whole.block.observations
     np.maximum.at(w_of_rays, seen.point, np.nan_to_num(np.abs(precision.w)).max(axis=1))
-    found: tuple[int, float] | None = None
+    worst: tuple[int, float] | None = None
     for rows in _of_points(whole.groups).values():
         here = [k for k in rows if k not in gone]
         fewest = max(len(rows) * (1.0 - MOST_OF_CONTROL), 0 if held else LEAST_CONTROL)
@@ -230,9 +230,9 @@ def _worst_control(
         for k, size in zip(here, w, strict=True):
             point = whole.groups[k].keys[0][1]
             beyond = size > limit * unit and size > w_of_rays[point]
-            if beyond and (found is None or size > found[1]):
-                found = (k, float(size))
-    return found
+            if beyond and (worst is None or size > worst[1]):
+                worst = (k, float(size))
+    return worst
 
 
 def _rejection(whole: Problem, result: Adjusted, row: int, w: float) -> RejectedControl:

@@ -97,10 +97,10 @@ class Inseparable:
 
     def __str__(self) -> str:
         """Return a sentence for people."""
-        said = (
+        statement = (
             f"{self.first} and {self.second} are hardly told apart (correlation {self.value:.3f})"
         )
-        return f"{said}: {self.remedy}" if self.remedy else said
+        return f"{statement}: {self.remedy}" if self.remedy else statement
 
 
 def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[Inseparable, ...]:

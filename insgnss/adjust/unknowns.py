@@ -260,6 +260,6 @@ def layout_of(
                 position += 3
                 held.append(np.zeros(3, dtype=bool))
     together = [[row for name, row in tied if name == POSE] for tied in keys]
-    place, envelope = arranged(block, together, position)
-    held = [np.asarray(block.held)[np.argsort(place)].ravel(), *held]
-    return Layout(n, c, columns, first, kept, np.concatenate(held), place, envelope)
+    pose_order, envelope = arranged(block, together, position)
+    held = [np.asarray(block.held)[np.argsort(pose_order)].ravel(), *held]
+    return Layout(n, c, columns, first, kept, np.concatenate(held), pose_order, envelope)

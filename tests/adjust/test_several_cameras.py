@@ -94,6 +94,7 @@ def test_against_numeric_derivatives() -> None:
     assert names[:3] == [f"image observations of {c.name}" for c in CAMERAS]
 
 
+@pytest.mark.slow
 def test_cameras_are_recovered_within_their_covariance() -> None:
     """Oracle: chi-square, 99 %, over twenty blocks: the free parameters of both cameras, and the
     poses of all images.

@@ -26,7 +26,7 @@ class Places(NamedTuple):
 
 
 @njit(cache=True)
-def place(places, r, c):
+def address(places, r, c):
     """Return where an entry of a symmetric matrix stands.
 
     Parameters

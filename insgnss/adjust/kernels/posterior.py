@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...base.compilation import njit
-from .elimination import place
+from .elimination import address
 from .points import invert3, linearise_point, take_own, times_inverse
 
 
@@ -39,7 +39,7 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
         if kept >= 0:
             for a in range(3):
                 for b in range(3):
-                    Qp[a, b] = Q[place(places, kept + a, kept + b)]
+                    Qp[a, b] = Q[address(places, kept + a, kept + b)]
         else:
             if not invert3(s.V, s.Vi):
                 continue
@@ -51,11 +51,11 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
                 for c in range(3):
                     QT[a, c] = 0.0
                 for b in range(a):
-                    q = Q[place(places, s.row[a], s.row[b])]
+                    q = Q[address(places, s.row[a], s.row[b])]
                     for c in range(3):
                         QT[a, c] += q * s.T[b, c]
                         QT[b, c] += q * s.T[a, c]
-                q = Q[place(places, s.row[a], s.row[a])]
+                q = Q[address(places, s.row[a], s.row[a])]
                 for c in range(3):
                     QT[a, c] += q * s.T[a, c]
             for a in range(n):
@@ -69,9 +69,9 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
             for a in range(wide):
                 row = s.column[t, a]
                 for b in range(a + 1):
-                    Qx[a, b] = Qx[b, a] = Q[place(places, row, s.column[t, b])]
+                    Qx[a, b] = Qx[b, a] = Q[address(places, row, s.column[t, b])]
                 for c in range(3):
-                    Qxp[a, c] = Q[place(places, row, kept + c)] if kept >= 0 else 0.0
+                    Qxp[a, c] = Q[address(places, row, kept + c)] if kept >= 0 else 0.0
             for a in range(n):
                 for b in range(wide):
                     if s.row[a] == s.column[t, b]:
