@@ -96,7 +96,7 @@ def table4(options: argparse.Namespace) -> None:
                 seen[(name, how)].append(check_points(flown, camera))
         print(f"corridor {k + 1} of {options.blocks}", flush=True)
     form = "{:>4} / {:>4} / {:>4}"
-    print(f"\n{'':18}{'mean':>20}{'largest':>20}{'rms':>20}   mm, E N h")
+    print(f"\n{'':23}{'mean':>20}{'largest':>20}{'rms':>20}   mm, E N h")
     for key, paper in TABLE_4.items():
         d = [1e3 * x for x in seen[key]]
         rows = [
@@ -106,7 +106,7 @@ def table4(options: argparse.Namespace) -> None:
         ]
         for who, numbers in (("simulated", rows), ("paper", paper)):
             words = "".join(f"{form.format(*(f'{x:.0f}' for x in row)):>20}" for row in numbers)
-            print(f"{key[0]:>8} {key[1]:<5} {who:<9}{words[5:]}")
+            print(f"{key[0]:>8} {key[1]:<5} {who:<9}{words}")
 
 
 def check_points(flown: Path, camera: object) -> np.ndarray:
