@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..adjust.groups import InteriorObservation, weight_of
 from ..base.errors import InputError, near
 from ..config.block_file import BlockFile
-from ..formats.blocks.camera_toml import read_camera_toml
+from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
 from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
 from ..formats.blocks.joined import joined, matched
 from ..formats.blocks.measured_block import MeasuredBlock
@@ -44,6 +45,8 @@ class Inputs:
         (n,) row of each image in it; -1 of images without aerial control.
     notes : tuple of str
         What was left out or assumed, sentence by sentence.
+    interior : tuple of InteriorObservation
+        What earlier calibrations say of the cameras.
     """
 
     file: BlockFile
@@ -51,6 +54,7 @@ class Inputs:
     eo: ExteriorOrientation | None
     eo_row: NDArray[np.int64]
     notes: tuple[str, ...]
+    interior: tuple[InteriorObservation, ...] = ()
 
 
 def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
@@ -112,7 +116,44 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         notes.append(f"{unseen} images of the aerial control have no image observations")
     notes += _left_out(ground, block)
-    return Inputs(file, block, eo, rows, tuple(notes))
+    return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block))
+
+
+def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation, ...]:
+    """Return the calibration of the camera's file as an observation of what is estimated of it.
+
+    Parameters
+    ----------
+    file : BlockFile
+        Says whether it is weighed.
+    block : ImageBlock
+        The block, of one camera.
+
+    Returns
+    -------
+    tuple of InteriorObservation
+        One, or none.
+
+    Raises
+    ------
+    InputError
+        The file has no standard deviations.
+    """
+    if not file.camera.weighed or file.camera.file is None:
+        return ()
+    P = read_camera_covariance(file.camera.file)
+    if P is None:
+        raise InputError.at_line(
+            file.camera.file,
+            None,
+            "no [sigma], which camera.weighed asks for; write it, or leave camera.weighed out",
+        )
+    (camera,) = block.cameras
+    rows = np.array([INTERIOR.index(k) for k in P.parameters if k in camera.free], dtype=np.int64)
+    if not rows.size:
+        return ()
+    weight = weight_of(P.whole[np.ix_(rows, rows)], f"{file.camera.file}: [sigma]")
+    return (InteriorObservation(0, rows, camera.interior[rows], weight),)
 
 
 def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock:

@@ -41,7 +41,7 @@ from ..report.rules.wording import lengths
 from ..simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
 from .control import control_of
 from .figures import figures_of
-from .inputs import Inputs, ground_in_plane
+from .inputs import Inputs, calibrated, ground_in_plane
 from .page import ground_of
 from .solve import Solved, plainly
 
@@ -195,7 +195,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     progress("drawing tie points")
     block = _block(file, eo, camera, ground, terrain)
     made = joined(of_table(*block), ground, eo)
-    inputs = Inputs(file, made.block, eo, made.eo_row, ())
+    inputs = Inputs(file, made.block, eo, made.eo_row, (), calibrated(file, made.block))
     progress(f"adjusting {len(made.block.observations)} planned image observations")
     solved = plainly(inputs, control_of(inputs), _precision(inputs))
     figures = figures_of(solved)
@@ -274,7 +274,7 @@ def _observed(
 
 def _precision(inputs: Inputs) -> Precision:
     control, block = control_of(inputs), inputs.block
-    groups = [*control.groups, *control_points(block.control)]
+    groups = [*control.groups, *control_points(block.control), *inputs.interior]
     values = replace(first_values(block), blocks=control.blocks)
     return precision_of(adjusted(problem_of(block, groups, control.blocks), values), 1.0)
 

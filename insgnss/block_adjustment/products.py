@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
-from ..adjust.unknowns import POSE
+from ..adjust.unknowns import CAMERA, POSE
 from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready
 from ..formats.blocks.camera_files import write_cameras
@@ -27,7 +27,7 @@ from ..formats.blocks.camera_toml import write_camera_toml
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ..processing.staging import Staging
 from ..records import ExteriorOrientation
-from ..records.block import Array, BrownCamera
+from ..records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from .judgement import Judgement
 from .page import write_page
 from .solve import Solved
@@ -227,18 +227,42 @@ def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
     return solved.result.values.cameras(solved.result.problem.block.cameras)
 
 
+def covariances(solved: Solved) -> list[InteriorCovariance | None]:
+    """Return the covariance of each camera's interior orientation.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    list
+        One a camera; None where nothing of it was estimated.
+    """
+    out: list[InteriorCovariance | None] = []
+    columns = solved.result.problem.layout.columns
+    for c, camera in enumerate(solved.result.problem.block.cameras):
+        own = [k for k, row in enumerate(columns) if INTERIOR[row] in camera.free]
+        P = solved.precision.cov((CAMERA, c))[np.ix_(own, own)] if own else None
+        names = tuple(INTERIOR[columns[k]] for k in own)
+        out.append(None if P is None else InteriorCovariance(names, P))
+    return out
+
+
 def _write_cameras(solved: Solved, into: Path) -> list[str]:
     """Write the cameras in each format; returns what a format cannot express."""
-    cameras = adjusted_cameras(solved)
+    cameras, P_of = adjusted_cameras(solved), covariances(solved)
     notes: list[str] = []
     for form in solved.inputs.file.output.cameras:
-        for k, camera in enumerate(cameras):
+        for k, (camera, P) in enumerate(zip(cameras, P_of, strict=True)):
             number = f"_{k + 1}" if len(cameras) > 1 else ""
             if form == "toml":
-                write_camera_toml(camera, into / f"camera{number}.toml")
+                write_camera_toml(camera, into / f"camera{number}.toml", P)
                 continue
             try:
-                notes += write_cameras([camera], into / FORM_FILES[form].format(number), form)
+                path = into / FORM_FILES[form].format(number)
+                notes += write_cameras([camera], path, form, [P])
             except InputError as refusal:
                 notes.append(str(refusal))
     return notes

@@ -91,7 +91,7 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     """
     control = control_of(inputs)
     block = inputs.block
-    groups = [*control.groups, *control_points(block.control)]
+    groups = [*control.groups, *control_points(block.control), *inputs.interior]
     if not groups:
         raise DataError(
             "neither aerial control nor ground control: nothing says where the block lies; give"

@@ -123,10 +123,10 @@ def _trial_of(
     block = own.block
     control = control_of(solved.inputs, options)
     points = ground_groups(own)
-    groups: list[ObservationGroup] = [*control.groups, *points]
+    groups: list[ObservationGroup] = [*control.groups, *points, *solved.inputs.interior]
     blocks = {k: result.values.blocks.get(k, v) for k, v in control.blocks.items()}
     if key == DATUM:
-        groups = [*control.groups, *(ShiftedPoint.of(group) for group in points)]
+        groups = [*(g for g in groups if g not in points), *map(ShiftedPoint.of, points)]
         blocks[DATUM] = np.zeros(3)
     if key[0] == CAMERA:
         free = tuple(n for n in INTERIOR if n in USUAL or n in ("k1", "k2", "p1", "p2"))

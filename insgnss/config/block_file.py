@@ -75,9 +75,16 @@ class CameraTable:
         cli="--free",
         metavar="NAME",
     )
+    weighed: bool = option(
+        False,
+        "the standard deviations of the camera's file are observations of what is estimated of it;"
+        " not those of an adjustment of the same images",
+    )
 
     def __post_init__(self) -> None:
         check(self, "camera")
+        if self.weighed and self.file is None:
+            raise OptionError("camera.weighed", "has no meaning without camera.file; give both")
         for name in self.free or ():
             if name not in PARAMETERS:
                 raise OptionError("camera.free", f"{name!r} is unknown; {near(name, PARAMETERS)}")

@@ -97,6 +97,48 @@ class BrownCamera:
 
 
 @dataclass(frozen=True, eq=False)
+class InteriorCovariance:
+    """Covariance of the interior orientation of a camera.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        (d,) names of `INTERIOR`, in their order.
+    cov : ndarray
+        (d, d) in the units of `BrownCamera.interior`.
+
+    Raises
+    ------
+    InputError
+        A name that is none, an order that is not that of `INTERIOR`, a shape that differs, or a
+        covariance that is not positive definite.
+    """
+
+    parameters: tuple[str, ...]
+    cov: Array
+
+    def __post_init__(self) -> None:
+        d = len(self.parameters)
+        cov = frozen(self, "cov", (d, d))
+        if self.parameters != tuple(name for name in INTERIOR if name in self.parameters):
+            raise InputError(
+                f"covariance of a camera: {', '.join(self.parameters)} are not parameters in the"
+                f" order {', '.join(INTERIOR)}"
+            )
+        root = np.sqrt(np.maximum(np.diagonal(cov), 0.0))
+        if d and not ((root > 0.0).all() and np.linalg.eigvalsh(cov / root / root[:, None])[0] > 0):
+            raise InputError("covariance of a camera: it is not positive definite")
+
+    @property
+    def whole(self) -> Array:
+        """(11, 11) covariance of all parameters; zero of those that have none."""
+        rows = [INTERIOR.index(name) for name in self.parameters]
+        out = np.zeros((len(INTERIOR),) * 2)
+        out[np.ix_(rows, rows)] = self.cov
+        return out
+
+
+@dataclass(frozen=True, eq=False)
 class ImageObservations:
     """Points measured in images.
 

@@ -142,3 +142,29 @@ def test_the_mounting_is_what_process_takes(flown, tmp_path) -> None:
     assert np.abs(psi).max() < 0.1  # 1.4 deg in the wrong one; of the heading 0.03 deg is one sigma
     turn = np.degrees(vector_from_rotation(again.C_mc @ before.C_mc.swapaxes(1, 2)))
     assert np.abs(turn).max() < 0.1
+
+
+def test_a_calibration_is_an_observation(flown, adjusted, tmp_path) -> None:
+    """Oracle: of two independent normal values the precision matrices add up; the block's own is
+    that without the calibration.
+    """
+    own = flown.copied(tmp_path / "flight")
+    path = own.directory / BLOCK / "camera.toml"
+    sigma = {"f": 0.5, "cx": 0.3, "k1": 1e-3}
+    lines = [f"{name} = {value}" for name, value in sigma.items()]
+    path.write_text(path.read_text() + "\n".join(["[sigma]", *lines]) + "\n")
+    block = own.block
+    weighed = replace(block.camera, weighed=True)
+    result = adjust(replace(block, camera=weighed), write=False)
+    free = [INTERIOR[k] for k in result.solved.result.problem.layout.columns]
+    rows = [free.index(name) for name in sigma]
+    before, after = (
+        np.linalg.inv(r.solved.precision.cov(("camera", 0))) for r in (adjusted, result)
+    )
+    gain = (after - before)[np.ix_(rows, rows)]
+    expected = np.diag([value**-2 for value in sigma.values()])
+    scale = np.sqrt(np.diagonal(after)[rows])
+    assert gain / scale / scale[:, None] == pytest.approx(
+        expected / scale / scale[:, None], abs=0.03
+    )
+    assert any(c["name"] == "interior orientation" for c in result.figures["components"])

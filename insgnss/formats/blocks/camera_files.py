@@ -18,7 +18,7 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_write
-from ...records.block import INTERIOR, Array, BrownCamera
+from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from ..bundle.camera import BROWN_NAMES
 from ..text.text import Source
 
@@ -26,11 +26,15 @@ EXACT_PX = 0.01
 GRID = 25
 STEPS = 20
 LACKING = {"colmap": ("b2", "k4"), "opencv": ("b2", "k4")}
-Text = Callable[[Sequence[BrownCamera]], str]
+Covariances = Sequence[InteriorCovariance | None]
+Text = Callable[[Sequence[BrownCamera], Covariances], str]
 
 
 def write_cameras(
-    cameras: Sequence[BrownCamera], path: Source, form: str = "colmap"
+    cameras: Sequence[BrownCamera],
+    path: Source,
+    form: str = "colmap",
+    covariances: Covariances = (),
 ) -> tuple[str, ...]:
     """Write cameras for another program.
 
@@ -42,6 +46,9 @@ def write_cameras(
         The file, written whole or not at all.
     form : str
         "metashape", "colmap" or "opencv".
+    covariances : sequence of InteriorCovariance or None, optional
+        Of each camera; those of backward cameras, which another polynomial stands for, are not
+        written.
 
     Returns
     -------
@@ -62,7 +69,9 @@ def write_cameras(
         raise UsageError(f"{path}: {len(cameras)} cameras; a file of {form} takes one: write each")
     notes: list[str] = []
     ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
-    atomic_write(path, FORMS[form](ready))
+    given = covariances or [None] * len(cameras)
+    own = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
+    atomic_write(path, FORMS[form](ready, own))
     return tuple(notes)
 
 
@@ -173,8 +182,8 @@ def _jacobian(camera: BrownCamera, xy: Array) -> Array:
     return J.reshape(-1, len(INTERIOR))
 
 
-def _metashape(cameras: Sequence[BrownCamera]) -> str:
-    (camera,) = cameras
+def _metashape(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
+    (camera,), (P,) = cameras, covariances
     centre = {"cx": 0.5 * camera.width, "cy": 0.5 * camera.height}
     values = {key: camera.of(key) - centre.get(key, 0.0) for key in INTERIOR}
     return "\n".join(
@@ -186,9 +195,36 @@ def _metashape(cameras: Sequence[BrownCamera]) -> str:
             f"  <height>{camera.height}</height>",
             *(f"  <{key}>{value!r}</{key}>" for key, value in values.items()),
             f"  <!-- {escape(camera.name).replace('--', '- -')} -->",
+            *(_metashape_covariance(P) if P is not None else ()),
             "</calibration>\n",
         ]
     )
+
+
+def _metashape_covariance(P: InteriorCovariance) -> list[str]:
+    """Lines of the covariance, as a project of Metashape has it."""
+    coefficients = " ".join(f"{value:.16e}" for value in P.cov.ravel())
+    return [
+        "  <covariance>",
+        f"    <params>{' '.join(P.parameters)}</params>",
+        f"    <coeffs>{coefficients}</coeffs>",
+        "  </covariance>",
+    ]
+
+
+def _opencv_covariance(P: InteriorCovariance) -> tuple[list[str], Array, Array]:
+    """Return OpenCV's names of the parameters, their sigmas (d,) and correlations (d, d)."""
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    source = {"fx": ("f", "b1"), "fy": ("f",), "p1": ("p2",), "p2": ("p1",)}
+    M = np.zeros((len(names), len(INTERIOR)))
+    for row, name in enumerate(names):
+        for own in source.get(name, (name,)):
+            M[row, INTERIOR.index(own)] = 1.0
+    cov = M @ P.whole @ M.T
+    rows = np.flatnonzero(np.diagonal(cov) > 0.0)
+    sigma = np.sqrt(np.diagonal(cov)[rows])
+    rho = cov[np.ix_(rows, rows)] / sigma / sigma[:, None]
+    return [names[k] for k in rows], sigma, rho
 
 
 def _opencv_values(camera: BrownCamera) -> dict[str, float]:
@@ -198,9 +234,17 @@ def _opencv_values(camera: BrownCamera) -> dict[str, float]:
     return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
 
 
-def _colmap(cameras: Sequence[BrownCamera]) -> str:
+def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
     rows = ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"]
-    for k, camera in enumerate(cameras, start=1):
+    for k, (camera, P) in enumerate(zip(cameras, covariances, strict=True), start=1):
+        if P is not None:
+            names, sigma, rho = _opencv_covariance(P)
+            words = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
+            rows.append(f"# sigmas of camera {k}: {words}")
+            rows += [
+                f"# correlations of {name}: {' '.join(f'{x:+.4f}' for x in row)}"
+                for name, row in zip(names, rho, strict=True)
+            ]
         value = _opencv_values(camera)
         model = "FULL_OPENCV" if value["k3"] else "OPENCV"
         parameters = " ".join(f"{value.get(key, 0.0)!r}" for key in BROWN_NAMES[model])
@@ -208,19 +252,30 @@ def _colmap(cameras: Sequence[BrownCamera]) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _opencv(cameras: Sequence[BrownCamera]) -> str:
-    (camera,) = cameras
+def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
+    (camera,), (P,) = cameras, covariances
     v = _opencv_values(camera)
     K = (v["fx"], 0.0, v["cx"] - 0.5, 0.0, v["fy"], v["cy"] - 0.5, 0.0, 0.0, 1.0)
-    matrices = {
+    matrices: dict[str, tuple[int, int, Sequence[float]]] = {
         "camera_matrix": (3, 3, K),
         "distortion_coefficients": (5, 1, [v[key] for key in ("k1", "k2", "p1", "p2", "k3")]),
     }
+    names: list[str] = []
+    if P is not None:
+        names, sigma, rho = _opencv_covariance(P)
+        d = len(names)
+        matrices |= {
+            "standard_deviations": (d, 1, sigma.tolist()),
+            "correlations": (d, d, rho.ravel().tolist()),
+        }
     rows = ["%YAML:1.0", "---", f"image_width: {camera.width}", f"image_height: {camera.height}"]
     for key, (height, width, values) in matrices.items():
         data = ", ".join(f"{value!r}" for value in map(float, values))
         rows += [f"{key}: !!opencv-matrix", f"   rows: {height}", f"   cols: {width}", "   dt: d"]
         rows.append(f"   data: [ {data} ]")
+    if names:
+        quoted = ", ".join(f'"{name}"' for name in names)
+        rows.append(f"standard_deviations_of: [ {quoted} ]")
     return "\n".join(rows) + "\n"
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from ...base.errors import InputError, near
 from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
-from ...records.block import INTERIOR, BrownCamera
+from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
 from ..text.text import Source
 
 MODELS = ("forward", "backward")
 PIXEL_ORIGINS = ("corner", "centre")
 _OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
-KEYS: Mapping[str, tuple[str, ...]] = {"": _OWN}
+KEYS: Mapping[str, tuple[str, ...]] = {"": (*_OWN, "sigma", "correlations"), "sigma": INTERIOR}
 LARGEST_PX = 1e6
 
 
@@ -69,6 +69,48 @@ def read_camera_toml(path: Source) -> BrownCamera:
     return BrownCamera(name, width, height, interior, backward, unit, free)
 
 
+def read_camera_covariance(path: Source) -> InteriorCovariance | None:
+    """Read the covariance of a camera's interior orientation.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    InteriorCovariance or None
+        The covariance; None where the file has no table [sigma].
+
+    Raises
+    ------
+    InputError
+        A standard deviation that is not positive, or correlations that cannot be, with file and
+        line.
+    """
+    table = read_toml(Path(path), KEYS)
+    if "sigma" not in table.data:
+        return None
+    given = table.table("sigma")
+    names = tuple(name for name in INTERIOR if name in given.data)
+    sigma = np.array([given.number(name) for name in names])
+    for name, value in zip(names, sigma, strict=True):
+        if not value > 0.0:
+            raise given.error(name, f"{value:g}; a standard deviation must be greater than zero")
+    rows = table.value("correlations", list, np.eye(len(names)).tolist())
+    try:
+        rho = np.array(rows, dtype=np.float64)
+        if rho.shape != (len(names),) * 2 or np.abs(rho - rho.T).max(initial=0.0) > 1e-9:
+            raise ValueError
+        return InteriorCovariance(names, rho * sigma * sigma[:, None])
+    except (ValueError, TypeError, InputError):
+        raise table.error(
+            "correlations",
+            f"expected {len(names)} rows of as many numbers, symmetric and positive definite, in"
+            f" the order {', '.join(names)}",
+        ) from None
+
+
 def _positive(table: Table, key: str) -> float:
     value = float(table.number(key, ..., 0.0, LARGEST_PX))
     if value == 0.0:
@@ -83,7 +125,9 @@ def _whole(table: Table, key: str) -> int:
     return int(value)
 
 
-def write_camera_toml(camera: BrownCamera, path: Source) -> None:
+def write_camera_toml(
+    camera: BrownCamera, path: Source, covariance: InteriorCovariance | None = None
+) -> None:
     """Write a camera; its numbers read back bit by bit.
 
     Parameters
@@ -92,6 +136,8 @@ def write_camera_toml(camera: BrownCamera, path: Source) -> None:
         The camera.
     path : path
         The file, written whole or not at all.
+    covariance : InteriorCovariance, optional
+        Of its interior orientation.
 
     Raises
     ------
@@ -109,4 +155,18 @@ def write_camera_toml(camera: BrownCamera, path: Source) -> None:
         *(f"{name} = {camera.of(name)!r}" for name in INTERIOR),
         f"free = {json.dumps(list(camera.free))}",
     ]
+    if covariance is not None and covariance.parameters:
+        sigma = np.sqrt(np.diagonal(covariance.cov))
+        rho = covariance.cov / sigma / sigma[:, None]
+        rho[np.diag_indices(len(sigma))] = 1.0
+        lines = ",\n  ".join(f"[{', '.join(f'{x:.12g}' for x in row)}]" for row in rho)
+        rows += [
+            "# correlations in the order of [sigma]",
+            f"correlations = [\n  {lines},\n]",
+            "[sigma]",
+            *(
+                f"{name} = {float(s)!r}"
+                for name, s in zip(covariance.parameters, sigma, strict=True)
+            ),
+        ]
     atomic_write(path, "\n".join(rows) + "\n")
