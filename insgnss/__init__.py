@@ -9,12 +9,12 @@ Everything that a program needs is a name of `insgnss` itself; rooms may move, t
 Importing the package loads none of them: each is loaded when it is first used.
 
 Run
-    `estimate` (arrays in, result out), `process` (a flight file), `inspect`, `tune`,
-    `calibrate_imu`, `ppk`, `export`, `compare`, `simulate`; the result of the first two is a
-    `ProcessResult`. `relative_control` between images.
+    `estimate` (arrays in, result out), `process` (a flight file), `adjust_block` (an image block
+    with aerial control), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
+    `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
-    `load_flight`, `load_noise_model`, `write_noise_model`.
+    `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`.
 Records
     `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
@@ -64,8 +64,9 @@ if _TYPE_CHECKING:
     from .api.estimation import estimate
     from .api.products import compare, export, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
-    from .api.verbs import calibrate_imu, inspect, process, simulate, tune
+    from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
     from .base.errors import DataError, InputError, InsgnssError, UsageError
+    from .config.block_file import load_block
     from .config.filter_options import FilterOptions, InitialAttitude
     from .config.flight_file import Flight
     from .config.load import load_flight
@@ -107,9 +108,10 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.estimation": ("estimate",),
     "api.products": ("compare", "export", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
-    "api.verbs": ("calibrate_imu", "inspect", "process", "simulate", "tune"),
+    "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
     "config.filter_options": ("FilterOptions", "InitialAttitude"),
     "config.flight_file": ("Flight",),
+    "config.block_file": ("load_block",),
     "config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
@@ -164,6 +166,7 @@ __all__ = [
     "UsageError",
     "WaveletVariance",
     "__version__",
+    "adjust_block",
     "boresight_from_angles",
     "calibrate_imu",
     "compare",
@@ -171,6 +174,7 @@ __all__ = [
     "export",
     "haar_variance",
     "inspect",
+    "load_block",
     "load_flight",
     "load_noise_model",
     "ppk",

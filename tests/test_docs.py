@@ -123,7 +123,7 @@ def test_every_format_has_a_page() -> None:
     others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
     others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
-    others |= {"eo_covariance", "block_file"}
+    others |= {"eo_covariance", "block_file", "adjust_json"}
     others |= {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
     assert pages == formats | others
 

@@ -1,5 +1,5 @@
-"""The verbs of the command line as functions of Python: process, inspect, tune, calibrate_imu,
-simulate.
+"""The verbs of the command line as functions of Python: process, adjust_block, inspect, tune,
+calibrate_imu, simulate.
 """
 
 import os
@@ -12,7 +12,9 @@ from ..base.errors import UsageError, near
 from ..records import ImuSamples, Quantity
 
 if TYPE_CHECKING:
+    from ..block_adjustment.run import AdjustmentResult
     from ..calibrate.result import MultiPosition
+    from ..config.block_file import BlockFile
     from ..config.flight_file import Flight
     from ..inspection.described import FlightInspection
     from ..inspection.run import Inspection
@@ -67,6 +69,40 @@ def process(
 
     flight_file = flight if isinstance(flight, Flight) else load_flight(Path(flight))
     return run(flight_file, None if out is None else Path(out), progress, write)
+
+
+def adjust_block(
+    block: "BlockFile | Source",
+    out: Source | None = None,
+    *,
+    write: bool = True,
+    progress: Progress = _quiet,
+) -> "AdjustmentResult":
+    """Adjust an image block with its aerial control (integrated sensor orientation).
+
+    Parameters
+    ----------
+    block : a block file, the directory that holds block.toml, or what `load_block` gave.
+    out : directory of the products; None: the block file's output.directory.
+    write : whether to write the products; False: they are in the result only.
+    progress : is called with the name of each step.
+
+    Returns
+    -------
+    The result: `figures` (what adjust.json holds), `judgement` (headline, findings, what was
+    determined), `solved` (values and covariances), `files` and `summary()`.
+
+    Raises
+    ------
+    InputError : the block file or an input is wrong, or they do not belong together.
+    DataError : the observations do not determine the unknowns.
+    UsageError : the products cannot be written into `out`.
+    """
+    from ..block_adjustment.run import adjust
+    from ..config.block_file import BlockFile, load_block
+
+    file = block if isinstance(block, BlockFile) else load_block(Path(block))
+    return adjust(file, None if out is None else Path(out), progress, write)
 
 
 def inspect(

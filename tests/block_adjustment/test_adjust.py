@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +63,8 @@ def test_products(flown, adjusted, tmp_path, capsys) -> None:
     document = json.loads((out / "adjust.json").read_text())
     assert document["headline"] == adjusted.judgement.headline
     assert set(document["products"]) == names
+    page = (Path(__file__).parents[2] / "data_specs/adjust_json.md").read_text()
+    assert [key for key in document if f"`{key}" not in page] == []
     f = document["cameras"][0]["parameters"]["f"]
     assert read_camera_toml(out / "camera.toml").of("f") == f["value"]
     page = (out / "adjust.html").read_text()

@@ -245,6 +245,7 @@ def test_every_page_is_tested() -> None:
         "ulog",
         "imu_calibration",
         "noise_model",
+        "adjust_json",  # in test_adjust
         "block_file",
         "flight_file",
         "README",
