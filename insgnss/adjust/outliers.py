@@ -16,6 +16,7 @@ tells of it. Two thirds of the groups of a name stay, and three where nothing el
 What was rejected is in the result.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,7 +104,11 @@ class Cleaned:
 
 
 def without_outliers(
-    problem: Problem, values: Unknowns, limit_w: float = LIMIT_W, scale: float | None = None
+    problem: Problem,
+    values: Unknowns,
+    limit_w: float = LIMIT_W,
+    scale: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Cleaned:
     """Adjust a block and reject gross errors of its image observations and ground control.
 
@@ -117,6 +122,8 @@ def without_outliers(
         Largest standardised residual that is accepted.
     scale : float, optional
         Variance of unit weight for the tests; by default that of the adjustment.
+    progress : callable, optional
+        Is called with the name of each round.
 
     Returns
     -------
@@ -128,9 +135,11 @@ def without_outliers(
     DataError
         As `adjusted`.
     """
-    problem, values, active = _robust(problem, values)
+    problem, values, active = _robust(problem, values, progress)
     whole, left_out = problem, list[tuple[int, float]]()
-    for _ in range(MOST_REJECTIONS):
+    for k in range(MOST_REJECTIONS):
+        gone = int(problem.rays.active.sum() - active.sum())
+        progress(f"tests, round {k + 1}: {gone} image observations rejected")
         result = adjusted(problem.with_active(active), values)
         values = _kept_values(result, values)
         precision = precision_of(result, scale)
@@ -151,13 +160,16 @@ def without_outliers(
     return Cleaned(precision, rejected, rejections)
 
 
-def _robust(problem: Problem, values: Unknowns) -> tuple[Problem, Unknowns, NDArray[np.bool_]]:
+def _robust(
+    problem: Problem, values: Unknowns, progress: Callable[[str], None]
+) -> tuple[Problem, Unknowns, NDArray[np.bool_]]:
     """Adjust with Huber's weights, and return the problem with the values that they lead to, and
     which observations are not far off then.
     """
     given, groups = problem.rays, problem.groups
     active, off_groups = given.active.copy(), np.ones(len(groups))
-    for _ in range(ROBUST_ROUNDS):
+    for k in range(ROBUST_ROUNDS):
+        progress(f"robust adjustment, round {k + 1}")
         result = adjusted(problem.with_active(active), values)
         off, unit = _lengths(result, given)
         values = _kept_values(result, values)

@@ -105,7 +105,7 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     if options.keep_all:
         cleaned = Cleaned(precision_of(adjusted(problem, values)), np.zeros(0, dtype=np.int64))
     else:
-        cleaned = without_outliers(problem, values, options.limit_w)
+        cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
     progress("variance components")
     again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
     steps = cleaned.result.iterations
