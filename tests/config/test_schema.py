@@ -10,6 +10,7 @@ import pytest
 from insgnss.base.errors import InputError, OptionError
 from insgnss.base.wording import spoken_as
 from insgnss.config import document
+from insgnss.config.block_file import BLOCK_TABLES
 from insgnss.config.command_line import add_options, given_of, names_of
 from insgnss.config.flight_file import TABLES
 from insgnss.config.kinds import PLAIN
@@ -20,12 +21,18 @@ from insgnss.config.schema import check, declared, option, options_of
 from insgnss.config.values import READERS
 from insgnss.gnss.quality.covariance import MODEL
 
-PAGE = Path(__file__).parents[2] / "data_specs" / "flight_file.md"
+SPECS = Path(__file__).parents[2] / "data_specs"
+PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"
 READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
 RAW = READY.replace(
     'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
 )
-ALL = [(name, item) for name in TABLES for item in options_of(name, TABLES[name])]
+ALL = [
+    (f"{file}{name}", item, options_of(name, tables[name]))
+    for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))
+    for name in tables
+    for item in options_of(name, tables[name])
+]
 
 
 @pytest.fixture
@@ -41,11 +48,12 @@ def load(tmp_path):
     return write_and_load
 
 
-def test_the_page_is_rendered_from_the_schema():
-    """Oracle: the page itself; `python -m insgnss.config.document` brings it up to date."""
-    page = PAGE.read_text(encoding="utf-8")
-    assert document.rendered(page) == page, "run python -m insgnss.config.document"
-    assert all(f"<!-- rendered: {part} -->" in page for part in document.PARTS)
+def test_the_pages_are_rendered_from_the_schema():
+    """Oracle: the pages themselves; `python -m insgnss.config.document` brings them up to date."""
+    pages = [path.read_text(encoding="utf-8") for path in (PAGE, BLOCK_PAGE)]
+    for page in pages:
+        assert document.rendered(page) == page, "run python -m insgnss.config.document"
+    assert all(f"<!-- rendered: {part} -->" in "".join(pages) for part in document.PARTS)
 
 
 def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
@@ -59,8 +67,12 @@ def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
 
 
-@pytest.mark.parametrize(("table", "item"), ALL, ids=[f"{name}.{item.name}" for name, item in ALL])
-def test_every_option_is_whole(table, item):
+@pytest.mark.parametrize(
+    ("item", "others"),
+    [(item, others) for _, item, others in ALL],
+    ids=[f"{name}.{item.name}" for name, item, _ in ALL],
+)
+def test_every_option_is_whole(item, others):
     """Oracle: the house rule: a meaning, a reader, a range the default lies in, no name twice."""
     assert len(item.option.meaning) > 5
     assert item.kind in READERS or item.kind == "tables"
@@ -69,7 +81,6 @@ def test_every_option_is_whole(table, item):
         assert item.option.low <= item.default <= item.option.high
     if item.choices and isinstance(item.default, str) and item.kind != "letters":
         assert item.default in item.choices
-    others = options_of(table, TABLES[table])
     names = [name for other in others for name in (other.name, *other.option.retired)]
     assert names.count(item.name) == 1
     assert document.value_words(item)
@@ -78,7 +89,7 @@ def test_every_option_is_whole(table, item):
 
 def test_every_reader_is_used():
     """Oracle: the declarations."""
-    assert set(READERS) == {item.kind for _, item in ALL} - {"tables"}
+    assert set(READERS) == {item.kind for _, item, _ in ALL} - {"tables"}
     assert set(PLAIN) < set(READERS)
 
 
