@@ -131,6 +131,7 @@ def test_a_wrong_delay_is_named_and_estimated(flown, tmp_path) -> None:
     assert (np.abs(off) < 4.0 * np.array(found["sigma"]) + 1e-5).all()
 
 
+@pytest.mark.slow
 def test_the_mounting_is_what_process_takes(flown, tmp_path) -> None:
     """Oracle: the bore-sight of the simulation, which a wrong one in the flight file hides."""
     own = flown.copied(tmp_path / "flight")

@@ -32,6 +32,7 @@ def test_precision_is_that_of_the_measured_block(plan, adjusted) -> None:
     assert got["mounting"]["bore-sight"]["sigma"] == pytest.approx(boresight, rel=0.3)
 
 
+@pytest.mark.slow
 def test_a_control_point_is_tried_where_points_are_worst(flown, tmp_path, capsys) -> None:
     """Oracle: the same block with a point of the survey there, by its own plan."""
     root = flown.directory
