@@ -270,7 +270,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
         yield Limit(
             "correlation",
             0.3,
-            f"{pair['first']} and {pair['second']} are hardly told apart (correlation"
+            f"unknowns {pair['first']} and {pair['second']} are hardly told apart (correlation"
             f" {pair['correlation']:+.3f})",
             pair["remedy"],
         )
