@@ -2,8 +2,9 @@
 
 One group is a flight line with the covariance of all its poses (`adjust.aerial`). What all lines
 share, such as the tilt by a bias of the accelerometers, are unknowns of unit covariance, and each
-line is weighed by the covariance of the rest. Where the dense covariance of the smoother is not there, that of neighbours is chained, which forgets what biases
-have in common over a line, or each image stands alone; the block file says which.
+line is weighed by the covariance of the rest. Where the dense covariance of the smoother is not
+there, that of neighbours is chained, which forgets what biases have in common over a line, or each
+image stands alone; the block file says which.
 """
 
 from collections.abc import Iterator
