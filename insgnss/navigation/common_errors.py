@@ -13,9 +13,10 @@ for any choice of nodes. The choice decides what rest of different flight lines 
 Constants have one node. Other states with correlation times above `SLOW` have nodes half of it
 apart, a random walk every `WALK_S`. Of ign8 (434 images in 26 lines, 35 min) rest between lines is
 below 0.0001 of the sigmas in the median and 0.31 at most (headings of lines that one turn
-separates; tilts 0.12, positions 0.04); the sigma of the mean tilt comes out 0.99 to 1.00 of the exact one, with constants alone 0.76 to
-0.80, of independent lines 0.26 to 0.36. The mean position of a corridor whose fixes have errors of
-300 s: 1.00, with constants alone and of independent lines 0.66.
+separates; tilts 0.12, positions 0.04). The sigma of the mean tilt comes out 0.99 to 1.00 of the
+exact one, of the mean heading 1.11; with constants alone the tilt 0.76 to 0.80, of independent
+lines 0.26 to 0.36. The mean position of a corridor whose fixes have errors of 300 s: 1.00, with
+constants alone and of independent lines 0.66.
 
 What epochs share that no state describes (`SharedError`) is common to them in the same sense.
 """
