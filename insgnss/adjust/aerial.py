@@ -5,8 +5,8 @@ the trajectory and the camera are blocks of unknowns that any number of groups m
 be left out. An image is exposed at its stamp + d; velocity v and rate omega are those of the camera
 in the axes of the block:
 
-    X_o = X + C l - v d + s + (t - t_m) r                                                     (J.8)
-    C_o = exp([-omega d x]) C E^T                                                             (J.9)
+    X_o = X + C l - v d + s + (t - t_m) r - A_X c                                             (J.8)
+    C_o = exp([-A_psi c x]) exp([-omega d x]) C E^T                                           (J.9)
 
     X_o, C_o   observed position and attitude, that of a camera of nominal bore-sight
     l          "lever arm": from the projection centre to the point that is observed, in the axes of
@@ -16,14 +16,17 @@ in the axes of the block:
                applied, as in eo.json
     d          "time offset", s
     s, r       "shift" (m) and "drift" (m/s) of the strip; t_m is the mean of its stamps
+    c          "common errors of the trajectory", of unit covariance, which groups share; A of each
+               image makes position and psi of them. The weight is that of the rest
 
-Errors of the trajectory are the usual ones, C_o(true) = exp([psi x]) C_o. With R = C_o E C^T
-exp([omega d x]), e = log R and J_r the right Jacobian of the rotation group
+Errors of the trajectory are the usual ones, X_o(true) = X_o + A_X c + rest and C_o(true) =
+exp([psi x]) C_o with psi = A_psi c + rest. With R = C_o E C^T exp([omega d x]), r = log R and J_r
+the right Jacobian of the rotation group, the rest (its sign changed) is
 
-    e(psi, beta, d) = log R - J_r^-1(e) exp([-omega d x]) psi + J_r^-1(-e) C_o beta
-                            + J_r^-1(e) omega dd                                             (J.10)
+    e(psi, beta, d, c) = r + A_psi c - J_r^-1(r) exp([-omega d x]) psi + J_r^-1(-r) C_o beta
+                           + J_r^-1(r) omega dd + A_psi dc                                   (J.10)
 
-where the corrections are those of C (psi on its left), E (beta on its left) and d.
+where the corrections are those of C (psi on its left), E (beta on its left), d and c.
 """
 
 from collections.abc import Mapping
@@ -39,8 +42,8 @@ from .groups import inverse_right_jacobian
 from .unknowns import POSE, Key, Unknowns
 
 LEVER_ARM, BORESIGHT, TIME_OFFSET = "lever arm", "bore-sight", "time offset"
-SHIFT, DRIFT = "shift", "drift"
-PARAMETERS = (LEVER_ARM, BORESIGHT, TIME_OFFSET, SHIFT, DRIFT)
+SHIFT, DRIFT, COMMON = "shift", "drift", "common errors of the trajectory"
+PARAMETERS = (LEVER_ARM, BORESIGHT, TIME_OFFSET, SHIFT, DRIFT, COMMON)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,8 @@ class AerialControl:
         Row of the block that stands for each of `PARAMETERS`; those that are missing are zero.
     name : str
         Name of the variance component.
+    common : ndarray, (n, 6, q), optional
+        A: position (m) and psi (rad) by each of the common errors, where they are a parameter.
 
     Raises
     ------
@@ -82,6 +87,7 @@ class AerialControl:
     rate: Array
     parameters: Mapping[str, int] = field(default_factory=dict)
     name: str = "aerial control"
+    common: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.images)
@@ -99,6 +105,13 @@ class AerialControl:
             raise InputError(
                 f"AerialControl.parameters: {', '.join(sorted(unknown))} is none of"
                 f" {', '.join(PARAMETERS)}"
+            )
+
+        got = None if self.common is None else self.common.shape[:-1]
+        if (COMMON in self.parameters) != (got is not None) or got not in (None, (n, 6)):
+            raise InputError(
+                f"AerialControl.common: shape {got} + (q,), expected {(n, 6)} + (q,) where"
+                f" {COMMON} are a parameter, else none"
             )
 
     @property
@@ -130,7 +143,7 @@ class AerialControl:
         # of each image: observed - computed, and derivatives by its pose and by the parameters
         computed, own = values.position[images], np.zeros((n, m, 6))
         own[:, :3, :3] = np.eye(3)
-        of: dict[str, Array] = {p: np.zeros((n, m, _size(p))) for p in value}
+        of = {p: np.zeros((n, m, _size(v))) for p, v in value.items()}
         if LEVER_ARM in value:
             arm = C @ value[LEVER_ARM]
             computed = computed + arm
@@ -149,7 +162,10 @@ class AerialControl:
         if m == 6:
             psi = self._attitude(C, value, own, of)
             e = np.hstack([e, psi])
-        J = np.zeros((n, m, 6 * n + sum(_size(p) for p in value)))
+        if self.common is not None:
+            e += self.common[:, :m] @ value[COMMON]
+            of[COMMON][:] = -self.common[:, :m]
+        J = np.zeros((n, m, 6 * n + sum(_size(v) for v in value.values())))
         for k in range(n):
             J[k, :, 6 * k : 6 * k + 6] = own[k]
         if value:
@@ -176,8 +192,8 @@ class AerialControl:
         return psi
 
 
-def _size(parameter: str) -> int:
-    return 1 if parameter == TIME_OFFSET else 3
+def _size(value: Array) -> int:
+    return 3 if value.ndim == 2 else value.size
 
 
 @dataclass(frozen=True, eq=False)

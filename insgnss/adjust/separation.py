@@ -17,6 +17,7 @@ import numpy as np
 
 from ..records.block import INTERIOR
 from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from .aerial import COMMON as COMMON_ERRORS
 from .normals import unknown_name
 from .precision import COMMON, TOO_CORRELATED, Precision
 from .unknowns import CAMERA, POINT, POSE
@@ -123,7 +124,7 @@ def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[In
     layout, block = problem.layout, problem.block
     columns, names, kinds, owners = [], [], [], []
     for column, (name, row) in enumerate(layout.names()):
-        if name in (POSE, POINT) or layout.held[column]:
+        if name in (POSE, POINT, COMMON_ERRORS) or layout.held[column]:
             continue
         position = column - int(layout.of((name, row))[0][0])
         columns.append(column)

@@ -1,8 +1,10 @@
 """Aerial control: poses of an orientation as observation groups, with mounting and flight lines.
 
-One group is a flight line with the covariance of all its poses (`adjust.aerial`). Where the dense
-covariance of the smoother is not there, that of neighbours is chained, which forgets what biases
-have in common over a line, or each image stands alone; the block file says which.
+One group is a flight line with the covariance of all its poses (`adjust.aerial`). What all lines
+share, such as the tilt by a bias of the accelerometers, are unknowns of unit covariance, and each
+line is weighed by the covariance of the rest. Where the dense covariance of the smoother is not
+there, that of neighbours is chained, which forgets what biases have in common over a line, or each
+image stands alone; the block file says which.
 """
 
 from collections.abc import Iterator
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..adjust.aerial import (
     BORESIGHT,
+    COMMON,
     DRIFT,
     LEVER_ARM,
     SHIFT,
@@ -27,7 +30,7 @@ from ..adjust.groups import ObservationGroup, weight_of
 from ..adjust.unknowns import Key
 from ..base.errors import InputError
 from ..config.block_file import AerialControlTable
-from ..formats.orientation.eo_covariance import FILE, read_eo_covariance
+from ..formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ..orient.relative import line_pairs
 from ..records import ExteriorOrientation
 from ..records.block import Array
@@ -87,6 +90,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     own = inputs.eo_row >= 0
     image_of[inputs.eo_row[own]] = np.flatnonzero(own)
     kind, pieces = _pieces(eo, options)
+    common = read_common_errors(_beside(options), eo) if kind == "strip" else None
     zeros = np.zeros((len(eo), 3))
     if options.time_offset_sigma_s > 0.0 and (eo.velocity_mps is None or eo.rate_radps is None):
         raise InputError.at_line(
@@ -109,7 +113,15 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
             continue
         rows = rows[seen]
         columns = (6 * seen[:, None] + np.arange(6)).ravel()
-        parameters = dict.fromkeys(shared, 0)
+        cov = cov[np.ix_(columns, columns)]
+        parameters, factor = dict.fromkeys(shared, 0), None
+        if common is not None and common.factor[rows].any():
+            segment, factor = int(common.segment[rows[0]]), common.factor[rows]
+            parameters[COMMON], cov = segment, common.rest(rows, cov)
+            if (COMMON, segment) not in blocks:
+                blocks[COMMON, segment] = np.zeros(factor.shape[2])
+                one = np.eye(factor.shape[2])
+                groups.append(ParameterObservation((COMMON, segment), 0.0 * one[0], one, COMMON))
         for name, sigma in ((SHIFT, options.shift_sigma_m), (DRIFT, options.drift_sigma_mps)):
             if sigma is not None and not (name == DRIFT and rows.size < 2):
                 key = (name, len(lines))
@@ -122,11 +134,12 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
                 tuple(int(i) for i in image_of[rows]),
                 eo.position_m[rows],
                 eo.C_mc[rows],
-                weight_of(cov[np.ix_(columns, columns)], who),
+                weight_of(cov, who),
                 eo.time[rows],
                 velocity[rows],
                 rate[rows],
                 parameters,
+                common=factor,
             )
         )
         lines.append(image_of[rows])
@@ -149,11 +162,15 @@ def _prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
     return ParameterObservation(key, value, np.diag(1.0 / sigma**2), MOUNTING)
 
 
+def _beside(options: AerialControlTable) -> Path:
+    return Path(options.file or ".").parent / FILE
+
+
 def _pieces(
     eo: ExteriorOrientation, options: AerialControlTable
 ) -> tuple[str, Iterator[tuple[Rows, Array]]]:
     """Return which covariances weigh the poses, and rows with their covariance, line by line."""
-    beside = Path(options.file or ".").parent / FILE
+    beside = _beside(options)
     kind: Any = options.covariance
     if kind == "auto":
         kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
+from ..navigation.common_errors import common_errors, nodes_of
 from ..navigation.dense import dense_trajectory
 from ..navigation.event_clock import event_derivatives, receiver_events
 from ..navigation.solution import trajectory
@@ -15,7 +17,7 @@ from ..orient.exterior import exterior_orientation, pose_derivatives
 from ..orient.strips import strip_rows
 from ..prepare.clock import take_events
 from ..records import Array, ExteriorOrientation, GnssFixes, Trajectory
-from ..records.strips import StripCovariance
+from ..records.strips import CommonErrors, StripCovariance
 from .checks import refuse_unobservable
 from .estimation_problem import EPOCH_HZ
 from .recording import Recording
@@ -102,8 +104,8 @@ def orient_images(
 
 def strip_covariances(
     flight: Flight, recording: Recording, segments: Sequence[Segment], eo: ExteriorOrientation
-) -> tuple[tuple[StripCovariance, ...], str]:
-    """Return the covariance of all poses of each flight line.
+) -> tuple[tuple[StripCovariance, ...], CommonErrors, str]:
+    """Return the covariance of all poses of each flight line, and what errors the lines share.
 
     Parameters
     ----------
@@ -121,6 +123,8 @@ def strip_covariances(
     strips : tuple of StripCovariance
         The strips; one whose covariance is not positive definite within the digits of the filter's,
         as in an outage of minutes, is left out.
+    common : CommonErrors
+        The errors that the lines share; none of images whose rest is not positive definite.
     note : str
         What was done, in a sentence.
     """
@@ -129,24 +133,29 @@ def strip_covariances(
     with_images = [segment for segment in segments if segment.at_event.size]
     sizes = [segment.at_event.size for segment in with_images]
     begin, own = np.cumsum([0, *sizes]), np.repeat(np.arange(len(sizes)), sizes)
-    derivatives: dict[int, Array] = {}
+    chains, derivatives = [], []
+    for segment in with_images:
+        assert segment.solution.chain is not None, "the problem was solved without it"
+        chains.append(segment.solution.chain)
+        J = pose_derivatives(_exposed(recording, segment), flight.mounting, plane)
+        derivatives.append(J @ event_derivatives(segment.solution, of_receiver))
     wanted = strip_rows(eo, own)
     strips: list[StripCovariance] = []
     for rows in wanted:
         k = int(own[rows[0]])
-        chain = with_images[k].solution.chain
-        assert chain is not None, "the problem was solved without it"
-        if k not in derivatives:
-            J = pose_derivatives(_exposed(recording, with_images[k]), flight.mounting, plane)
-            derivatives[k] = J @ event_derivatives(with_images[k].solution, of_receiver)
         first = int(rows[0] - begin[k])
-        cov = chain.covariance(first, derivatives[k][first : first + rows.size])
+        cov = chains[k].covariance(first, derivatives[k][first : first + rows.size])
         for a, row in enumerate(rows):
             cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
         if not _positive_definite(cov):
             cov[np.diag_indices_from(cov)] *= 1.0 + ROUNDING
         if _positive_definite(cov):
             strips.append(StripCovariance(rows, cov))
+    factors = [
+        common_errors(chain, *_nodes(segment), T)
+        for chain, segment, T in zip(chains, with_images, derivatives, strict=True)
+    ]
+    common = _common(own, factors, eo, strips)
     images = sum(strip.rows.size for strip in strips)
     left_out = len(wanted) - len(strips)
     note = (
@@ -154,7 +163,37 @@ def strip_covariances(
         f" most {max((strip.rows.size for strip in strips), default=0)} in one"
     )
     note += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
-    return tuple(strips), note
+    return tuple(strips), common, note
+
+
+def _nodes(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return event and state of what the lines of a segment share."""
+    problem = segment.solution.problem
+    return nodes_of(problem.layout, problem.epochs.time[segment.solution.event_epochs])
+
+
+def _common(
+    own: NDArray[np.int64],
+    factors: Sequence[Array],
+    eo: ExteriorOrientation,
+    strips: Sequence[StripCovariance],
+) -> CommonErrors:
+    """Join the segments; a strip, or an image in none, that leaves no positive definite rest shares
+    nothing.
+    """
+    factor = np.zeros((len(eo), 6, max((A.shape[2] for A in factors), default=0)))
+    for k, A in enumerate(factors):
+        factor[own == k, :, : A.shape[2]] = A
+    shared, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
+    together = [(strip.rows, strip.cov) for strip in strips]
+    for rows, _ in together:
+        single[rows] = False
+    together += [(np.array([row]), eo.cov[row]) for row in np.flatnonzero(single)]
+    kept = factor.copy()
+    for rows, cov in together:
+        if not _positive_definite(shared.rest(rows, cov)):
+            kept[rows] = 0.0
+    return CommonErrors(own, kept)
 
 
 def _positive_definite(cov: Array) -> bool:

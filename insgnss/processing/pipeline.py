@@ -28,7 +28,7 @@ from ..records import (
     StateVerdict,
     Trajectory,
 )
-from ..records.strips import StripCovariance
+from ..records.strips import CommonErrors, StripCovariance
 from ..report.summary import run_summary
 from .checks import (
     check_heading,
@@ -71,6 +71,8 @@ class ProcessResult:
         What the report shows: filter and smoothed sigmas, innovations, biases.
     strips : tuple of StripCovariance
         The covariance of all poses of each flight line, where the flight file asks for it.
+    common : CommonErrors or None
+        The errors that all flight lines share, beside `strips`.
     """
 
     report: dict[str, Any]
@@ -79,6 +81,7 @@ class ProcessResult:
     trajectory: Trajectory
     diagnostics: Diagnostics
     strips: tuple[StripCovariance, ...] = ()
+    common: CommonErrors | None = None
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -163,10 +166,11 @@ def process(
     history = run_history(flight, recording, segments, checks)
     eo = orient_images(flight, recording, segments, history)
     strips: tuple[StripCovariance, ...] = ()
+    common: CommonErrors | None = None
     if eo is None:
         refuse_unobservable(flight, sampled)
     elif flight.output.strip_covariance:
-        strips, note = strip_covariances(flight, recording, segments, eo)
+        strips, common, note = strip_covariances(flight, recording, segments, eo)
         history = (*history, note)
         eo = replace(eo, history=history)
 
@@ -177,10 +181,10 @@ def process(
     files: tuple[Path, ...] = ()
     if directory is not None:
         clock.step("write")
-        result = RunResult(eo, trajectory, report, diagnostics, strips)
+        result = RunResult(eo, trajectory, report, diagnostics, strips, common)
         files = write_products(flight, directory, result, recording)
     clock.step("")
-    return ProcessResult(report, files, eo, trajectory, diagnostics, strips)
+    return ProcessResult(report, files, eo, trajectory, diagnostics, strips, common)
 
 
 def _solve(

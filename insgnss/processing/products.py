@@ -19,7 +19,7 @@ from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
 from ..records.framed import PROJECTED
-from ..records.strips import StripCovariance
+from ..records.strips import CommonErrors, StripCovariance
 from ..stochastic.model import NoiseModel
 from .checks import sentence
 from .input_files import input_files
@@ -60,6 +60,8 @@ class RunResult:
     strips : tuple of StripCovariance
         The covariance of all poses of each flight line; where there is none no file of them is
         written.
+    common : CommonErrors or None
+        The errors that all flight lines share.
     """
 
     eo: ExteriorOrientation | None
@@ -67,6 +69,7 @@ class RunResult:
     report: dict[str, Any]
     diagnostics: Diagnostics
     strips: tuple[StripCovariance, ...] = ()
+    common: CommonErrors | None = None
 
 
 def output_directory(flight: Flight, out: Path | None) -> Path:
@@ -170,7 +173,7 @@ def write_products(
             exports = [_export(flight, eo, name, directory, recording.noise) for name in names]
             report["exports"] = exports
         if eo is not None and result.strips:
-            write_eo_covariance(eo, result.strips, directory / STRIPS)
+            write_eo_covariance(eo, result.strips, directory / STRIPS, result.common)
         if ppk is not None:
             staged.append(stack.enter_context(Staging(ppk_directory(Path(out)))))
             notes = _write_solution(flight, recording, ppk, eo, staged[1].directory)

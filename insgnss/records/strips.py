@@ -1,4 +1,4 @@
-"""The covariance of all poses of a strip at once."""
+"""The covariance of all poses of a strip at once, and what strips have in common."""
 
 from dataclasses import dataclass
 
@@ -40,3 +40,50 @@ class StripCovariance:
         """(m, m, 6, 6) covariance of image a with image b."""
         m = self.rows.size
         return np.asarray(self.cov.reshape(m, 6, m, 6).transpose(0, 2, 1, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class CommonErrors:
+    """Errors of poses that all strips of a segment share.
+
+    The error of image k is factor_k c + rest_k, with c of unit covariance, one of each segment.
+    Rests of different strips are independent, or nearly so; of one strip they have the covariance
+    of the strip less factor_j factor_k^T.
+
+    Parameters
+    ----------
+    segment : (n,) number of the segment of each image, from 0.
+    factor : (n, 6, q) position (m) and psi (rad) by each of the q errors, in the axes of
+        `ExteriorOrientation.cov`; zero beyond the number of a segment's errors.
+
+    Raises
+    ------
+    InputError : shapes that differ, or values that are not finite.
+    """
+
+    segment: NDArray[np.int64]
+    factor: Array
+
+    def __post_init__(self) -> None:
+        segment = np.array(self.segment, dtype=np.int64)
+        if segment.ndim != 1 or (segment < 0).any() or np.ndim(self.factor) != 3:
+            raise InputError("CommonErrors: one segment, from 0, and 6 x q values of each image")
+        segment.setflags(write=False)
+        object.__setattr__(self, "segment", segment)
+        frozen(self, "factor", (segment.size, 6, self.factor.shape[2]))
+
+    def rest(self, rows: NDArray[np.int64], cov: Array) -> Array:
+        """Return the covariance of the rest of images of one segment.
+
+        Parameters
+        ----------
+        rows : (m,) rows of the images.
+        cov : (6 m, 6 m) covariance of their errors.
+
+        Returns
+        -------
+        Array
+            (6 m, 6 m).
+        """
+        A = self.factor[rows].reshape(6 * rows.size, -1)
+        return np.asarray(cov - A @ A.T)

@@ -10,6 +10,7 @@ from simulated_blocks import camera, simulated
 from insgnss.adjust.adjustment import adjusted
 from insgnss.adjust.aerial import (
     BORESIGHT,
+    COMMON,
     DRIFT,
     LEVER_ARM,
     PARAMETERS,
@@ -97,16 +98,35 @@ def small():
     return made, blocks, groups
 
 
+SHARED = np.zeros((8, 6, 2))
+"""A tilt of the body, of strips with opposite headings; a shift with a turn of the heading."""
+SHARED[:, 3, 0] = np.repeat([5e-4, -5e-4], 4)
+SHARED[:, 4, 0] = np.repeat([3e-4, -3e-4], 4)
+SHARED[:, :3, 1] = [0.03, -0.02, 0.01]
+SHARED[:, 5, 1] = 1e-4
+
+
+def with_common(groups, blocks):
+    """The same with common errors of the two strips."""
+    halves = SHARED.reshape(2, 4, 6, 2)
+    groups = [
+        replace(g, parameters={**g.parameters, COMMON: 0}, common=A)
+        for g, A in zip(groups, halves, strict=True)
+    ]
+    return groups, blocks | {(COMMON, 0): np.array([0.7, -1.2])}
+
+
 def test_derivatives(small) -> None:
     """Oracle: central differences through `Unknowns.moved`, far from the observed poses."""
     made, blocks, groups = small
+    groups, blocks = with_common(groups, blocks)
     problem = problem_of(made.block, groups, blocks)
     turned = rotation_from_vector(np.array([0.2, -0.3, 0.4])) @ made.truth.C_mc
     values = replace(made.truth, blocks=blocks, C_mc=turned)
     group = groups[1]
     _, J = group.linearised(values)
     columns = np.concatenate([problem.layout.of(key)[0] for key in group.keys])
-    assert len(columns) == J.shape[1] == 24 + 13
+    assert len(columns) == J.shape[1] == 24 + 13 + 2
     dp = np.zeros_like(values.point)
     for k, column in enumerate(columns):
         step = 1e-6 * np.eye(problem.layout.size)[column]
@@ -126,6 +146,55 @@ def test_positions_alone(small) -> None:
     rows = np.arange(24).reshape(4, 6)[:, :3].ravel()
     assert got_e.tolist() == e[rows].tolist()
     assert got_J.tolist() == J[rows].tolist()
+
+
+def test_common_errors_are_the_covariance_between_strips(small) -> None:
+    """Oracle: both strips as one group whose covariance has A A^T between them: the same poses,
+    bore-sight and covariances; of independent strips the sigma of the bore-sight is too small.
+    """
+    made, blocks, _ = small
+    rest = strip_covariance(4)
+    whole = np.kron(np.eye(2), rest) + SHARED.reshape(48, 2) @ SHARED.reshape(48, 2).T
+    mounting = {(BORESIGHT, 0): np.eye(3)}
+    keys = [(BORESIGHT, 0), ("pose", 0), ("pose", 7)]
+
+    def solution(observations, values):
+        problem = problem_of(made.block, observations, values)
+        result = adjusted(problem, replace(made.truth, blocks=values))
+        return result.values, precision_of(result, 1.0).cov(*keys)
+
+    n = np.arange(8)
+    X = made.truth.position
+    rng = np.random.default_rng(5)
+    C = made.truth.C_mc @ blocks[(BORESIGHT, 0)].T
+    e = SHARED @ np.array([1.0, -0.5]) + (
+        np.kron(np.eye(2), lower_factor(rest)) @ rng.normal(size=48)
+    ).reshape(8, 6)
+    X, C = X - e[:, :3], rotation_from_vector(-e[:, 3:]) @ C
+    still = np.zeros((8, 3))
+
+    def strip(rows, cov, parameters, common=None):
+        place = tuple(int(i) for i in rows), X[rows], C[rows], weight_of(cov, "strip")
+        motion = 2.0 * rows, still[rows], still[rows]
+        return AerialControl(*place, *motion, parameters, common=common)
+
+    one, P_one = solution([strip(n, whole, {BORESIGHT: 0})], mounting)
+    both = {BORESIGHT: 0, COMMON: 0}
+    strips = [strip(rows, rest, both, SHARED[rows]) for rows in (n[:4], n[4:])]
+    prior = ParameterObservation((COMMON, 0), np.zeros(2), np.eye(2), COMMON)
+    two, P_two = solution([*strips, prior], mounting | {(COMMON, 0): np.zeros(2)})
+    sigma = np.sqrt(np.diag(P_one))
+    assert np.abs((P_two - P_one) / np.outer(sigma, sigma)).max() < 1e-6
+    psi = vector_from_rotation(one.blocks[keys[0]] @ two.blocks[keys[0]].T)
+    assert np.abs(psi / sigma[:3]).max() < 1e-4
+    assert np.abs((one.position[7] - two.position[7]) / sigma[9:12]).max() < 1e-4
+    part = [np.ix_(np.r_[k : k + 24], np.r_[k : k + 24]) for k in (0, 24)]
+    alone = [
+        strip(rows, whole[own], {BORESIGHT: 0})
+        for rows, own in zip((n[:4], n[4:]), part, strict=True)
+    ]
+    _, P_alone = solution(alone, mounting)
+    assert np.sqrt(np.diag(P_alone) / np.diag(P_one))[:2].max() < 0.9
 
 
 @pytest.mark.slow
@@ -187,7 +256,11 @@ def test_a_parameter_that_is_none_is_refused(small) -> None:
         replace(small[2][0], parameters={"tilt": 0})
     with pytest.raises(InputError, match="weight: shape"):
         replace(small[2][0], weight=np.eye(5))
-    assert len(PARAMETERS) == 5
+    assert len(PARAMETERS) == 6
+    with pytest.raises(InputError, match="common: shape None"):
+        replace(small[2][0], parameters={COMMON: 0})
+    with pytest.raises(InputError, match=r"common: shape \(3, 6\)"):
+        replace(small[2][0], parameters={COMMON: 0}, common=np.zeros((3, 6, 2)))
 
 
 def test_covariance_of_a_chain() -> None:

@@ -9,9 +9,13 @@ import pytest
 from format_pages import on_page
 
 from insgnss.base.errors import InputError
-from insgnss.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance
+from insgnss.formats.orientation.eo_covariance import (
+    read_common_errors,
+    read_eo_covariance,
+    write_eo_covariance,
+)
 from insgnss.records import ExteriorOrientation
-from insgnss.records.strips import StripCovariance
+from insgnss.records.strips import CommonErrors, StripCovariance
 
 N = 9
 STRIPS = (np.arange(1, 5), np.arange(5, 8))  # images 0 and 8 are in none
@@ -77,6 +81,42 @@ def test_a_choice_of_images_has_its_blocks(written) -> None:
     np.testing.assert_array_equal(first.blocks[1, 1], given[0].blocks[1, 1])
     np.testing.assert_array_equal(second.cov, given[1].blocks[1, 1])
     assert read_eo_covariance(path, eo[[0, 8]]) == ()
+
+
+def test_common_errors_are_read_by_name_where_the_file_has_them(written, tmp_path: Path) -> None:
+    """Oracle: the record, bit by bit; None of a file of before; the page's array on the file."""
+    eo, given, path = written
+    assert read_common_errors(path, eo) is None
+    factor = np.full((N, 6, 2), 1e-6) * (1.0 + np.arange(N))[:, None, None]
+    factor[5:, :, 1] = 0.0
+    segment = np.repeat([0, 1], [5, 4])
+    write_eo_covariance(eo, given, path, CommonErrors(segment, factor))
+    found = read_common_errors(path, eo)
+    np.testing.assert_array_equal(found.factor, factor)
+    np.testing.assert_array_equal(found.segment, segment)
+    assert len(read_eo_covariance(path, eo)) == 2
+    part = read_common_errors(path, eo[["4.tif", "2.tif", "6.tif"]])
+    np.testing.assert_array_equal(part.factor, factor[[4, 2, 6]])
+    assert part.segment.tolist() == [0, 0, 1]
+    rows = np.array([0, 1])
+    A = part.factor[:2].reshape(12, 2)
+    np.testing.assert_allclose(part.rest(rows, np.eye(12)), np.eye(12) - A @ A.T, rtol=1e-15)
+    with np.load(path) as file:
+        content = {name: file[name] for name in file.files}
+    assert content["common"].shape == (N, 6, 2)
+    large = factor.copy()
+    large[3, 0, 0] = 1.01 * np.sqrt(eo.cov[3, 0, 0])
+    for change, message in (
+        ({"common": factor[:3]}, r"common: shape \(3, 6, 2\) of 9 images"),
+        ({"common": large}, r"what image 3\.tif shares with others exceeds its cov6"),
+        ({"common": factor * np.nan}, "is not finite"),
+        ({"segment": segment - 1}, "one segment, from 0"),
+        ({"segment": None}, "no segment; process the flight again"),
+    ):
+        other = {k: v for k, v in (content | change).items() if v is not None}
+        np.savez(tmp_path / "other.npz", **other)
+        with pytest.raises(InputError, match=message):
+            read_common_errors(tmp_path / "other.npz", eo)
 
 
 def test_a_file_of_another_run_is_refused(written) -> None:

@@ -14,8 +14,9 @@ import pytest
 from flown import NO_GATE, fly, start_near
 
 from insgnss.navigation.codes import N_KINDS, N_NAV, NHC, ZUPT
+from insgnss.navigation.common_errors import common_errors, nodes_of
 from insgnss.navigation.error_model import linearise_interval
-from insgnss.navigation.event_chain import EventChain
+from insgnss.navigation.event_chain import EventChain, SharedError
 from insgnss.navigation.filter import BLOCK_S, make_history, run_filter
 from insgnss.navigation.kernels.measurements import measured_triple
 from insgnss.navigation.kernels.records import make_triple
@@ -243,6 +244,83 @@ def test_covariance_of_all_events_is_the_batch_solutions(case, in_one):
     assert np.linalg.eigvalsh(normal.transpose(0, 2, 1, 3).reshape(18, 18)).min() > RELATIVE
     chained = blocks[0, 1] @ np.linalg.solve(blocks[1, 1], blocks[1, 2])
     assert np.abs((chained - blocks[0, 2]) / scale[0, 2]).max() > 0.05
+
+
+def joint(in_one, events, T, event, state):
+    """Covariances of the batch: of poses and nodes, and of nodes."""
+    k, d, n = T.shape
+    of_nodes = np.eye(n)[state]
+    cross = np.zeros((k, d, event.size))
+    cov = np.zeros((event.size, event.size))
+    for c, e in enumerate(event):
+        for a in range(k):
+            cross[a, :, c] = T[a] @ in_one.covariance(events[a], events[e]) @ of_nodes[c]
+        for other, f in enumerate(event):
+            cov[other, c] = of_nodes[other] @ in_one.covariance(events[f], events[e]) @ of_nodes[c]
+    return cross.reshape(k * d, -1), cov
+
+
+def test_common_errors_explain_what_the_batch_says(case, in_one):
+    """Oracle: (B.9) from the batch covariance of poses and nodes. With the states of the first and
+    the last event and constants in the middle what is explained is cov(y, c) cov(c)^-1 cov(c, y);
+    given all states of one event nothing is left between those before and after it.
+    """
+    k, n = case.events.size, case.problem.layout.size
+    T = np.tile(np.eye(9, n)[[0, 1, 2, 6, 7, 8]], (k, 1, 1))
+    sigma = np.sqrt(
+        np.concatenate(
+            [
+                np.diag(t @ in_one.covariance(e, e) @ t.T)
+                for t, e in zip(T, case.events, strict=True)
+            ]
+        )
+    )
+    event, state = np.array([0, 0, 2, 2, 5]), np.array([9, 10, 0, 12, n - 1])
+    found = common_errors(case.chain, event, state, T).reshape(6 * k, -1)
+    cross, cov = joint(in_one, case.events, T, event, state)
+    expected = cross @ np.linalg.solve(cov, cross.T)
+    assert np.abs((found @ found.T - expected) / np.outer(sigma, sigma)).max() < RELATIVE
+    assert np.abs(expected / np.outer(sigma, sigma)).max() > 0.5
+    event, state = np.full(n, 2), np.arange(n)
+    found = common_errors(case.chain, event, state, T).reshape(6 * k, -1)
+    rest = (case.chain.covariance(0, T) - found @ found.T) / np.outer(sigma, sigma)
+    assert np.abs(rest[:12, 18:]).max() < 1e-6  # digits of 30 states, some known by sums alone
+    assert np.abs(rest[:12, :12]).max() > 1e-3
+
+
+def test_what_a_spell_shares_is_a_common_error(case):
+    """Oracle: the covariance between events inside with and without it."""
+    k, n = case.events.size, case.problem.layout.size
+    T = np.tile(np.eye(9, n), (k, 1, 1))
+    cov = np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.0], [0.0, 0.0, 0.0]])
+    spell = SharedError(int(case.events[1]), int(case.events[3]), cov)
+    chain = replace(case.chain, shared=(spell,))
+    nodes = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    A = common_errors(chain, *nodes, T).reshape(9 * k, -1)
+    added = chain.covariance(0, T) - case.chain.covariance(0, T)
+    np.testing.assert_allclose(A @ A.T, added, atol=1e-12)
+    assert np.abs(added).max() > 0.05
+
+
+def test_nodes_lie_half_a_correlation_time_apart(case):
+    """Oracle: the rule, by hand: constants once, fast states never, the slow ones often enough."""
+    layout = case.problem.layout
+    for duration in (50.0, 3600.0, 36000.0):
+        time = 1000.0 + np.arange(0.0, duration + 1.0, 2.0)
+        event, state = nodes_of(layout, time)
+        assert (np.diff(event) >= 0).all()
+        assert event.size <= 200
+        for s in range(layout.beta.size):
+            own = time[event[state == 9 + s]]
+            tau = 1.0 / layout.beta[s] if layout.beta[s] else np.inf
+            if layout.drive[s] == 0.0:
+                assert own.size == 1
+            elif tau < 100.0:
+                assert own.size == 0
+            elif duration < 36000.0:  # there, ten hours, 200 nodes allow no more
+                far = np.abs(time[:, None] - own).min(axis=1).max()
+                assert far < 2.0 + min(0.25 * tau, 0.5 * duration)
+    assert nodes_of(layout, time[:0])[0].size == 0
 
 
 def test_last_filtered_state_is_the_smoothed_one(case):
