@@ -9,6 +9,7 @@ from ..config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import inputs_of
 from .judgement import Judgement, judged
+from .plausibility import refuse_implausible
 from .products import written
 from .solve import Solved, solved
 
@@ -83,11 +84,14 @@ def adjust(
     InputError
         A file cannot be read, or files do not belong together.
     DataError
-        The observations do not determine the unknowns.
+        Files contradict each other, or the observations do not determine the unknowns.
     UsageError
         The products cannot be written.
     """
-    done = solved(inputs_of(file, progress), progress)
+    inputs = inputs_of(file, progress)
+    progress("looking whether the files belong to each other")
+    refuse_implausible(inputs)
+    done = solved(inputs, progress)
     figures = figures_of(done)
     judgement = judged(done, figures, progress)
     figures["headline"] = judgement.headline
