@@ -118,8 +118,8 @@ def _refuse_fields_of_view(block: ImageBlock) -> None:
         if not SHORTEST * size < f < LONGEST * size:
             angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
             raise InputError(
-                f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images of"
-                f" {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
+                f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
+                f" of {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
             )
 
 
@@ -130,8 +130,8 @@ def _seen_once(block: ImageBlock) -> list[str]:
     if single < MANY_SINGLE * (rays > 0).sum():
         return []
     return [
-        f"{single} of {int((rays > 0).sum())} points are measured once, in one image alone, and take"
-        " no part; the same point must have the same name in every image"
+        f"{single} of {int((rays > 0).sum())} points are measured once, in one image alone, and"
+        " take no part; the same point must have the same name in every image"
     ]
 
 

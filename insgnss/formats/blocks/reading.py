@@ -154,7 +154,7 @@ def recognised(path: Source) -> str:
 
 
 def _headed(row: str) -> bool:
-    """Whether a line is the header of a table of image observations, some columns of it at least."""
+    """Whether a line is the header of a table of image observations, in part at least."""
     names = {name.strip().lower() for name in re.split(r"[\s,;]+", row)}
     return all(names & set(ALIASES[name]) for name in ("image", "point"))
 
