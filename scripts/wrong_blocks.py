@@ -36,7 +36,8 @@ import time
 import traceback
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -243,23 +244,24 @@ of runs that wrote an orientation.
 """
 
 
-def performed(cases: Sequence[Case], flights: Path) -> Iterator[Run]:
-    """All cases on the flights where they can be planted."""
-    for case in cases:
-        for flight in case.flights:
-            yield run(case, flight, flights)
+def perform(job: tuple[int, str, Path]) -> Run:
+    """Run one case on one flight, by numbers, which another process can take."""
+    case, flight, flights = job
+    return run(CASES[case], flight, flights)
 
 
-def good_blocks(directory: Path) -> Iterator[Run]:
-    """Blocks without fault."""
-    for k, (flight, minutes, options) in enumerate(GOOD):
-        into = directory / f"good_{k}"
-        flown(into, flight, minutes, GOOD_SEED + k, **options)
-        words = ", ".join(f"{name} {value:g}" for name, value in options.items())
-        case = Case(f"{minutes:g} min; {words or 'as it is'}", harmless=True)
-        Scene.of(into, directory, flight).write()
-        yield judged(case, flight, into)
-        shutil.rmtree(into)
+def perform_good(job: tuple[int, Path]) -> Run:
+    """Adjust one block without fault."""
+    k, directory = job
+    flight, minutes, options = GOOD[k]
+    into = directory / f"good_{k}"
+    flown(into, flight, minutes, GOOD_SEED + k, **options)
+    words = ", ".join(f"{name} {value:g}" for name, value in options.items())
+    case = Case(f"{minutes:g} min; {words or 'as it is'}", harmless=True)
+    Scene.of(into, directory, flight).write()
+    one = judged(case, flight, into)
+    shutil.rmtree(into)
+    return one
 
 
 def main() -> int:
@@ -267,6 +269,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Adjust blocks that are not what their files say")
     parser.add_argument("--only", default="", metavar="WORD", help="cases whose name holds this")
     parser.add_argument("--flights", type=Path, help="directory that keeps the flights")
+    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--no-good", action="store_true", help="leave the good blocks out")
     parser.add_argument("--write", action="store_true", help=f"write benchmarks/{PAGE.name}")
     options = parser.parse_args()
@@ -275,15 +278,23 @@ def main() -> int:
         for flight in FLIGHTS:
             if not (flights / flight / EO).is_file():
                 flown(flights / flight, flight, MINUTES, SEED, **ON_FLIGHT[flight])
-        runs, good = [], []
-        cases = [case for case in CASES if options.only in case.name]
-        for one in performed(cases, flights):
-            runs.append(one)
-            print(f"{one.seconds:5.1f} s {row(one)}", flush=True)
-        if not options.no_good:
-            for one in good_blocks(Path(temporary)):
-                good.append(one)
-                print(f"{one.seconds:5.1f} s {row(one)}", flush=True)
+        runs: list[Run] = []
+        good: list[Run] = []
+        jobs = [
+            (k, flight, flights)
+            for k, case in enumerate(CASES)
+            for flight in case.flights
+            if options.only in case.name
+        ]
+        good_jobs = [] if options.no_good else [(k, Path(temporary)) for k in range(len(GOOD))]
+        with ProcessPoolExecutor(options.processes) as pool:
+            for into, results in (
+                (runs, pool.map(perform, jobs)),
+                (good, pool.map(perform_good, good_jobs)),
+            ):
+                for one in results:
+                    into.append(one)
+                    print(f"{one.seconds:5.1f} s {row(one)}", flush=True)
     print(totals(runs), totals(good), sep="\n")
     if options.write:
         PAGE.write_text(page(runs, good), encoding="utf-8", newline="\n")

@@ -91,7 +91,7 @@ def _refuse_readings(inputs: Inputs, whole: Reading, apart: float, limit: float)
         few = some_rays(reading)
         if few.image.size < FEWEST_RAYS:
             continue
-        fits, change = few.fitted()
+        fits, change = few.fitted(apart)
         if best is None or fits < best[0]:
             best = fits, reading, change
     start = f"image observations do not fit the aerial control: rays of a point pass {apart:.0f} px"

@@ -25,8 +25,8 @@ from ..records.block import INTERIOR, Array, BrownCamera
 from .inputs import Inputs
 
 FEWEST_RAYS = 60
-MOST_RAYS = 1500
-STEPS, LONGEST_STEP = 10, 0.2
+MOST_RAYS = 500
+STEPS, FEW_STEPS, LONGEST_STEP = 10, 3, 0.2
 FAR_OFF = 1e6  # pixels, of a point behind its camera
 Rows = NDArray[np.int64]
 
@@ -99,14 +99,22 @@ class Reading:
         seen = (q[:, 2] > 0.0) & np.isfinite(e).all(axis=1)
         return np.where(seen[:, None], np.clip(e, -FAR_OFF, FAR_OFF), FAR_OFF)
 
-    def fitted(self) -> tuple[float, Array]:
-        """Return the median distance of rays, pixels, and the change that makes it least."""
+    def fitted(self, hopeless: float = np.inf) -> tuple[float, Array]:
+        """Return the median distance of rays, pixels, and the change that makes it least.
+
+        Parameters
+        ----------
+        hopeless : float
+            Pixels; a reading that is farther apart after a few steps is given up.
+        """
         n = 3 if self.velocity is None else 4
         change = np.zeros(n)
         e = self.residuals()
         best = _median(e)
         damping = 0.0
-        for _ in range(STEPS):
+        for step_number in range(STEPS):
+            if step_number >= FEW_STEPS and best > hopeless:
+                break
             J = np.stack(
                 [(self.residuals(change + 1e-5 * axis) - e) / 1e-5 for axis in np.eye(n)], axis=2
             )
