@@ -136,6 +136,15 @@ def test_wrong_reality() -> None:
 
 
 @pytest.mark.slow
+def test_wrong_blocks() -> None:
+    """Oracle: what the campaign plants; mirrored pixels are refused by name on both flights."""
+    command = [sys.executable, str(SCRIPTS / "wrong_blocks.py"), "--only", "mirrored", "--no-good"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "culprit 4, covered 0, told 0, silent 0" in done.stdout
+
+
+@pytest.mark.slow
 def test_good_flights() -> None:
     """Oracle: the simulated truth, in the script's own assertion: circles at 30 and 45 deg of bank
     and multirotors that fly sideways and backwards, accepted and within 5 sigma.

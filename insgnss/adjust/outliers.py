@@ -37,6 +37,9 @@ FAR = 12.0
 """Units of the robust scale beyond which an observation does not start: seven standard deviations,
 as residuals are smaller than errors."""
 ROBUST_ROUNDS, MOST_REJECTIONS = 6, 20
+FEW_REDUNDANT, LEAST_REDUNDANCY = 0.1, 0.1
+"""Share of redundant observations below which redundancy numbers scale the residuals, and which of
+these numbers still say something."""
 MEDIAN_LENGTH = 1.1774  # of two standard normal components
 MEDIAN_LENGTH_3 = 1.5382  # of three
 MEDIAN_SIZE = 0.6745  # of one
@@ -265,8 +268,20 @@ def _lengths(result: Adjusted, given: collinearity.Rays) -> tuple[Array, float]:
     collinearity.residuals(given, result.values.kernel_values(), e)
     off = np.linalg.norm(e * given.weight, axis=1)
     part_of = result.problem.rays.active & np.isfinite(off)
-    unit = float(np.median(off[part_of])) / MEDIAN_LENGTH if part_of.any() else 1.0
+    errors = off
+    if _few_redundant(result.problem):  # residuals say little of errors
+        r = precision_of(result).redundancy[result.problem.order].mean(axis=1)
+        part_of &= r > LEAST_REDUNDANCY
+        errors = off / np.sqrt(np.where(part_of, r, 1.0))
+    unit = float(np.median(errors[part_of])) / MEDIAN_LENGTH if part_of.any() else 1.0
     return np.maximum(off, 1e-12), max(unit, 1e-12)
+
+
+def _few_redundant(problem: Problem) -> bool:
+    """Whether poses and points could follow nearly every image observation."""
+    n = 2 * int(problem.rays.active.sum())
+    points = int((problem.determined & (problem.layout.kept < 0)).sum())
+    return n - 3 * points - 6 * problem.layout.n_images < FEW_REDUNDANT * n
 
 
 def _kept_values(result: Adjusted, before: Unknowns) -> Unknowns:

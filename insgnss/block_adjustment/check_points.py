@@ -42,13 +42,25 @@ class CheckPoints:
     survey: Array
 
     @property
-    def normalised_square(self) -> float:
-        """q of (C.1)."""
+    def cov_of_differences(self) -> Array:
+        """P + S of (C.1), (3 m, 3 m)."""
         both = self.cov.copy()
         for k, S in enumerate(self.survey):
             both[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += S
+        return both
+
+    @property
+    def normalised_square(self) -> float:
+        """q of (C.1)."""
         d = self.difference_m.ravel()
-        return float(d @ np.linalg.solve(both, d)) if d.size else 0.0
+        return float(d @ np.linalg.solve(self.cov_of_differences, d)) if d.size else 0.0
+
+    def shift(self) -> tuple[Array, Array]:
+        """Return the shift of all check points (3,), m, by least squares, and its covariance."""
+        H = np.tile(np.eye(3), (len(self.rows), 1))
+        weighted = np.linalg.solve(self.cov_of_differences, H)
+        cov = np.linalg.inv(H.T @ weighted)
+        return cov @ (weighted.T @ self.difference_m.ravel()), cov
 
 
 def check_points(solved: Solved) -> CheckPoints:

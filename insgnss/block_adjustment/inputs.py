@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.groups import InteriorObservation, weight_of
-from ..base.errors import InputError, near
+from ..base.errors import InputError, InsgnssError, near
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
 from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
@@ -24,6 +24,8 @@ from .placing import placed
 USUAL_FREE = ("f", "cx", "cy")
 FEWEST_POINTS = 4
 """Of an image without aerial control: three orient it, and then nothing tells whether they do."""
+SHORTEST, LONGEST = 0.1, 50.0  # camera constants, of the longer side of the image
+MANY_SINGLE = 0.5
 FAR_M = 100e3
 """Ground points farther from the images than this stand in other axes."""
 
@@ -103,6 +105,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     ground = ground_in_plane(file, source, eo, notes)
     source = _oriented_only(source, eo, notes)
     made = joined(source, ground, eo)
+    _refuse_fields_of_view(made.block)
     block, rows = made.block, made.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
         block = replace(block, position_m=made.position_m, C_mc=made.C_mc)  # axes of the ground
@@ -116,6 +119,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         notes.append(f"{unseen} images of the aerial control have no image observations")
     notes += _left_out(ground, block)
+    notes += _seen_once(block)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block))
 
 
@@ -154,6 +158,30 @@ def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation,
         return ()
     weight = weight_of(P.whole[np.ix_(rows, rows)], f"{file.camera.file}: [sigma]")
     return (InteriorObservation(0, rows, camera.interior[rows], weight),)
+
+
+def _refuse_fields_of_view(block: ImageBlock) -> None:
+    """Refuse camera constants that are no pixels."""
+    for camera in block.cameras:
+        f, size = camera.of("f"), max(camera.width, camera.height)
+        if not SHORTEST * size < f < LONGEST * size:
+            angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
+            raise InputError(
+                f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
+                f" of {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
+            )
+
+
+def _seen_once(block: ImageBlock) -> list[str]:
+    """Say that points take no part because one image alone sees them, where these are many."""
+    rays = np.bincount(block.observations.point, minlength=len(block.points))
+    single = int((rays == 1).sum())
+    if single < MANY_SINGLE * (rays > 0).sum():
+        return []
+    return [
+        f"{single} of {int((rays > 0).sum())} points are measured once, in one image alone, and"
+        " take no part; the same point must have the same name in every image"
+    ]
 
 
 def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock:
@@ -254,6 +282,7 @@ def ground_in_plane(
     if eo is None:
         return ground if crs is None else _in_own_plane(ground, crs, file.ground.geoid, notes)
     plane = TangentPlane(*eo.origin)
+    given = ground
     if crs is not None:
         ground = ground.in_plane(GroundAxes(crs, file.ground.geoid, eo.datum, eo.epoch), plane)
     away = np.linalg.norm(
@@ -262,11 +291,12 @@ def ground_in_plane(
     if (away > FAR_M).any():
         k = int(np.argmax(away))
         x, y, z = ground.position_m[k]
-        advice = (
-            "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
-            if crs is None
-            else f"{crs} is not their CRS, or easting and northing are exchanged"
-        )
+        if crs is None:
+            advice = "they stand in a CRS: name it by ground.crs or --crs, such as EPSG:2056"
+        elif _near_if_exchanged(given, GroundAxes(crs, file.ground.geoid), plane, eo):
+            advice = "they lie there with easting and northing exchanged: exchange the columns"
+        else:
+            advice = f"{crs} is not their CRS; name the right one, with its zone"
         raise InputError.at_line(
             path,
             None,
@@ -274,6 +304,18 @@ def ground_in_plane(
             f" from the images; {advice}",
         )
     return ground
+
+
+def _near_if_exchanged(
+    ground: GroundTable, axes: GroundAxes, plane: TangentPlane, eo: ExteriorOrientation
+) -> bool:
+    """Whether points of a CRS lie near the images when easting and northing are exchanged."""
+    try:
+        other = replace(ground, position_m=ground.position_m[:, [1, 0, 2]]).in_plane(axes, plane)
+    except InsgnssError:
+        return False
+    away = other.position_m[:, :2] - np.median(eo.position_m[:, :2], axis=0)
+    return bool((np.linalg.norm(away, axis=1) < FAR_M).all())
 
 
 def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:

@@ -6,7 +6,7 @@ explains it has been tried (`trials`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,21 @@ import numpy as np
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..report.rules.wording import Limit, lengths
 from .pattern import Pattern, patterns
+from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
-from .trials import Trial, trials
+from .trials import Trial, shift_of_check_points, trials
 
 OUTSIDE, WORSE = 0.9995, 1.2
 GROSS_W = 4.0
 PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
 MANY_REJECTED = 0.05
+MOST_OF_IMAGE, USUAL_REJECTED, CHANCE = 0.3, 0.02, 1e-5
+DISCONNECTED = 8.0  # times the share of ground control, for its rank
+TOO_LARGE = 5.0
+"""Times its standard deviations of a contradiction, beyond which no orientation is written."""
+CHECKS = "check points"
+HIDDEN = 1e-6
+"""Chance that an unknown of no effect is called one."""
 DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
 SIGNIFICANT = 3.0
 STRONG = 0.95  # of a correlation that is worth a sentence
@@ -43,6 +51,8 @@ class Judgement:
         Of the residuals on the format, a camera each.
     trials_made : tuple of Trial
         What was tried to explain a contradiction.
+    refused : tuple of Limit
+        Contradictions that are too large for a result, and that the block file does not accept.
     """
 
     headline: str
@@ -50,6 +60,7 @@ class Judgement:
     determined: tuple[tuple[str, str, str], ...]
     patterns: tuple[Pattern, ...]
     trials_made: tuple[Trial, ...]
+    refused: tuple[Limit, ...] = ()
 
     @property
     def contradicted(self) -> bool:
@@ -79,17 +90,42 @@ def judged(
     beyond = list(_components(figures))
     drawn = patterns(solved)
     beyond += _checks(figures)
+    beyond += _disconnected(figures)
     beyond += _patterns(figures, drawn)
-    trials_made: tuple[Trial, ...] = ()
-    if any(finding.rank >= 1.0 for finding in beyond):
-        trials_made = trials(solved, _excess(figures), progress)
-        beyond = [_explained(finding, trials_made) for finding in beyond]
+    contradicted = any(finding.rank >= 1.0 for finding in beyond)
+    trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
+    if contradicted:
+        shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
+        of_checks = shift_of_check_points(solved)
+        own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
+        beyond = [
+            _explained(finding, own if finding.topic == CHECKS else trials_made)
+            for finding in beyond
+        ]
+    else:
+        beyond += _hidden(trials_made)
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
+    findings += [*_images(solved), *_lever_arm(solved)]
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
+    accepted = solved.inputs.file.adjustment.accept
+    too_large = {f.topic for f in beyond if f.rank >= TOO_LARGE} - {*accepted, "camera"}
+    if _worst_check_points(figures) < TOO_LARGE:
+        too_large.discard(CHECKS)
     return Judgement(
-        _headline(figures, ordered), ordered, tuple(determined(figures)), drawn, trials_made
+        _headline(figures, ordered),
+        ordered,
+        tuple(determined(figures)),
+        drawn,
+        trials_made,
+        tuple(finding for finding in ordered if finding.topic in too_large and finding.rank >= 1.0),
     )
+
+
+def _worst_check_points(figures: Mapping[str, Any]) -> float:
+    """Return how many times too far off half of the check points are at least."""
+    squares = [c["normalised_square"] for c in figures["check_points"] if "difference_m" in c]
+    return float(np.sqrt(np.median(squares) / 3.0)) if squares else 0.0
 
 
 def _bounds(redundancy: float) -> tuple[float, float]:
@@ -146,11 +182,76 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
             key=lambda c: c["normalised_square"],
         )
         yield Limit(
-            "check points",
+            CHECKS,
             float(np.sqrt(mean)),
             f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
             f" {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
             " (east, north, up)",
+        )
+
+
+def _disconnected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Ground control that contradicts the rest so much that it has no image observation left."""
+    control = figures["ground_control"]
+    alone = [point["point"] for point in control if point["images"] == 0]
+    if alone:
+        words = ", ".join(alone[:3]) + (" ..." if alone[3:] else "")
+        yield Limit(
+            GROUND,
+            DISCONNECTED * len(alone) / len(control) + 1.0,
+            f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
+            f" their image observations were left out: {words}",
+        )
+
+
+def _images(solved: Solved) -> Iterator[Limit]:
+    """Images of whose observations many take no part, which chance does not do."""
+    from scipy.stats import binom
+
+    problem = solved.result.problem
+    block = problem.block
+    seen = block.observations
+    shared = np.bincount(seen.point, minlength=len(block.points))[seen.point] > 1
+    active = np.zeros(len(seen), dtype=bool)
+    active[problem.order] = problem.rays.active
+    n = len(block.images)
+    total = np.bincount(seen.image[shared], minlength=n)
+    missing = np.bincount(seen.image[shared & ~active], minlength=n)
+    share = missing / np.maximum(total, 1)
+    usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
+    chance = binom.sf(missing - 1, total, min(usual, 0.5))
+    beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < CHANCE / n))
+    if beyond.size:
+        worst = int(beyond[np.argmax(share[beyond])])
+        more = f", and such a share in {beyond.size - 1} more" if beyond.size > 1 else ""
+        name = block.images[worst]
+        yield Limit(
+            IMAGE,
+            1.0 + float(share[worst]),
+            f"{missing[worst]} of {total[worst]} image observations of {name} do not fit and were"
+            f" left out{more}",
+            f'check its name and its stamp, or leave it out by images.skip = ["{name}"]',
+        )
+
+
+def _lever_arm(solved: Solved) -> Iterator[Limit]:
+    """A bore-sight that turned the lever arm to the antenna when the flight was processed."""
+    turn = solved.result.values.blocks.get((BORESIGHT, 0))
+    flight = processed_with(solved.inputs)
+    if turn is None or flight is None or solved.inputs.eo is None:
+        return
+    lever = np.array(flight["mounting"]["antenna_m"], dtype=np.float64)
+    off = float(np.linalg.norm(turn @ lever - lever))
+    cov = solved.inputs.eo.cov
+    sigma = float(np.sqrt(np.median(np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / 3.0))
+    if off > SIGNIFICANT * sigma:
+        yield Limit(
+            BORESIGHT,
+            off / (SIGNIFICANT * sigma),
+            f"the bore-sight that the flight was processed with turned the lever arm of"
+            f" {np.linalg.norm(lever):.2f} m to the antenna: projection centres are off by"
+            f" {lengths([1e3 * off])} ({off / sigma:.0f} sigma)",
+            "process with --mounting mounting.toml, which is written here, and adjust again",
         )
 
 
@@ -173,6 +274,27 @@ def _excess(figures: Mapping[str, Any]) -> float:
         for c in figures["components"]
         if c["variance"] is not None
     )
+
+
+def _limit(trial: Trial) -> float:
+    """Return the gain that an unknown of no effect has by chance at most."""
+    from scipy.stats import chi2
+
+    return float(chi2.isf(HIDDEN, trial.unknowns))
+
+
+def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
+    """What the block file leaves out, and the observations show without a contradiction."""
+    for trial in trials_made[:1]:
+        limit = _limit(trial)
+        if trial.gain > limit:
+            yield Limit(
+                trial.name,
+                float(np.sqrt(trial.gain / limit)),
+                f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
+                f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
+                advice(trial),
+            )
 
 
 def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:

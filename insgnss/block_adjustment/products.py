@@ -1,4 +1,5 @@
-"""Products of an adjusted block, all of them or none.
+"""Products of an adjusted block, all of them or none; of one that contradicts itself too much only
+adjust.json and the page.
 
 eo.json       orientation of the images with aerial control, which `insgnss export` takes
 exports       as output.formats asks for
@@ -11,7 +12,7 @@ adjust.html   the page
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from .judgement import Judgement
 from .page import write_page
+from .processed import processed_with
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
@@ -67,23 +69,10 @@ def written(
     UsageError
         A product would take the place of an input, or cannot be what the block file asks for.
     """
-    from ..exporting.export import Target, export
-    from ..formats import EXPORTS
-
-    file = solved.inputs.file
-    eo = adjusted_orientation(solved, judgement)
     with Staging(directory) as staging:
         into = staging.directory
-        names = dict.fromkeys([*file.output.formats, "eo_json"]) if eo is not None else {}
-        for name in names:
-            if name not in EXPORTS:
-                raise UsageError(f"output.formats: {name!r} is no export format")
-            options: dict[str, Any] = {}
-            export(eo, name, into / EXPORTS[name].product, Target(), **options)  # type: ignore[arg-type]
-        write_poses(solved, into / POSES)
-        figures["notes"] += _write_cameras(solved, into)
-        if (text := mounting_toml(solved)) is not None:
-            atomic_write(into / MOUNTING, text)
+        if not judgement.refused:
+            _write_orientation(solved, figures, judgement, into)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
         atomic_write(
             into / DOCUMENT,
@@ -95,6 +84,27 @@ def written(
         for source, goal in moves:
             os.replace(source, goal)
     return tuple(goal for _, goal in moves)
+
+
+def _write_orientation(
+    solved: Solved, figures: dict[str, Any], judgement: Judgement, into: Path
+) -> None:
+    """Write orientation, exports, cameras and mounting."""
+    from ..exporting.export import Target, export
+    from ..formats import EXPORTS
+
+    file = solved.inputs.file
+    eo = adjusted_orientation(solved, judgement)
+    names = dict.fromkeys([*file.output.formats, "eo_json"]) if eo is not None else {}
+    for name in names:
+        if name not in EXPORTS:
+            raise UsageError(f"output.formats: {name!r} is no export format")
+        options: dict[str, Any] = {}
+        export(eo, name, into / EXPORTS[name].product, Target(), **options)  # type: ignore[arg-type]
+    write_poses(solved, into / POSES)
+    figures["notes"] += _write_cameras(solved, into)
+    if (text := mounting_toml(solved)) is not None:
+        atomic_write(into / MOUNTING, text)
 
 
 def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
@@ -288,7 +298,7 @@ def mounting_toml(solved: Solved) -> str | None:
     estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
     if eo is None or not estimated:
         return None
-    before = _processed_with(solved)
+    before = processed_with(solved.inputs)
     lines = [
         f"# found by insgnss adjust from {eo.images[0]} to {eo.images[-1]}; sigmas behind the #",
         "# insgnss process flight.toml --mounting mounting.toml",
@@ -319,13 +329,3 @@ def mounting_toml(solved: Solved) -> str | None:
         else:
             lines.append(f"# camera.time_offset_s: add {delay:+.7f} ({of})")
     return "\n".join(lines) + "\n"
-
-
-def _processed_with(solved: Solved) -> Mapping[str, Any] | None:
-    """Return the flight file as it was resolved, None where no report says it."""
-    beside = Path(solved.inputs.file.aerial_control.file or ".").parent / "report.json"
-    try:
-        flight = json.loads(beside.read_text(encoding="utf-8"))["flight"]
-    except (OSError, ValueError, KeyError):
-        return None
-    return flight if isinstance(flight, dict) and "mounting" in flight else None

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import DataError
 from ..config.block_file import BlockFile
 from .figures import figures_of
-from .inputs import inputs_of
-from .judgement import Judgement, judged
+from .inputs import Inputs, inputs_of
+from .judgement import Judgement, advice, judged, shown
+from .plausibility import refuse_implausible
 from .products import written
 from .solve import Solved, solved
+from .trials import converging
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,17 @@ class AdjustmentResult:
     figures: dict[str, Any]
     judgement: Judgement
     files: tuple[Path, ...]
+
+    @property
+    def refusal(self) -> DataError | None:
+        """Why no orientation was written; None where it was."""
+        if not (refused := self.judgement.refused):
+            return None
+        names = ", ".join(dict.fromkeys(f'"{finding.topic}"' for finding in refused))
+        return DataError(
+            f"{refused[0].sentence}; no orientation is written, adjust.html shows the residuals;"
+            f" adjustment.accept = [{names}] in the block file overrules"
+        )
 
     def summary(self) -> str:
         """Return the text for the terminal."""
@@ -83,11 +97,17 @@ def adjust(
     InputError
         A file cannot be read, or files do not belong together.
     DataError
-        The observations do not determine the unknowns.
+        Files contradict each other, or the observations do not determine the unknowns.
     UsageError
         The products cannot be written.
     """
-    done = solved(inputs_of(file, progress), progress)
+    inputs = inputs_of(file, progress)
+    progress("looking whether the files belong to each other")
+    refuse_implausible(inputs)
+    try:
+        done = solved(inputs, progress)
+    except DataError as failure:
+        raise _explained(failure, inputs, progress) from None
     figures = figures_of(done)
     judgement = judged(done, figures, progress)
     figures["headline"] = judgement.headline
@@ -106,3 +126,17 @@ def adjust(
         progress(f"writing {directory}")
         files = written(done, figures, judgement, directory)
     return AdjustmentResult(done, figures, judgement, files)
+
+
+def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], None]) -> DataError:
+    """Return a failure with what makes the adjustment converge, where something does."""
+    try:
+        refuse_implausible(inputs, failed=True)
+    except DataError as named:
+        return named
+    if inputs.eo is None or (trial := converging(inputs, progress)) is None:
+        return failure
+    return DataError(
+        f"the adjustment does not converge as the block file has it, and does with {trial.name}"
+        f" estimated, {shown(trial)}: {advice(trial)}, or correct it in the flight file"
+    )

@@ -4,31 +4,41 @@ A group whose component lies beyond its bounds says that something is wrong and 
 is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
 lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
 the interior orientation. An unknown explains the contradiction where the cost falls by more than
-chance (99.99 % of chi-square) and by a third at least of what is too much.
+chance (99.99 % of chi-square) and by a third at least of what is too much. A block without
+contradiction is tried as well: bore-sight and camera constant take most of a lever arm that is
+20 cm wrong, and no component shows it, where the cost falls by a hundred.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.groups import ObservationGroup
-from ..adjust.normals import problem_of
+from ..adjust.normals import Problem, problem_of
+from ..adjust.outliers import without_outliers
 from ..adjust.precision import precision_of
-from ..adjust.unknowns import CAMERA, Key
+from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from ..base.errors import DataError
+from ..config.block_file import AerialControlTable
 from ..geodesy.rotation import vector_from_rotation
-from ..records.block import INTERIOR, Array
+from ..records.block import INTERIOR, Array, ImageBlock
+from .check_points import check_points
 from .control import control_of
 from .datum import DATUM, ShiftedPoint
+from .inputs import Inputs
 from .solve import IMAGE, Solved, ground_groups
+from .solve import solved as adjusted_block
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 CHANCE, SHARE = 0.9999, 1.0 / 3.0
+CONVERGED_VARIANCE = 9.0
+ALMOST_ALL = 0.8  # of what is too much in check points
+CHECK_SHIFT = "shift of check points"
 USUAL = ("f", "cx", "cy")
 
 
@@ -64,7 +74,9 @@ class Trial:
     key: str
 
 
-def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tuple[Trial, ...]:
+def trials(
+    solved: Solved, excess: float, progress: Callable[[str], None], everything: bool = True
+) -> tuple[Trial, ...]:
     """Try what the block file leaves out.
 
     Parameters
@@ -75,6 +87,8 @@ def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tu
         By how much the cost is larger than its expectation.
     progress : callable
         Is called with the name of each step.
+    everything : bool
+        Whether a bore-sight without standard deviation is tried as well, which is estimated anyway.
 
     Returns
     -------
@@ -82,7 +96,9 @@ def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tu
         Those that could be adjusted, the largest gain beyond its unknowns first.
     """
     done = []
-    for name, key, unit, build in _remedies(solved):
+    for name, key, unit, build in _remedies(solved.inputs):
+        if key == "aerial_control.boresight_sigma_deg" and not everything:
+            continue
         progress(f"trying: {name}")
         try:
             trial = _trial_of(solved, name, key, unit, build, excess)
@@ -92,10 +108,75 @@ def trials(solved: Solved, excess: float, progress: Callable[[str], None]) -> tu
     return tuple(sorted(done, key=lambda trial: trial.unknowns - trial.gain))
 
 
-def _remedies(solved: Solved) -> Any:
-    options = solved.inputs.file.aerial_control
-    if solved.inputs.eo is not None:
-        if options.time_offset_sigma_s == 0.0 and solved.inputs.eo.velocity_mps is not None:
+def shift_of_check_points(solved: Solved) -> Trial | None:
+    """Try whether check points all stand in axes shifted against those of the block.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block.
+
+    Returns
+    -------
+    Trial or None
+        The shift; None of fewer than three check points.
+    """
+    from scipy.stats import chi2
+
+    checks = check_points(solved)
+    if len(checks.rows) < 3:
+        return None
+    value, cov = checks.shift()
+    gain = float(value @ np.linalg.solve(cov, value))
+    excess = checks.normalised_square - checks.difference_m.size
+    enough = gain > max(chi2.ppf(CHANCE, 3), ALMOST_ALL * excess)
+    sigma = np.sqrt(np.diagonal(cov))
+    return Trial(CHECK_SHIFT, gain, 3, value, sigma, "m", bool(enough), "ground.crs")
+
+
+def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
+    """Try what makes an adjustment converge that does not as the block file has it.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Trial or None
+        The remedy with the smallest residuals; None where none converges.
+    """
+    best: tuple[float, Trial] | None = None
+    for name, option, unit, (options, key) in _remedies(inputs):
+        if key == DATUM:
+            continue
+        progress(f"trying: {name}")
+        block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
+        file = replace(inputs.file, aerial_control=options)
+        try:
+            again = adjusted_block(replace(inputs, file=file, block=block), lambda _: None)
+        except DataError:
+            continue
+        held = (c for c in again.components if not c.name.startswith(IMAGE))
+        if any(c.variance > CONVERGED_VARIANCE for c in held):
+            continue  # it converges, and to nothing
+        if best is not None and best[0] <= again.result.cost:
+            continue
+        value = _value(again.result.values, key, again.result.problem.layout.columns)
+        if key[0] == CAMERA:
+            value = value - block.cameras[0].interior[again.result.problem.layout.columns]
+        sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
+        best = again.result.cost, Trial(name, np.inf, value.size, value, sigma, unit, True, option)
+    return None if best is None else best[1]
+
+
+def _remedies(inputs: Inputs) -> Iterator[tuple[str, str, str, tuple[AerialControlTable, Key]]]:
+    options = inputs.file.aerial_control
+    if inputs.eo is not None:
+        if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
             wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
             yield "delay of the exposures", key, "s", (wider, (TIME_OFFSET, 0))
@@ -105,15 +186,37 @@ def _remedies(solved: Solved) -> Any:
         if options.boresight_sigma_deg < LOOSE[BORESIGHT]:
             wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
             yield "bore-sight", "aerial_control.boresight_sigma_deg", "rad", (wider, (BORESIGHT, 0))
-        if len(solved.inputs.block.control) > 1:
+        if len(inputs.block.control) > 1:
             yield "shift of ground control", "ground.crs", "m", (options, DATUM)
-    cameras = solved.result.problem.block.cameras
-    if any(not set(USUAL) <= set(camera.free) for camera in cameras):
+    if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
         yield "interior orientation", "camera.free", "px", (options, (CAMERA, 0))
 
 
+def _with_usual(block: ImageBlock) -> ImageBlock:
+    """Return the block with the usual parameters of its cameras estimated."""
+    free = {n for n in INTERIOR if n in USUAL or n in ("k1", "k2", "p1", "p2")}
+    cameras = tuple(
+        replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
+        for c in block.cameras
+    )
+    return replace(block, cameras=cameras)
+
+
+def _value(values: Unknowns, key: Key, columns: NDArray[np.int64]) -> Array:
+    """Return the value of an unknown, of a rotation its vector, of a camera what is estimated."""
+    if key[0] == CAMERA:
+        return np.asarray(values.interior[key[1], columns])
+    raw = values.blocks[key]
+    return vector_from_rotation(raw) if raw.ndim == 2 else raw
+
+
 def _trial_of(
-    solved: Solved, name: str, option: str, unit: str, build: tuple[Any, Key], excess: float
+    solved: Solved,
+    name: str,
+    option: str,
+    unit: str,
+    build: tuple[AerialControlTable, Key],
+    excess: float,
 ) -> Trial:
     from scipy.stats import chi2
 
@@ -129,26 +232,37 @@ def _trial_of(
         groups = [*(g for g in groups if g not in points), *map(ShiftedPoint.of, points)]
         blocks[DATUM] = np.zeros(3)
     if key[0] == CAMERA:
-        free = tuple(n for n in INTERIOR if n in USUAL or n in ("k1", "k2", "p1", "p2"))
-        cameras = tuple(
-            replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
-            for c in block.cameras
-        )
-        block = replace(block, cameras=cameras)
+        block = _with_usual(block)
     problem = problem_of(block, groups, blocks)
     # image observations have their final variances already
     rest = {name: f for name, f in solved.factors.items() if not name.startswith(IMAGE)}
     problem = with_factors(problem, rest)
-    problem = problem.with_active_of(own)
-    again = adjusted(problem, replace(result.values, blocks=blocks))
+    values = replace(result.values, blocks=blocks)
+    alone = _without_rays(own)
+    reconnects = key == DATUM and bool(alone)
+    if reconnects:  # rays that were rejected for the shift's sake take part again
+        again = without_outliers(problem, values).result
+    else:
+        again = adjusted(problem.with_active_of(own), values)
     precision = precision_of(again, 1.0)
     gain = result.cost - again.cost
+    columns = again.problem.layout.columns
+    value = _value(again.values, key, columns)
     if key[0] == CAMERA:
-        columns = again.problem.layout.columns
-        value = again.values.interior[0, columns] - result.values.interior[0, columns]
-    else:
-        raw = again.values.blocks[key]
-        value = vector_from_rotation(raw) if raw.ndim == 2 else raw
+        value = value - _value(result.values, key, columns)
     sigma = np.sqrt(np.diagonal(precision.cov(key)))
+    if reconnects:
+        gain = float(value @ np.linalg.solve(precision.cov(key), value))
+        excess = 0.0 if len(_without_rays(again.problem)) < SHARE * len(alone) else np.inf
     enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
     return Trial(name, float(gain), value.size, value, sigma, unit, bool(enough), option)
+
+
+def _without_rays(problem: Problem) -> list[int]:
+    """Return the object points with ground control of which no image observation takes part."""
+    active = np.add.reduceat(
+        np.append(problem.rays.active, False).astype(np.int64), problem.rays.start[:-1]
+    )
+    active[np.diff(problem.rays.start) == 0] = 0
+    points = {row for group in problem.groups for name, row in group.keys if name == POINT}
+    return [row for row in sorted(points) if active[row] == 0]

@@ -10,7 +10,7 @@ from ..base.wording import spoken_as
 from ..config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
 from ..config.command_line import add_options_of_tables, given_of_tables, names_of
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Verb, show_judged
 
 if TYPE_CHECKING:
     from ..block_adjustment.run import AdjustmentResult
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..block_adjustment.run import adjust
 
     result: AdjustmentResult = adjust(file, options.out, progress)
-    return show_result(options, progress, result)
+    return show_judged(options, progress, result, file.path)
 
 
 VERB = Verb(

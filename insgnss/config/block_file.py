@@ -199,6 +199,12 @@ class AdjustmentTable:
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
     )
     keep_all: bool = option(False, "no observation is rejected, whatever its residual")
+    accept: tuple[str, ...] = option(
+        (),
+        "observations whose contradiction is accepted, of image observations, ground control, "
+        "aerial control, check points: of residuals beyond five times what their standard "
+        "deviations allow no orientation is written otherwise",
+    )
 
     def __post_init__(self) -> None:
         check(self, "adjustment")
@@ -206,6 +212,10 @@ class AdjustmentTable:
         for name in self.reweight:
             if name not in groups:
                 raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")
+        for name in self.accept:
+            if name not in (*groups, "check points"):
+                problem = f"{name!r}: {near(name, (*groups, 'check points'))}"
+                raise OptionError("adjustment.accept", problem)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,10 @@ from .measured_block import MeasuredBlock, no_poses
 BESIDE_PX = 1.0
 """By how much an observation may lie beside the image: conventions of its border differ."""
 
+MANY = 200
+"""Of so many observations the part of the format says something in which they lie."""
+CORNER, QUARTER = 0.05, 0.52
+
 
 @dataclass(frozen=True, eq=False)
 class Joined:
@@ -80,7 +84,12 @@ def joined(
     row = np.full(n, -1, dtype=np.int64)
     if eo is not None:
         row = matched(measured.images, eo.images)
-        _some(int((row >= 0).sum()), measured.images, eo.images, "image")
+        _some(
+            int((row >= 0).sum()),
+            measured.images,
+            eo.images,
+            "image of the image observations is in the orientation",
+        )
         there = row >= 0
         position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
     control, check = _ground(measured, ground)
@@ -168,7 +177,12 @@ def _ground(measured: ImagePoints, ground: GroundTable | None) -> tuple[GroundPo
     row_by_name = {name: k for k, name in enumerate(measured.points)}
     point = np.array([row_by_name.get(name, -1) for name in ground.points], dtype=np.int64)
     if ground.points:
-        _some(int((point >= 0).sum()), ground.points, measured.points, "ground point")
+        _some(
+            int((point >= 0).sum()),
+            ground.points,
+            measured.points,
+            "ground point is measured in any image",
+        )
 
     def some(rows: NDArray[np.bool_]) -> GroundPoints:
         return GroundPoints(point[rows], ground.position_m[rows], ground.cov[rows])
@@ -176,12 +190,15 @@ def _ground(measured: ImagePoints, ground: GroundTable | None) -> tuple[GroundPo
     return some((point >= 0) & ~ground.check), some((point >= 0) & ground.check)
 
 
-def _some(matches: int, names: Sequence[str], others: Sequence[str], kind: str) -> None:
+def _some(matches: int, names: Sequence[str], others: Sequence[str], missing: str) -> None:
     """Refuse tables that have no name in common."""
     if matches == 0:
+        close = near(names[0], list(others)[:200])
+        if not close.startswith("did"):
+            close = f"there are {', '.join(map(repr, list(others)[:3]))} ..."
         raise InputError(
-            f"no {kind} of the first table is in the second: {names[0]!r} is not there;"
-            f" {near(names[0], list(others)[:200])[:200]} The same names must stand in both"
+            f"no {missing}: {names[0]!r} is not there; {close}"
+            f"{'' if close.endswith('?') else ';'} the same names must stand in both"
         )
 
 
@@ -191,7 +208,7 @@ def _within(
     """Refuse observations beside the image: other units, another origin, another camera."""
     seen: ImageObservations = measured.observations
     size: Array = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
-    limit = size[camera[seen.image]]
+    limit: Array = size[camera[seen.image]]
     beside = np.maximum(-seen.uv, seen.uv - limit).max(axis=1)
     out = beside > BESIDE_PX
     if out.any():
@@ -202,5 +219,50 @@ def _within(
             f"image {measured.images[seen.image[row]]!r}, point"
             f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies beside the image"
             f" of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
-            " coordinates count from its upper left corner, right and down, in pixels"
+            f" {_within_as(seen.uv, limit)}coordinates count from its upper left corner, right and"
+            " down, in pixels"
+        )
+    if len(out) >= MANY:
+        _spread(seen.uv, limit)
+
+
+def _within_as(uv: Array, size: Array) -> str:
+    """Say as what all observations would lie within their images."""
+    span = uv.max(axis=0) - uv.min(axis=0)
+    if len(uv) >= MANY and (span < CORNER * size.min(axis=0)).all():
+        return (
+            f"all {len(uv)} lie within {span[0]:.3g} x {span[1]:.3g}, as millimetres or normalised"
+            " coordinates from the middle of the image would; "
+        )
+    up = np.array([1.0, -1.0])
+    for text, other in (
+        ("x and y were exchanged, or images or camera file turned by 90 deg", uv[:, ::-1]),
+        ("they counted from the middle of the image", uv + 0.5 * size),
+        ("they counted from the middle of the image, y upwards", uv * up + 0.5 * size),
+        ("y counted upwards from below it", uv * up),
+    ):
+        if not ((other < -BESIDE_PX) | (other > size + BESIDE_PX)).any():
+            return f"all of them lie within as if {text}; "
+    for times in (0.5, 0.25):
+        if not (uv * times > size + BESIDE_PX).any() and (uv > -BESIDE_PX).all():
+            return (
+                f"all of them lie within an image of {1 / times:g} times the size: the camera file"
+                " is of other images; "
+            )
+    return ""
+
+
+def _spread(uv: Array, size: Array) -> None:
+    """Refuse many observations that all lie in one corner: other units, another camera."""
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    words = (
+        f"all {len(uv)} image observations lie within x {low[0]:.4g} to {high[0]:.4g} and y"
+        f" {low[1]:.4g} to {high[1]:.4g} of images of {size[0, 0]:.0f} x {size[0, 1]:.0f} pixels"
+    )
+    if (high - low < CORNER * size.min(axis=0)).all():
+        raise InputError(f"{words}; they look like millimetres or normalised: give pixels")
+    if (high < QUARTER * size.min(axis=0)).all():
+        raise InputError(
+            f"{words}, its upper left quarter; the camera file is of other images (of twice the"
+            " size, or of another camera): give f, cx, cy, width and height in pixels of these"
         )

@@ -16,7 +16,7 @@ from .colmap_model import PARTS
 from .dbat import read_dbat
 from .gcp_list import HEAD
 from .ground_points import GroundTable
-from .image_points import ImagePoints, read_image_points
+from .image_points import ALIASES, ImagePoints, read_image_points
 from .measured_block import MeasuredBlock, of_table
 from .opensfm_model import INSIDE, RECONSTRUCTION
 
@@ -146,9 +146,17 @@ def recognised(path: Source) -> str:
         return "gcp_list"
     if any(row.split()[0] == "-99" for row in rows):
         return "bingo"
+    if rows and _headed(rows[0]):
+        return "image_points"
     if "\0" not in text and any(len(re.split(r"[\s,;]+", row.strip())) >= 4 for row in rows):
         return "image_points"
     raise _unknown(path)
+
+
+def _headed(row: str) -> bool:
+    """Whether a line is the header of a table of image observations, in part at least."""
+    names = {name.strip().lower() for name in re.split(r"[\s,;]+", row)}
+    return all(names & set(ALIASES[name]) for name in ("image", "point"))
 
 
 def _unknown(path: Path) -> InputError:
