@@ -1,15 +1,19 @@
 """What stands behind `insgnss adjust`: from files to an adjusted block, its judgement and products.
 
-inputs -> plausibility -> control -> solve -> result -> products, and `plan` for a block that is
-not flown yet.
+inputs -> plausibility -> control -> solve -> figures, judgement -> products, in `run`.
 
 ============== ===================================================================
 inputs         files of the block file joined to one block in the tangent plane
-control        aerial control of the orientation, its mounting and its flight lines
+placing        first poses of a program's own axes
 plausibility   whether rays meet with the poses that are given; `readings` that do
-solve          adjustment without gross errors, variances by components, trials
-result         what was found, for the terminal and adjust.json
-words          what was determined and what not, in sentences
-products       eo.json, exports, cameras, mounting, adjust.json, the page
+control        aerial control of the orientation, its mounting and its flight lines
+solve          adjustment without gross errors, variances by components
+figures        everything that was determined, as adjust.json has it
+check_points   surveyed minus adjusted, judged together
+pattern        what residuals have in common on the format
+judgement      what contradicts, what was determined and what not, in sentences
+trials         what explains a contradiction: each remedy is adjusted
+products       eo.json, exports, cameras, mounting, adjust.json; `page` the page
+plan           the precision to expect of a block that is not measured yet
 ============== ===================================================================
 """

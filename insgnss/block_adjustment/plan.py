@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from ..adjust.adjustment import adjusted
+from ..adjust.adjustment import Adjusted, redundancy_of, valid
 from ..adjust.groups import control_points
-from ..adjust.normals import problem_of
+from ..adjust.normals import cost, problem_of
 from ..adjust.precision import Precision, precision_of
 from ..adjust.start import first_values
 from ..base.errors import InputError
@@ -273,10 +273,16 @@ def _observed(
 
 
 def _precision(inputs: Inputs) -> Precision:
+    """Return the precision at the solution, where pixels without error have the planned poses."""
     control, block = control_of(inputs), inputs.block
     groups = [*control.groups, *control_points(block.control), *inputs.interior]
     values = replace(first_values(block), blocks=control.blocks)
-    return precision_of(adjusted(problem_of(block, groups, control.blocks), values), 1.0)
+    problem = problem_of(block, groups, control.blocks)
+    problem = problem.with_active(valid(problem, values))
+    point = np.where(problem.determined[:, None], values.point, np.nan)
+    zero = cost(problem, values)[0]
+    solution = Adjusted(problem, values.with_points(point), zero, zero, 0, redundancy_of(problem))
+    return precision_of(solution, 1.0)
 
 
 def _sigmas(precision: Precision) -> Array:

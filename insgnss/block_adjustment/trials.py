@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
-from ..adjust.groups import ObservationGroup
+from ..adjust.groups import ObservationGroup, PointObservation
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.precision import precision_of
@@ -29,17 +29,67 @@ from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
 from .check_points import check_points
 from .control import control_of
-from .datum import DATUM, ShiftedPoint
 from .inputs import Inputs
 from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
+DATUM: Key = ("shift of ground control", 0)
 CHANCE, SHARE = 0.9999, 1.0 / 3.0
 CONVERGED_VARIANCE = 9.0
 ALMOST_ALL = 0.8  # of what is too much in check points
 CHECK_SHIFT = "shift of check points"
 USUAL = ("f", "cx", "cy")
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftedPoint:
+    """Coordinates of a point, observed with the shift that all ground points share.
+
+    Parameters
+    ----------
+    point : int
+        Row of the object point.
+    position_m : ndarray, (3,)
+        Coordinates, m: those of the point and the shift.
+    weight : ndarray, (3, 3)
+        Inverse of their covariance.
+    name : str
+        Name of the variance component.
+    """
+
+    point: int
+    position_m: Array
+    weight: Array
+    name: str
+
+    @classmethod
+    def of(cls, group: PointObservation) -> "ShiftedPoint":
+        """Return the same observation with the shift."""
+        return cls(group.point, group.position_m, group.weight, group.name)
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The point and the shift."""
+        return ((POINT, self.point), DATUM)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        e = self.position_m - values.point[self.point] - values.blocks[DATUM]
+        return e, np.hstack([np.eye(3), np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from ..base.wording import spoken_as
 from ..config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
 from ..config.command_line import add_options_of_tables, given_of_tables, names_of
 from .console import Progress
-from .verb import Verb, show_judged
+from .verb import Verb, show_judged, show_result
 
 if TYPE_CHECKING:
     from ..block_adjustment.run import AdjustmentResult

@@ -65,10 +65,10 @@ def nodes_of(layout: StateLayout, time: Array) -> tuple[NDArray[np.int64], NDArr
         count = np.maximum(np.ceil(duration / (wider * interval[states])), 1.0).astype(np.int64)
         number, wider = int(count.sum()), 2.0 * wider
     state = np.repeat(states, count)
-    place = np.concatenate([(np.arange(k) + 0.5) / k for k in count]) if states.size else count
-    event = np.abs(time[:, None] - time[0] - duration * place).argmin(axis=0)
-    found = np.unique(np.column_stack([event, N_NAV + state]), axis=0)
-    return found[:, 0], found[:, 1]
+    share = np.concatenate([(np.arange(k) + 0.5) / k for k in count]) if states.size else count
+    event = np.abs(time[:, None] - time[0] - duration * share).argmin(axis=0)
+    nodes = np.unique(np.column_stack([event, N_NAV + state]), axis=0)
+    return nodes[:, 0], nodes[:, 1]
 
 
 def common_errors(
