@@ -145,8 +145,13 @@ def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -
     some = sorted(i for i, _ in out)
     words = " and ".join(names[i] for i in some)
     text = (
-        f"image observations of {words} do not fit their poses: their rays pass"
-        f" {out[0][1]:.0f} px from those of other images ({apart:.1f} px in the others)"
+        f"image observations of {words} do not fit their poses: their rays"
+        + (
+            f" pass {out[0][1]:.0f} px from those of other images"
+            if out[0][1] < FAR_OFF
+            else " do not meet those of other images"
+        )
+        + f" ({apart:.1f} px in the others)"
     )
     if len(some) == 2:
         exchanged = np.arange(n)
