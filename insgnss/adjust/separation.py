@@ -42,6 +42,7 @@ CALIBRATED_CENTRE = (
 )
 HELD_CENTRE = (
     f"{SUM} them apart; if the attitude is wanted, hold cx and cy at a calibration's values"
+    " (leave them out of camera.free)"
 )
 CALIBRATED_DECENTRING = (
     "hold p1 and p2 at values of a calibration; strips across, tilted ones or more control help"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..adjust.groups import InteriorObservation, weight_of
 from ..base.errors import InputError, InsgnssError, near
+from ..base.tables import Columns
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
 from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_points
@@ -87,7 +88,10 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
             " program; `insgnss adjust --plan` goes without"
         )
     source = read_measured_block(
-        file.images.file, file.images.format, sigma_px=file.images.sigma_px
+        file.images.file,
+        file.images.format,
+        sigma_px=file.images.sigma_px,
+        columns=file.images.columns,
     )
     notes += source.notes
     source = _without_images(source, file.images.skip)
@@ -117,7 +121,10 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
             " alone"
         )
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
-        notes.append(f"{unseen} images of the aerial control have no image observations")
+        own = set(rows[rows >= 0].tolist())
+        names = [name for k, name in enumerate(eo.images) if k not in own]
+        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
+        notes.append(f"{unseen} images of the aerial control have no image observations: {some}")
     notes += _left_out(ground, block)
     notes += _seen_once(block)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block))
@@ -274,7 +281,7 @@ def ground_in_plane(
         ground, crs = source.ground, source.crs
     if file.ground.file is not None:
         path = file.ground.file
-        ground, crs = _ground_of(path)
+        ground, crs = _ground_of(path, file.ground.columns)
     if ground is None or not ground.points:
         return None
     crs = file.ground.crs or crs
@@ -323,12 +330,12 @@ def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:
     return file.ground.crs or source.crs
 
 
-def _ground_of(path: Path) -> tuple[GroundTable | None, str | None]:
+def _ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | None]:
     """Return ground points and their CRS from a table, or from a file of a program."""
     if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
         source = read_measured_block(path)
         return source.ground, source.crs
-    return read_ground_points(path), None
+    return read_ground_points(path, columns), None
 
 
 def _roles(file: BlockFile, ground: GroundTable) -> GroundTable:

@@ -455,9 +455,12 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
     sigma = np.median([image["sigma_m"] for image in figures["images"]], axis=0)
     angles = np.degrees(np.median([image["sigma_rad"] for image in figures["images"]], axis=0))
     text = (
-        f"{len(figures['images'])} images: median sigmas {lengths([1e3 * x for x in sigma])}"
-        f" (E, N, U), tilt {max(angles[:2]):.2g} deg, heading {angles[2]:.2g} deg"
+        f"{len(figures['images'])} images: median sigmas of positions"
+        f" {lengths([1e3 * x for x in sigma])} (E, N, U), tilt {max(angles[:2]):.2g} deg,"
+        f" heading {angles[2]:.2g} deg"
     )
+    if (points := figures["points"]["median_sigma_m"]) is not None:
+        text += f"; object points {lengths([1e3 * x for x in points])}"
     checks = [c for c in figures["check_points"] if "difference_m" in c]
     if checks:
         d = np.array([c["difference_m"] for c in checks])

@@ -52,6 +52,7 @@ def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> I
     yield _control(figures)
     yield _checks(figures)
     yield _images(figures)
+    yield _rejected(figures)
     yield _notes(figures)
 
 
@@ -156,7 +157,7 @@ def _control(figures: Mapping[str, Any]) -> str:
     if not rows:
         return ""
     head: tuple[str, ...] = ("point", "images", "E, mm", "N, mm", "U, mm", "largest w")
-    head += ("error that would show: E", "N", "U")
+    head += ("error that would show: E, mm", "N, mm", "U, mm")
     body = table(rows, head, numbers=True)
     if len(rows) > 30:
         body = folded(f"{len(rows)} points", body)
@@ -179,7 +180,8 @@ def _checks(figures: Mapping[str, Any]) -> str:
     ]
     if not rows:
         return ""
-    head = ("point", "images", "E, mm", "N, mm", "U, mm", "square a sigma, expected 1")
+    square = "normalised square, expected 1, by chance up to 3.8"
+    head = ("point", "images", "E, mm", "N, mm", "U, mm", square)
     return "<h2>Check points: surveyed minus adjusted</h2>\n" + table(rows, head, numbers=True)
 
 
@@ -196,9 +198,26 @@ def _images(figures: Mapping[str, Any]) -> str:
         )
         for i in figures["images"]
     ]
-    head = ("image", "points", "rejected", "rms, px", "sigma E N U", "sigma psi, deg", "moved by")
+    head: tuple[str, ...] = ("image", "points", "rejected", "rms, px", "sigma E N U")
+    head += ("sigma of attitude E N U, deg", "moved by")
     body = table(rows, head, numbers=True)
     return "<h2>Images</h2>\n" + (folded(f"{len(rows)} images", body) if len(rows) > 20 else body)
+
+
+def _rejected(figures: Mapping[str, Any]) -> str:
+    rows = [
+        (
+            escape(r["image"]),
+            escape(r["point"]),
+            *("–" if x is None else f"{x:+.1f}" for x in r["residual_px"]),
+        )
+        for r in figures["rejected"]
+    ]
+    if not rows:
+        return ""
+    body = table(rows, ("image", "point", "x, px", "y, px"), numbers=True)
+    title = f"{len(rows)} image observations that do not fit"
+    return "<h2>Rejected</h2>\n" + folded(title, body)
 
 
 def _notes(figures: Mapping[str, Any]) -> str:

@@ -100,8 +100,8 @@ class Plan:
             gain = "would help most" if after < WORTH * before else "would help little, even"
             lines.append(
                 f"one more ground control point {gain} at E {where[0]:.0f}, N {where[1]:.0f} m"
-                f" (near {image}): largest height sigma {lengths([1e3 * before])} without,"
-                f" {lengths([1e3 * after])} with it"
+                f" (near {image}): largest height sigma of points in three images"
+                f" {lengths([1e3 * before])} without, {lengths([1e3 * after])} with it"
             )
         return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 

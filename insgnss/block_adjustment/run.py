@@ -60,7 +60,7 @@ class AdjustmentResult:
         undetermined = [name for name, word, _ in judgement.determined if word == verdict]
         if undetermined:
             lines.append(f"not determined by this block: {', '.join(undetermined)}")
-        lines += [f"note: {note}" for note in self.solved.inputs.notes]
+        lines += [f"note: {note}" for note in self.figures["notes"]]
         return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 
     def as_dict(self) -> dict[str, Any]:

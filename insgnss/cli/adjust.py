@@ -1,9 +1,10 @@
 """The verb `adjust`: integrated sensor orientation of an image block."""
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
@@ -30,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "block",
         type=Path,
         metavar="BLOCK",
-        help="the block file, its directory, or the eo.json of a processed flight with --images",
+        help=(
+            "the block file, whose keys the options below change, its directory, or the eo.json of"
+            " a processed flight with --images"
+        ),
     )
     parser.add_argument(
         "--plan",
@@ -57,13 +61,15 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     given = given_of_tables(options, BLOCK_TABLES)
     named = names_of(BLOCK_TABLES)
     if options.block.suffix.lower() != ".json":
-        for table, values in given.items():
-            if values:
-                key = f"{table}.{next(iter(values))}"
-                raise UsageError(
-                    f"{named[key]} goes with an eo.json; the block file says the rest: {key}"
-                )
-        return load_block(options.block)
+        file = load_block(options.block)
+        with spoken_as(named):
+            changed = {
+                name: replace(getattr(file, name), **values)
+                for name, values in given.items()
+                if name and values
+            }
+        _refuse_missing(changed, options.block)
+        return replace(file, **changed)
     if "file" not in given["images"] and not options.plan:
         raise UsageError(
             "adjust: image observations are missing; give --images, a table or the project of a"
@@ -74,16 +80,21 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     with spoken_as(named):
         made = {name: kind(**given[name]) for name, kind in tables.items()}
     made["output"] = replace(BlockOutput(), directory=options.block.parent / DIRECTORY)
-    for name, path in (
-        ("--images", made["images"].file),
-        ("--camera", made["camera"].file),
-        ("--ground", made["ground"].file),
-        ("BLOCK", options.block),
-    ):
-        if path is not None and not path.exists():
-            raise UsageError(f"adjust: {name} {path} does not exist; check the path")
+    _refuse_missing(made, options.block)
     name = options.block.absolute().parent.name
     return BlockFile(path=options.block, name=name, **made)
+
+
+def _refuse_missing(tables: Mapping[str, Any], block: Path) -> None:
+    """Refuse files that are not there."""
+    files = [
+        (f"--{name}", tables[name].file)
+        for name in ("images", "camera", "ground")
+        if name in tables
+    ]
+    for name, path in (*files, ("BLOCK", block)):
+        if path is not None and not path.exists():
+            raise UsageError(f"adjust: {name} {path} does not exist; check the path")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

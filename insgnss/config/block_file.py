@@ -10,7 +10,7 @@ from .flight_file import resolved
 from .schema import Triple, check, option, options_of
 
 if TYPE_CHECKING:
-    from ..base.tables import Table
+    from ..base.tables import Columns, Table
 
 PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
@@ -47,6 +47,12 @@ class ImagesInput:
         usual="that of the file, or 1",
         cli="--sigma-px",
         metavar="PX",
+    )
+    columns: "Columns" = option(
+        None,
+        'of a table: list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual="by header or order",
     )
     skip: tuple[str, ...] = option(
         (), "names of images that are left out", cli="--skip-images", metavar="NAME"
@@ -170,6 +176,9 @@ class GroundTableInput:
     )
     geoid: Path | None = option(
         None, "grid of geoid heights, for heights above sea level", cli="--geoid", metavar="GRID"
+    )
+    columns: "Columns" = option(
+        None, "of a table, as images.columns", kind="columns", usual="by header or order"
     )
     check: tuple[str, ...] = option(
         (),

@@ -17,7 +17,8 @@ from ..orient.relative import relative_control
 def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, Any]:
     """The options of format `name`, each of the type that its writer takes.
 
-    Those that it does not take stay as they are.
+    Those that it does not take stay as they are. A camera may be a TOML file, such as camera.toml
+    of `insgnss adjust`.
 
     Raises
     ------
@@ -29,6 +30,11 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
         **inspect.signature(relative_control).parameters,
         **inspect.signature(form.write).parameters,
     }
+    if (camera := texts.get("camera", "")).lower().endswith(".toml"):
+        from ..formats.blocks.camera_files import colmap_words
+        from ..formats.blocks.camera_toml import read_camera_toml
+
+        texts = texts | {"camera": colmap_words(read_camera_toml(camera))}
     return {
         key: (
             _typed(f"export: {name}: {key}", text, parameters[key].annotation)

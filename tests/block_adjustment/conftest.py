@@ -29,12 +29,6 @@ class Flown:
         return Flown(to)
 
 
-def edited(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert old in text, f"{old!r} is not in {path.name}"
-    path.write_text(text.replace(old, new))
-
-
 @pytest.fixture(scope="session")
 def flown(tmp_path_factory) -> Flown:
     directory = tmp_path_factory.mktemp("block") / "flight"

@@ -22,6 +22,13 @@ BLOCK = "01_Observations/Camera/Block"
 EO = "02_Processed/GPS-INS/eo.json"
 
 
+def edited(path, old, new) -> None:
+    """Change a text that must be there."""
+    text = path.read_text()
+    assert old in text, f"{old!r} is not in {path.name}"
+    path.write_text(text.replace(old, new))
+
+
 def truth(flown):
     """Poses of the truth, by image."""
     with np.load(flown.directory / "truth/eo.npz") as file:
@@ -205,3 +212,44 @@ def test_a_calibration_is_an_observation(flown, adjusted, tmp_path) -> None:
         expected / scale / scale[:, None], abs=0.03
     )
     assert any(c["name"] == "interior orientation" for c in result.figures["components"])
+
+
+def test_options_change_a_block_file(flown, adjusted, tmp_path, capsys) -> None:
+    """Oracle: the counts and the parameters that they ask for."""
+    names = [p["point"] for p in adjusted.figures["ground_control"]]
+    words = ["adjust", str(flown.directory), "-q", "--json", "--out", str(tmp_path / "a")]
+    assert main([*words, "--check", *names[:3], "--free", "f", "cx", "cy"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    before = adjusted.figures["counts"]
+    assert document["counts"]["ground_control"] == before["ground_control"] - 3
+    assert document["counts"]["check_points"] == before["check_points"] + 3
+    own = document["cameras"][0]["parameters"]
+    assert [k for k in own if own[k]["estimated"]] == ["f", "cx", "cy"]
+    assert main([*words, "--camera", "nowhere.toml"]) == 2
+    assert "--camera nowhere.toml does not exist" in capsys.readouterr().err
+
+
+def test_the_camera_goes_into_an_export(flown, adjusted, tmp_path, capsys) -> None:
+    """Oracle: the adjusted camera constant, in COLMAP's own file."""
+    out = flown.directory / "02_Processed/Adjustment"
+    camera = f"camera={out / 'camera.toml'}"
+    words = ["export", str(out / "eo.json"), "colmap", "--out", str(tmp_path / "model")]
+    assert main([*words, "--set", camera]) in (0, 3)
+    error = capsys.readouterr().err
+    f = adjusted.figures["cameras"][0]["parameters"]["f"]["value"]
+    if error:  # b2 is more than COLMAP can leave out
+        assert "has no place for b2" in error
+    else:
+        line = (tmp_path / "model/cameras.txt").read_text().splitlines()[-1]
+        assert abs(float(line.split()[5]) - f) < 1e-5  # six decimals
+
+
+def test_columns_of_tables(flown, adjusted, tmp_path) -> None:
+    """Oracle: the block with the usual names."""
+    own = flown.copied(tmp_path / "flight")
+    table = own.directory / BLOCK / "image_points.csv"
+    edited(table, "image,point,x,y,sigma", "photo_file,nr,px_x,px_y,s")
+    words = '{ image = "photo_file", point = "nr", x = "px_x", y = "px_y", sigma = "s" }'
+    edited(own.directory / "block.toml", "[camera]", f"columns = {words}\n[camera]")
+    result = adjust(own.block, write=False)
+    assert result.figures["counts"] == adjusted.figures["counts"]

@@ -220,7 +220,9 @@ def test_tables_are_joined_by_names() -> None:
     assert block.control.position_m.tolist() == [[6.0, 7.0, 8.0]]
     assert block.check.point.tolist() == [2]
     assert not block.oriented.any()
-    with pytest.raises(InputError, match="no ground point of the first table is in the second"):
+    with pytest.raises(
+        InputError, match="no ground point is measured in any image: 'c' is not there"
+    ):
         joined(of_table(measured(("a", "t", 1.0, 2.0)), camera(f=5600.0)), ground)
 
 

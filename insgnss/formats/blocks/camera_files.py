@@ -23,6 +23,7 @@ from ..bundle.camera import BROWN_NAMES
 from ..text.text import Source
 
 EXACT_PX = 0.01
+LOST_PX = 0.1  # of what a program has no place for, which is said
 GRID = 25
 STEPS = 20
 LACKING = {"colmap": ("b2", "k4"), "opencv": ("b2", "k4")}
@@ -84,10 +85,11 @@ def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
     xy = _grid(camera)[1]
     moved = float(np.abs(_pixels(camera, xy) - _pixels(without, xy)).max())
     values = ", ".join(f"{k} = {camera.of(k):g}" for k in lacking)
-    if moved > EXACT_PX:
+    if moved > LOST_PX:
         raise InputError(
             f"camera {camera.name}: {form} has no place for {values}, which moves pixels by up to"
-            f" {moved:.3g} (limit {EXACT_PX} px); calibrate without, or write metashape or TOML"
+            f" {moved:.3g} (limit {LOST_PX} px); calibrate with it zero in the camera's file and"
+            " not in camera.free, or write metashape or TOML"
         )
     notes.append(f"camera {camera.name}: {values} left out, {moved:.2g} px at most")
     return without
@@ -232,6 +234,28 @@ def _opencv_values(camera: BrownCamera) -> dict[str, float]:
     own = {key: camera.of(key) for key in ("cx", "cy", "k1", "k2", "k3")}
     focal = {"fx": camera.of("f") + camera.of("b1"), "fy": camera.of("f")}
     return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
+
+
+def colmap_words(camera: BrownCamera) -> str:
+    """Return a camera as exports take it: model, width, height, parameters.
+
+    Parameters
+    ----------
+    camera : BrownCamera
+        The camera.
+
+    Returns
+    -------
+    str
+        Words of COLMAP's cameras.txt, without the number.
+
+    Raises
+    ------
+    InputError
+        A camera that COLMAP cannot express.
+    """
+    ready = _expressed(_forward(camera, "colmap", []), "colmap", [])
+    return _colmap([ready], [None]).splitlines()[-1].partition(" ")[2]
 
 
 def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:

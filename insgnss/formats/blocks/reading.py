@@ -128,6 +128,8 @@ def recognised(path: Source) -> str:
             return "opensfm"
         raise _unknown(path)
     head = head_of(path)
+    if not head:
+        raise InputError.at_line(path, None, "is empty; export the image observations again")
     text = decode(head).lstrip("\ufeff \r\n\t")
     if head.startswith(b"PK\x03\x04") or path.suffix.lower() in (".psx", ".psz"):
         return "metashape"
