@@ -115,6 +115,7 @@ def test_paths_below_the_flight_file_are_relative(flown):
             (flown / name).unlink(missing_ok=True)
 
 
+@pytest.mark.slow
 def test_existing_files_are_not_overwritten(flown, drafted, capsys):
     """Oracle: the bytes before; exit code 2 of the contract."""
     before = drafted.read_bytes()

@@ -95,6 +95,7 @@ def test_tripled_white_noise_is_recovered_with_honest_standard_errors(tripled):
     assert_allclose(together, TRIPLED, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_innovations_are_white_and_of_their_size_after_it(tripled):
     """Oracle: what innovations of a true model are: white (a chance below 1 % of three directions
     in five flights once or twice), NIS 1.

@@ -98,6 +98,7 @@ def test_standard_errors_of_the_gyroscopes_are_those_of_the_errors(ideal):
     assert np.mean(both) < chi2.ppf(0.995, 16 * 9) / 16, np.mean(both)
 
 
+@pytest.mark.slow
 def test_biases_that_wander_between_positions_are_in_the_standard_errors(ideal):
     """Oracle: Monte Carlo; a bias of its own in each position (0.01 m/s^2, 20 deg/h), which is no
     white noise; 12 recordings.

@@ -74,6 +74,7 @@ def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
     assert "the innovations show them (-2 log L falls by" in overruled.found
 
 
+@pytest.mark.slow
 def test_an_imu_without_biases_leaves_it_at_a_note(tmp_path):
     """Oracle: a simulated IMU that has none; `inspect` and the report of `process` name the model
     all the same.

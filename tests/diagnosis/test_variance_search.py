@@ -67,6 +67,7 @@ def test_nothing_promises_where_nothing_is_wrong():
         pytest.param({"sigmas": 0.5}, ("GNSS sigmas",), 0.5, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_the_right_family_wins(planted, families, factor):
     """Oracle: what was planted. White noise and fast Gauss-Markov processes of a NavChip are alike
     to fixes a tenth of a second apart, so either may stand for the other. A factor of the fixes is

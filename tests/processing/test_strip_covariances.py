@@ -92,6 +92,7 @@ def test_lines_share_what_the_common_errors_say(sim, monkeypatch):
     assert left.max() < 0.25
 
 
+@pytest.mark.slow
 def test_strips_of_exposures_that_the_receiver_stamped(sim):
     """Oracle: eo.json's own covariances, which (X.3) gives, as the difference of squares of 0.1 m
     (10 ms) to some mm, which costs three digits; and none where none is wanted.

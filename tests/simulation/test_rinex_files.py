@@ -224,6 +224,7 @@ def test_time_goes_on_over_the_end_of_the_week_and_rounds_into_the_next_minute(t
     assert_allclose(read_observations(tmp_path / "x.18o").time, table.time, rtol=0.0, atol=0.5e-7)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_file(tmp_path):
     """Oracle: tracemalloc: a file of 12 MB is written with less than half of it in memory."""
     table = observed(TOW + 0.1 * np.arange(6000))

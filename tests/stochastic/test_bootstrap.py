@@ -80,6 +80,7 @@ def test_the_drift_is_a_slope_of_known_size():
 
 
 @pytest.mark.parametrize("sampling", [pytest.param("point", marks=pytest.mark.slow), "mean"])
+@pytest.mark.slow
 def test_reduced_draws_are_those_of_whole_series(sampling):
     """Oracle: simulation of all samples; mean, standard deviation, skewness and correlation within
     what 160 draws scatter.

@@ -194,6 +194,7 @@ def test_profile_limits_are_those_of_a_general_minimiser(inferred):
         assert_allclose(best.fun, 3.84, atol=0.06)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_errors_are_those_seen(inferred):
     """Oracle: simulation of 60 recordings; binomial and chi-square bounds at 0.1 %."""
     truth = np.array([1.0, 20.0, 0.4])

@@ -179,6 +179,7 @@ def test_near_stationarity_of_a_linear_model_is_cochrans_statistic():
     assert_allclose(expected, 0.5 / v.mean() / math.sqrt(U @ W @ U), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_near_stationarity_tells_a_disturbed_recording():
     """Oracle: construction; the third recording has half more driving noise, several times its
     standard error.

@@ -59,6 +59,7 @@ def truth(sensor):
     }
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_simulated_noise(tuned):
     """Oracle: the parameters simulated; of 18 intervals of 95 % at least 14 hold them (fewer: 1 in
     500).
