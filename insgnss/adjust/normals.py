@@ -435,3 +435,33 @@ def cost(problem: Problem, values: Unknowns, groups: Linearised | None = None) -
     for group, (r, _) in zip(problem.groups, groups, strict=True):
         total += float(r @ group.weight @ r)
     return float(total), int(invalid)
+
+
+def cofactors_of(problem: Problem, values: Unknowns, columns: NDArray[np.int64]) -> Array:
+    """Compute the cofactors of some columns alone, for the price of an iteration.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        The adjusted values.
+    columns : ndarray of int, (d,)
+        The columns.
+
+    Returns
+    -------
+    ndarray, (d, d)
+        Their cofactors, symmetric.
+
+    Raises
+    ------
+    DataError
+        The observations do not determine an unknown.
+    """
+    missing = ~problem.determined
+    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    unit = np.zeros((problem.layout.size, columns.size))
+    unit[columns, np.arange(columns.size)] = 1.0
+    Q = factorised(problem, assembled(problem, values)).solved(unit)[columns]
+    return np.asarray(0.5 * (Q + Q.T))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..adjust.normals import assembled, factorised, problem_of
+from ..adjust.normals import cofactors_of, problem_of
 from ..adjust.unknowns import POINT
 from ..records.block import Array
 from .solve import Solved
@@ -86,10 +86,6 @@ def check_points(solved: Solved) -> CheckPoints:
         return CheckPoints(rows, d, np.zeros((0, 0)), block.check.cov[rows])
     keep = [int(p) for p in of_block]
     problem = problem_of(block, own.groups, result.values.blocks, keep).with_active_of(own)
-    missing = ~problem.determined
-    values = result.values.with_points(np.where(missing[:, None], 0.0, point))
     columns = np.concatenate([problem.layout.of((POINT, p))[0] for p in keep])
-    unit = np.zeros((problem.layout.size, columns.size))
-    unit[columns, np.arange(columns.size)] = 1.0
-    Q = factorised(problem, assembled(problem, values)).solved(unit)[columns]
-    return CheckPoints(rows, d, 0.5 * (Q + Q.T), block.check.cov[rows])
+    Q = cofactors_of(problem, result.values, columns)
+    return CheckPoints(rows, d, Q, block.check.cov[rows])

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.groups import ObservationGroup, PointObservation
-from ..adjust.normals import Problem, problem_of
+from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
-from ..adjust.precision import precision_of
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from ..base.errors import DataError
@@ -294,15 +293,15 @@ def _trial_of(
         again = without_outliers(problem, values).result
     else:
         again = adjusted(problem.with_active_of(own), values)
-    precision = precision_of(again, 1.0)
+    cov = cofactors_of(again.problem, again.values, again.problem.layout.of(key)[0])
     gain = result.cost - again.cost
     columns = again.problem.layout.columns
     value = _value(again.values, key, columns)
     if key[0] == CAMERA:
         value = value - _value(result.values, key, columns)
-    sigma = np.sqrt(np.diagonal(precision.cov(key)))
+    sigma = np.sqrt(np.diagonal(cov))
     if reconnects:
-        gain = float(value @ np.linalg.solve(precision.cov(key), value))
+        gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < SHARE * len(alone) else np.inf
     enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
     return Trial(name, float(gain), value.size, value, sigma, unit, bool(enough), option)

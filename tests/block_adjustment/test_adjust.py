@@ -112,6 +112,7 @@ def test_the_command_line_asks_for_the_same(flown, adjusted, tmp_path, capsys) -
     assert json.loads(capsys.readouterr().out)["verdict"] == "consistent"
 
 
+@pytest.mark.slow
 def test_what_all_lines_share_does_not_make_the_boresight_better(flown, adjusted, tmp_path) -> None:
     """Oracle: the covariance of all images at once as one strip, which a flight of 5 min has; with
     the common errors left out the bore-sight seems known by a quarter better than it is.

@@ -283,6 +283,7 @@ def shifted_ground(copied, metres) -> None:
     write_ground_points(replace(ground, position_m=ground.position_m + metres), path)
 
 
+@pytest.mark.slow
 def test_a_large_contradiction_leaves_no_orientation(copied, capsys) -> None:
     """Oracle: a shift of half a metre of all ground points, which is named; exit 4, no eo.json."""
     shifted_ground(copied, [0.4, -0.3, 0.0])
