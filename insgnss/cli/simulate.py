@@ -7,6 +7,8 @@ from ..base.errors import UsageError
 from .console import Progress
 from .verb import Verb, positive, show
 
+SURVEYS = ("ign8", "ign6x1")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
@@ -14,7 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--flight",
         choices=("ign8", "ign6x1", "car", "walk"),
-        default="ign8",
         help="block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8)",
     )
     parser.add_argument(
@@ -44,7 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "write image observations, ground control and check points and a camera of ign8 or ign6x1"
         " as well, with their truth"
     )
-    parser.add_argument("--block", action="store_true", help=block)
+    parser.add_argument(
+        "--block",
+        nargs="?",
+        const="",
+        type=_survey,
+        metavar="FLIGHT",
+        help=f"{block} (of --flight; or name the flight here)",
+    )
     parser.add_argument(
         "--gross-errors",
         type=float,
@@ -56,13 +64,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _survey(text: str) -> str:
+    """Return the name of a survey flight."""
+    if text not in SURVEYS:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no survey flight, of which there are {' and '.join(SURVEYS)}; a DIR stands"
+            " before it"
+        )
+    return text
+
+
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     from ..simulation.dataset import write_dataset
 
-    progress(f"simulating {options.flight}")
+    if options.block and options.flight not in (None, options.block):
+        raise UsageError(
+            f"--flight {options.flight} and --block {options.block} are two flights; keep one"
+        )
+    flight = options.flight or options.block or "ign8"
+    progress(f"simulating {flight}")
     arguments = {
-        "flight": options.flight,
+        "flight": flight,
         "minutes": options.minutes,
         "vibration": options.vibration,
         "seed": options.seed,
@@ -71,16 +94,16 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         from ..simulation.raw_gnss.scenario import RawGnssOptions
 
         arguments["raw_gnss"] = RawGnssOptions()
-    if options.block:
+    if options.block is not None:
         from ..simulation.image_block import BlockOptions
 
-        arguments["block"] = BlockOptions.of(options.flight, options.gross_errors or 0.0)
+        arguments["block"] = BlockOptions.of(flight, options.gross_errors or 0.0)
     elif options.gross_errors is not None:
         raise UsageError("--gross-errors is of image observations; give --block too")
     write_dataset(options.directory, imu_rate=options.imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
     message = f"{flight_file}\nnext: insgnss process {flight_file}"
-    if options.block:
+    if options.block is not None:
         message += f", then insgnss adjust {options.directory / 'block.toml'}"
     return show(options, progress, lambda: message, lambda: {"flight": flight_file})
 

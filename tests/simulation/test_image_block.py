@@ -273,6 +273,8 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     [
         ("--flight car --block", "flight 'car' is no survey and has no image block"),
         ("--minutes 2 --gross-errors 0.1", "--gross-errors is of image observations; give --block"),
+        ("--block images", "'images' is no survey flight, of which there are ign8 and ign6x1"),
+        ("--flight ign8 --block ign6x1", "are two flights; keep one"),
         ("--minutes 2 --block --gross-errors 5", "gross_errors 5 of a block; it lies within 0 to"),
     ],
 )
@@ -281,6 +283,16 @@ def test_what_has_no_block_is_refused(tmp_path, capsys, given, message) -> None:
     assert main(["simulate", str(tmp_path / "d"), *given.split(), "-q", "--imu-rate", "20"]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_block_may_name_its_flight(tmp_path, capsys) -> None:
+    """Oracle: the corridor's image names, which begin with 6, and the files of an adjustment."""
+    words = "--block ign6x1 --minutes 3 --imu-rate 20"
+    assert main(["simulate", str(tmp_path / "d"), *words.split()]) == 0
+    assert "then insgnss adjust" in capsys.readouterr().out
+    images = read_image_points(tmp_path / "d" / BLOCK / "image_points.csv").images
+    assert {name[0] for name in images} == {"6"}
+    assert (tmp_path / "d/block.toml").is_file()
 
 
 def test_a_flight_without_overlap_is_refused(simulated) -> None:
