@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _survey(text: str) -> str:
     """Return the name of a survey flight."""
-    if text not in SURVEYS:
+    if text and text not in SURVEYS:  # argparse asks for the constant too
         raise argparse.ArgumentTypeError(
             f"{text!r} is no survey flight, of which there are {' and '.join(SURVEYS)}; a DIR stands"
             " before it"
