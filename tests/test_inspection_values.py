@@ -85,6 +85,7 @@ def test_tables_of_an_autopilot_are_told_by_their_values(autopilot):
     np.testing.assert_allclose(fixes.velocity_ned, drive()[4], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_columns_that_nothing_takes_are_named(autopilot, capsys):
     """Oracle: the places of the columns beside those of clock, position and velocity."""
     (gnss,) = discover([autopilot]).of("gnss")

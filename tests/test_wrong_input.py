@@ -1037,7 +1037,7 @@ def test_the_advice_on_lever_arm_and_clock_puts_it_right(data, capsys, key, chan
     assert any("observed by this flight" in line for line in report["history"])
 
 
-@pytest.mark.parametrize("length", [0.5, 3.0])
+@pytest.mark.parametrize("length", [0.5, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_gap_is_bridged_or_divides_the_flight_and_is_told(data, capsys, length):
     """Oracle: the gap that was made, and a second as the limit; images within a gap that is not
     bridged have no orientation.

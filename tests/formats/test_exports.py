@@ -512,6 +512,7 @@ def test_a_datum_is_warned_of_where_it_costs_something(
     assert "gnss.datum" in notes or not told
 
 
+@pytest.mark.slow
 def test_the_datum_of_the_positions_goes_with_the_master(tmp_path: Path) -> None:
     """Oracle: the record written; positions of ITRF2014 in 2024 lie 0.87 m from those of ETRS89
     (24 mm a year since 1989.0).

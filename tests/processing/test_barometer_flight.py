@@ -86,6 +86,7 @@ def test_its_heights_are_as_good_as_their_sigmas():
     assert low < np.sum(np.square(z)) < high
 
 
+@pytest.mark.slow
 def test_heights_that_do_not_follow_the_flight_are_a_contradiction():
     """Oracle: a barometer that wanders by 50 m; accepted it does no harm."""
     sim, fixes, middle = flown(3)

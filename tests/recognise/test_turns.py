@@ -70,6 +70,7 @@ def test_an_unclear_lag_at_the_edge_is_no_clock_error(flown):
         assert "time_offset_s" not in advice
 
 
+@pytest.mark.slow
 def test_forces_speak_for_a_drone_whose_nose_does_not_follow_its_course():
     """Oracle: the simulator's records fit; with fixes 4 s late, or in the mirror, they do not."""
     flown = simulate_flight("ign8", 4.0, seed=3, imu=ImuOptions(rate_hz=50.0), start_in_air=True)

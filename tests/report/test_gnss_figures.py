@@ -91,6 +91,7 @@ def test_degraded_fixes_are_drawn_apart_and_count_as_fixed(series):
     assert axes["fixed, %"].lines[0].get_ydata().min() == 100.0
 
 
+@pytest.mark.slow
 def test_times_without_epochs_break_nothing(series):
     """Oracle: no warning, where all separations are unknown and no slip was found."""
     series |= {

@@ -585,6 +585,7 @@ def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pic
     assert all(t.stationarity is not None and t.stationarity.p_value > 1e-3 for t in same.tuned)
 
 
+@pytest.mark.slow
 def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
     """Oracle: 400 deg/h put in, settling with a minute; three time constants are three minutes, and
     without them there is no trend.
