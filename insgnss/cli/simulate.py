@@ -68,8 +68,8 @@ def _survey(text: str) -> str:
     """Return the name of a survey flight."""
     if text and text not in SURVEYS:  # argparse asks for the constant too
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no survey flight, of which there are {' and '.join(SURVEYS)}; a DIR stands"
-            " before it"
+            f"{text!r} is no survey flight, of which there are {' and '.join(SURVEYS)}; a DIR"
+            " stands before it"
         )
     return text
 
