@@ -66,10 +66,22 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {"image": image, "point": point, "w": w}
             for image, point, w in strongest(solved.precision)
         ],
-        "notes": list(solved.inputs.notes),
+        "notes": [*solved.inputs.notes, *_weighed(solved)],
         "block_file": solved.inputs.file.resolved(),
         "points": _points(solved, block),
     }
+
+
+def _weighed(solved: Solved) -> list[str]:
+    """Say that standard deviations are too small where flight lines weigh without their own."""
+    if solved.control.covariance not in ("chain", "image"):
+        return []
+    how = {"chain": "by covariances of neighbours alone", "image": "each image alone"}
+    return [
+        f"the aerial control weighs {how[solved.control.covariance]}: standard deviations of"
+        " bore-sight and camera are too small, several times in long flights; put the"
+        " eo_covariance.npz of the same run beside eo.json"
+    ]
 
 
 def _counts(solved: Solved) -> dict[str, int]:

@@ -254,3 +254,16 @@ def test_columns_of_tables(flown, adjusted, tmp_path) -> None:
     edited(own.directory / "block.toml", "[camera]", f"columns = {words}\n[camera]")
     result = adjust(own.block, write=False)
     assert result.figures["counts"] == adjusted.figures["counts"]
+
+
+def test_weights_without_the_covariance_of_lines_are_noted(flown, tmp_path) -> None:
+    """Oracle: the file beside eo.json, which is taken away; scripts/adjust_simulated.py has by how
+    much the standard deviations are too small.
+    """
+    own = flown.copied(tmp_path / "flight")
+    words = "standard deviations of bore-sight and camera are too small"
+    assert not any(words in note for note in adjust(own.block, write=False).figures["notes"])
+    (own.directory / "02_Processed/GPS-INS/eo_covariance.npz").unlink()
+    result = adjust(own.block, write=False)
+    assert result.figures["covariance_of_aerial_control"] == "chain"
+    assert any(words in line for line in result.summary().splitlines())
