@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
-from ..report.rules.wording import Limit, lengths
+from ..report.rules.wording import Limit, lengths, screen_unit
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
@@ -322,9 +322,7 @@ def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:
 
 def shown(trial: Trial) -> str:
     """Return the values of a trial as people read them."""
-    factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}.get(
-        trial.unit, (1.0, "px")
-    )
+    factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
     words = " / ".join(f"{factor * v:+.3g}" for v in trial.value[:3])
     sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
     return f"{words} {unit} (sigma {sigma})"
@@ -368,9 +366,7 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
     for name, own in figures["mounting"].items():
         value, sigma = np.array(own["value"]), np.array(own["sigma"])
         if (np.abs(value) > SIGNIFICANT * sigma).any():
-            factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}[
-                own["unit"]
-            ]
+            factor, unit = screen_unit(own["unit"])
             words = " / ".join(f"{factor * v:+.3g}" for v in value)
             yield Limit(
                 name,
@@ -425,9 +421,7 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
             )
     for name, own in figures["mounting"].items():
-        factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}[
-            own["unit"]
-        ]
+        factor, unit = screen_unit(own["unit"])
         for axis, value, sigma, before in zip(
             AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
         ):

@@ -19,10 +19,8 @@ from typing import Any
 import numpy as np
 
 from ..adjust.adjustment import Adjusted, redundancy_of, valid
-from ..adjust.groups import control_points
-from ..adjust.normals import cost, problem_of
+from ..adjust.normals import cost
 from ..adjust.precision import Precision, precision_of
-from ..adjust.start import first_values
 from ..base.errors import InputError
 from ..base.files import atomic_write, json_ready
 from ..config.block_file import BlockFile
@@ -37,13 +35,13 @@ from ..records import ExteriorOrientation
 from ..records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ..report.figures.block import precision_map
 from ..report.markup import document, escape, pictured
-from ..report.rules.wording import lengths
+from ..report.rules.wording import lengths, screen_unit
 from ..simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
-from .control import control_of
+from .control import Control, control_of
 from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
 from .page import ground_of
-from .solve import Solved, plainly
+from .solve import Solved, plainly, set_up
 
 DOCUMENT, PAGE = "plan.json", "plan.html"
 SEED = 14
@@ -145,9 +143,7 @@ def expected(figures: Mapping[str, Any]) -> Iterator[str]:
             text += f"; that of f is {lengths([of_height])} of the flying height {height:.0f} m"
         yield text
     for name, own in figures["mounting"].items():
-        factor, unit = {"m": (1e3, "mm"), "rad": (np.degrees(1.0), "deg"), "s": (1e3, "ms")}[
-            own["unit"]
-        ]
+        factor, unit = screen_unit(own["unit"])
         sigma = " / ".join(f"{factor * x:.2g}" for x in own["sigma"])
         before = " / ".join(f"{factor * x:.2g}" for x in own["sigma_before"])
         yield f"{name}: sigma {sigma} {unit} ({before} before)"
@@ -197,7 +193,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     made = joined(of_table(*block), ground, eo)
     inputs = Inputs(file, made.block, eo, made.eo_row, (), calibrated(file, made.block))
     progress(f"adjusting {len(made.block.observations)} planned image observations")
-    solved = plainly(inputs, control_of(inputs), _precision(inputs))
+    control = control_of(inputs)
+    solved = plainly(inputs, control, _precision(inputs, control))
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
     progress("trying one more ground control point")
@@ -272,12 +269,9 @@ def _observed(
     return ImagePoints(eo.images, points, ImageObservations(image, point, uv, s))
 
 
-def _precision(inputs: Inputs) -> Precision:
+def _precision(inputs: Inputs, control: Control) -> Precision:
     """Return the precision at the solution, where pixels without error have the planned poses."""
-    control, block = control_of(inputs), inputs.block
-    groups = [*control.groups, *control_points(block.control), *inputs.interior]
-    values = replace(first_values(block), blocks=control.blocks)
-    problem = problem_of(block, groups, control.blocks)
+    problem, values = set_up(inputs, control)
     problem = problem.with_active(valid(problem, values))
     point = np.where(problem.determined[:, None], values.point, np.nan)
     zero = cost(problem, values)[0]
@@ -309,7 +303,7 @@ def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, 
         np.concatenate([control.cov, cov[None]]),
     )
     changed: ImageBlock = replace(block, control=more)
-    again = _precision(replace(solved.inputs, block=changed))
+    again = _precision(replace(solved.inputs, block=changed), solved.control)
     after = float(np.sqrt(again.point_cov[:, 2, 2])[good].max())
     near = int(np.argmin(np.linalg.norm(eo.position_m[:, :2] - X[:2], axis=1)))
     return X, float(sigma[worst]), after, eo.images[near]

@@ -90,17 +90,14 @@ def _write_orientation(
     solved: Solved, figures: dict[str, Any], judgement: Judgement, into: Path
 ) -> None:
     """Write orientation, exports, cameras and mounting."""
-    from ..exporting.export import Target, export
+    from ..exporting.export import export
     from ..formats import EXPORTS
 
     file = solved.inputs.file
     eo = adjusted_orientation(solved, judgement)
-    names = dict.fromkeys([*file.output.formats, "eo_json"]) if eo is not None else {}
-    for name in names:
-        if name not in EXPORTS:
-            raise UsageError(f"output.formats: {name!r} is no export format")
-        options: dict[str, Any] = {}
-        export(eo, name, into / EXPORTS[name].product, Target(), **options)  # type: ignore[arg-type]
+    if eo is not None:
+        for name in dict.fromkeys([*file.output.formats, "eo_json"]):
+            export(eo, name, into / EXPORTS[name].product)
     write_poses(solved, into / POSES)
     figures["notes"] += _write_cameras(solved, into)
     if (text := mounting_toml(solved)) is not None:
@@ -154,17 +151,13 @@ def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrient
     if (E := values.blocks.get((BORESIGHT, 0))) is not None:
         boresight = changed_boresight(eo, E)
     return replace(
-        eo,
-        images=tuple(eo.images[k] for k in own),
-        time=eo.time[own],
+        eo[own],
         position_m=values.position[images],
         C_mc=values.C_mc[images],
         cov=cov,
         cross=cross,
         boresight=boresight,
         history=history,
-        velocity_mps=None if eo.velocity_mps is None else eo.velocity_mps[own],
-        rate_radps=None if eo.rate_radps is None else eo.rate_radps[own],
     )
 
 

@@ -12,6 +12,7 @@ from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
 from ..adjust.precision import Component, Precision, precision_of
 from ..adjust.start import first_values
+from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import Reweighted, reweighted
 from ..base.errors import DataError
 from .control import Control, control_of
@@ -91,15 +92,13 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     """
     control = control_of(inputs)
     block = inputs.block
-    groups = [*control.groups, *control_points(block.control), *inputs.interior]
-    if not groups:
+    if not (control.groups or len(block.control) or inputs.interior):
         raise DataError(
             "neither aerial control nor ground control: nothing says where the block lies; give"
             " eo.json, or ground points that are measured in images"
         )
     progress(f"first values of {len(block.images)} images and {len(block.points)} points")
-    values = replace(first_values(block), blocks=control.blocks)
-    problem = problem_of(block, groups, control.blocks)
+    problem, values = set_up(inputs, control)
     options = inputs.file.adjustment
     progress(f"adjusting {len(block.observations)} image observations")
     if options.keep_all:
@@ -110,6 +109,29 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
+
+
+def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
+    """Return all observations of a block, and first values of its unknowns.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    control : Control
+        Its aerial control.
+
+    Returns
+    -------
+    problem : Problem
+        Image observations, aerial and ground control, calibrations.
+    values : Unknowns
+        First values.
+    """
+    block = inputs.block
+    groups = [*control.groups, *control_points(block.control), *inputs.interior]
+    values = replace(first_values(block), blocks=control.blocks)
+    return problem_of(block, groups, control.blocks), values
 
 
 def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:

@@ -47,30 +47,26 @@ class ShiftedPoint:
 
     Parameters
     ----------
-    point : int
-        Row of the object point.
-    position_m : ndarray, (3,)
-        Coordinates, m: those of the point and the shift.
-    weight : ndarray, (3, 3)
-        Inverse of their covariance.
-    name : str
-        Name of the variance component.
+    group : PointObservation
+        The observation without the shift.
     """
 
-    point: int
-    position_m: Array
-    weight: Array
-    name: str
+    group: PointObservation
 
-    @classmethod
-    def of(cls, group: PointObservation) -> "ShiftedPoint":
-        """Return the same observation with the shift."""
-        return cls(group.point, group.position_m, group.weight, group.name)
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+        return self.group.name
 
     @property
     def keys(self) -> tuple[Key, ...]:
         """The point and the shift."""
-        return ((POINT, self.point), DATUM)
+        return (*self.group.keys, DATUM)
+
+    @property
+    def weight(self) -> Array:
+        """Inverse of the covariance of the coordinates, (3, 3)."""
+        return self.group.weight
 
     def linearised(self, values: Unknowns) -> tuple[Array, Array]:
         """Linearise the group; see `ObservationGroup.linearised`.
@@ -87,8 +83,8 @@ class ShiftedPoint:
         J : ndarray, (m, d)
             d computed / d unknown.
         """
-        e = self.position_m - values.point[self.point] - values.blocks[DATUM]
-        return e, np.hstack([np.eye(3), np.eye(3)])
+        e, J = self.group.linearised(values)
+        return e - values.blocks[DATUM], np.hstack([J, np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,12 +269,13 @@ def _trial_of(
     result = solved.result
     own = result.problem
     block = own.block
-    control = control_of(solved.inputs, options)
+    own_options = solved.inputs.file.aerial_control
+    control = solved.control if options is own_options else control_of(solved.inputs, options)
     points = ground_groups(own)
     groups: list[ObservationGroup] = [*control.groups, *points, *solved.inputs.interior]
     blocks = {k: result.values.blocks.get(k, v) for k, v in control.blocks.items()}
     if key == DATUM:
-        groups = [*(g for g in groups if g not in points), *map(ShiftedPoint.of, points)]
+        groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
         blocks[DATUM] = np.zeros(3)
     if key[0] == CAMERA:
         block = _with_usual(block)

@@ -10,7 +10,7 @@ from .flight_file import resolved
 from .schema import Triple, check, option, options_of
 
 if TYPE_CHECKING:
-    from ..base.tables import Columns, Table
+    from ..base.tables import Columns
 
 PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
@@ -336,6 +336,7 @@ def load_block(path: str | Path) -> BlockFile:
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
     from ..base.tables import read_toml
+    from .load import made
     from .values import take
 
     path = Path(path)
@@ -356,7 +357,10 @@ def load_block(path: str | Path) -> BlockFile:
     if not control.resolve(str(control.text("file", "."))).exists():
         problem = f"{control.text('file')} does not exist; run insgnss process on the flight first"
         raise control.error("file", problem)
-    tables = {name: _made(root, name) for name in BLOCK_TABLES if name}
+    tables: dict[str, Any] = {}
+    for name, (kind,) in ((n, classes) for n, classes in BLOCK_TABLES.items() if n):
+        table = root.table(name)
+        tables[name] = made(table, kind, take(table, [kind]))
     output = tables["output"]
     directory = root.resolve(str(output.directory))
     if directory.exists() and not directory.is_dir():
@@ -365,14 +369,3 @@ def load_block(path: str | Path) -> BlockFile:
     own = take(root, [BlockFile])
     own["name"] = own["name"] or path.absolute().parent.name
     return BlockFile(path=path, **own, **tables)
-
-
-def _made(root: "Table", name: str) -> Any:
-    """The dataclass of a table; what it refuses is told at the line of the key."""
-    from .values import take
-
-    table, (kind,) = root.table(name), BLOCK_TABLES[name]
-    try:
-        return kind(**take(table, [kind]))
-    except OptionError as refusal:
-        raise table.error(refusal.key.rpartition(".")[2], refusal.problem) from None

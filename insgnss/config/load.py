@@ -122,7 +122,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     return covariance_of(root)
 
 
-def _made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
+def made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
     """The dataclass of a table; what it refuses at construction is told at the line of the key."""
     try:
         return kind(**values)
@@ -132,10 +132,10 @@ def _made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) ->
 
 def _imu(table: Table) -> ImuInput:
     further = tuple(
-        _made(other, ImuInput, take(other, [ImuInput])) for other in table.tables("further")
+        made(other, ImuInput, take(other, [ImuInput])) for other in table.tables("further")
     )
     values = take(table, [ImuInput], without=["further"])
-    return _made(table, ImuInput, values | {"further": further})
+    return made(table, ImuInput, values | {"further": further})
 
 
 def _gnss(table: Table) -> GnssInput:
@@ -240,7 +240,7 @@ def _output(table: Table) -> Output:
     directory = table.resolve(values["directory"])
     if directory.exists() and not directory.is_dir():
         raise table.error("directory", f"{directory} is a file, a directory is expected")
-    output = _made(table, Output, values | {"directory": directory})
+    output = made(table, Output, values | {"directory": directory})
     if output.crs is None:
         if output.ground_m is not None:
             problem = (

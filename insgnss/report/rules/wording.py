@@ -74,6 +74,11 @@ def image_range(piece: Figures) -> str:
     return f"images {piece['first_image']} to {piece['last_image']} ({piece['images']})"
 
 
+def screen_unit(unit: str) -> tuple[float, str]:
+    """Factor and unit in which small lengths (m), angles (rad) and times (s) are read."""
+    return {"m": (1e3, "mm"), "rad": (math.degrees(1.0), "deg"), "s": (1e3, "ms")}[unit]
+
+
 def state_unit(name: str) -> tuple[float, str]:
     """Factor and unit in which a constant of that name is read."""
     if name.endswith(("scale factor", "clock rate")):
