@@ -9,29 +9,16 @@ R is that of the attitudes of common images; without three of them (S.1) is fitt
 points or more. First values need no more: the adjustment does the rest.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..adjust.start import directions, intersected
 from ..geodesy.rotation import nearest_rotation
+from ..geodesy.similarity import similarity
 from ..records.block import Array, ImageBlock
 
 FEWEST = 3
-FLAT = 1e-3  # second singular value over the first: points on a line give no rotation about it
-
-
-@dataclass(frozen=True, eq=False)
-class Similarity:
-    """Seven parameters (S.1): translation (3,) m, rotation (3, 3), scale."""
-
-    translation: Array
-    rotation: Array
-    scale: float
-
-    def positions(self, X: Array) -> Array:
-        """Return positions (n, 3) in the axes of the block."""
-        return np.asarray(self.translation + self.scale * X @ self.rotation.T)
 
 
 def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
@@ -69,36 +56,6 @@ def placed(block: ImageBlock, position: Array, C: Array) -> ImageBlock:
     if fitted is None:
         return block
     new_position, new_C = np.array(block.position_m), np.array(block.C_mc)
-    new_position[missing] = fitted.positions(position[missing])
+    new_position[missing] = fitted.points(position[missing])
     new_C[missing] = fitted.rotation @ C[missing]
     return replace(block, position_m=new_position, C_mc=new_C)
-
-
-def similarity(X: Array, Y: Array, rotation: Array | None = None) -> Similarity | None:
-    """Fit Y = T + s R X by least squares (Umeyama 1991).
-
-    Parameters
-    ----------
-    X, Y : ndarray, (n, 3)
-        Points in both axes.
-    rotation : ndarray, (3, 3), optional
-        R, where it is known.
-
-    Returns
-    -------
-    Similarity or None
-        None where points do not determine it.
-    """
-    x, y = X - X.mean(axis=0), Y - Y.mean(axis=0)
-    if rotation is None:
-        U, size, Vt = np.linalg.svd(y.T @ x)
-        if size[1] < FLAT * size[0]:
-            return None
-        rotation = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    turned = x @ rotation.T
-    if not (spread := float((turned**2).sum())) > 0.0:
-        return None
-    scale = float((turned * y).sum()) / spread
-    if not scale > 0.0:
-        return None
-    return Similarity(Y.mean(axis=0) - scale * rotation @ X.mean(axis=0), rotation, scale)

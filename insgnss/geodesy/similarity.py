@@ -1,0 +1,84 @@
+"""Similarity of two Cartesian frames, in closed form.
+
+    Y = T + s R X                                                                              (S.1)
+
+With the cross-covariance of centred points, sum y x^T = U D V^T, least squares give
+R = U diag(1, 1, det(U V^T)) V^T, s = sum y^T R x / sum x^T x and T from the means (Umeyama 1991).
+A rigid transformation is the same with s = 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .rotation import Array
+
+FLAT = 1e-3  # second singular value over the first: points on a line give no rotation about it
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """Seven parameters (S.1) from one frame to another.
+
+    Parameters
+    ----------
+    translation : ndarray, (3,)
+        T, m.
+    rotation : ndarray, (3, 3)
+        R, from the axes of X to those of Y.
+    scale : float
+        s, metres for each unit of X.
+    """
+
+    translation: Array
+    rotation: Array
+    scale: float
+
+    def points(self, X: Array) -> Array:
+        """Take points to the other frame.
+
+        Parameters
+        ----------
+        X : ndarray, (..., 3)
+            Points.
+
+        Returns
+        -------
+        ndarray, (..., 3)
+            Y of (S.1).
+        """
+        return np.asarray(self.translation + self.scale * X @ self.rotation.T)
+
+
+def similarity(
+    X: Array, Y: Array, rotation: Array | None = None, rigid: bool = False
+) -> Similarity | None:
+    """Fit (S.1) by unweighted least squares.
+
+    Parameters
+    ----------
+    X, Y : ndarray, (n, 3)
+        Points in both frames.
+    rotation : ndarray, (3, 3), optional
+        R, where it is known.
+    rigid : bool
+        Whether the scale is one.
+
+    Returns
+    -------
+    Similarity or None
+        None where points do not determine it.
+    """
+    x, y = X - X.mean(axis=0), Y - Y.mean(axis=0)
+    if rotation is None:
+        U, size, Vt = np.linalg.svd(y.T @ x)
+        if not size[1] > FLAT * size[0]:
+            return None
+        rotation = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    turned = x @ rotation.T
+    if not (spread := float((turned**2).sum())) > 0.0:
+        return None
+    scale = 1.0 if rigid else float((turned * y).sum()) / spread
+    if not scale > 0.0:
+        return None
+    return Similarity(Y.mean(axis=0) - scale * rotation @ X.mean(axis=0), rotation, scale)
