@@ -193,7 +193,7 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
         if worst is None:
             break
         used[worst] = False
-    mean, mean_cov, factor = _mean(each[used], cov[used])
+    mean, mean_cov, factor = weighted_mean(each[used], cov[used])
     dof = 3 * (int(used.sum()) - 1)
     limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof) if dof else float("nan")
     grown = factor if factor > limit else 1.0
@@ -226,8 +226,24 @@ def _each(setups: TripodSetups) -> tuple[Array, Array]:
     return np.einsum("nji,nj->ni", C, d), cov
 
 
-def _mean(each: Array, cov: Array) -> tuple[Array, Array, float]:
-    """Return the weighted mean (Q.3), its covariance and the variance factor."""
+def weighted_mean(each: Array, cov: Array) -> tuple[Array, Array, float]:
+    """Return the weighted mean (Q.3), its covariance and the variance factor.
+
+    Parameters
+    ----------
+    each : ndarray, (n, 3)
+        Vectors.
+    cov : ndarray, (n, 3, 3)
+        Their covariances.
+
+    Returns
+    -------
+    mean : ndarray, (3,)
+    mean_cov : ndarray, (3, 3)
+        As the covariances have it, not by the scatter.
+    variance_factor : float
+        NaN of one vector.
+    """
     weight = np.linalg.inv(cov)
     mean_cov = np.linalg.inv(weight.sum(axis=0))
     mean = mean_cov @ np.einsum("nij,nj->i", weight, each)
@@ -248,7 +264,7 @@ def _outlier(each: Array, cov: Array, used: NDArray[np.bool_]) -> int | None:
     size, limit = np.empty(len(rows)), np.empty(len(rows))
     for i, j in enumerate(rows):
         others = rows[rows != j]
-        mean, mean_cov, factor = _mean(each[others], cov[others])
+        mean, mean_cov, factor = weighted_mean(each[others], cov[others])
         v = each[j] - mean
         size[i] = v @ np.linalg.solve(cov[j] + mean_cov, v) / 3.0
         by_spread = factor * float(f.ppf(level, 3, 3 * (len(others) - 1)))
