@@ -34,6 +34,13 @@ def test_rotation_of_least_squares_is_that_of_scipy():
     assert np.abs(similarity(X, Y).rotation - best.as_matrix()).max() < 1e-9
 
 
+def test_mirrored_points_do_not_get_a_reflection():
+    """Oracle: determinants; a reflection would fit exactly."""
+    X = np.random.default_rng(3).normal(size=(8, 3)) * [3.0, 2.0, 1.0]
+    got = similarity(X, X * [1.0, 1.0, -1.0])
+    assert abs(np.linalg.det(got.rotation) - 1.0) < 1e-12
+
+
 def test_points_on_a_line_give_none():
     """Oracle: a turn about the line leaves the points where they are."""
     X = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
