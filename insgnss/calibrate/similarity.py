@@ -19,7 +19,9 @@ With R(true) = exp([t x]) R, s(true) = s exp(q) and d = s R (C_k - X0) + R C_rc 
     dG = dT - [d x] dt + s R (C_k - X0) dq + R C_rc da                                         (E.3)
 
 and observations of an image weigh by S_G + J P J^T, J = [s R | -R [C_rc a x]], P the covariance of
-the pose's position and attitude error in r; (E.2) alike without attitude. A lever arm within
+the pose's position and attitude error in r; (E.2) alike without attitude. Rows are those of the
+adjusted attitudes (Gauss-Helmert): with observed ones, whose errors look like tilts of the camera,
+the lever arm across the tilts would come out too short. A lever arm within
 +-100 m a priori keeps the normal matrix regular where flight tells nothing, and weighs nothing
 elsewhere.
 
@@ -278,7 +280,8 @@ def similarity_lever_arm(
         normal[ARM, ARM] += np.eye(3) / PRIOR_M**2
         right[ARM] -= state.arm / PRIOR_M**2
         step = np.linalg.solve(normal, right)
-        state = state.moved(step)
+        left = residual - rows @ step
+        state = state.moved(step, np.einsum("kij,kj->ki", system.gain, left[:n]))
         misfit = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
         if float(step @ normal @ step) < CONVERGED * max(misfit, 1.0):
             break
@@ -318,19 +321,23 @@ def similarity_lever_arm(
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Unknowns: translation at the origin, rotation, scale, lever arm."""
+    """Unknowns: translation at the origin, rotation, scale, lever arm; and the attitude errors of
+    images (n, 3) that go with them.
+    """
 
     T: Array
     R: Array
     s: float
     arm: Array
+    psi: Array
 
-    def moved(self, step: Array) -> "_State":
+    def moved(self, step: Array, psi: Array) -> "_State":
         return _State(
             self.T + step[T],
             rotation_from_vector(step[TURN]) @ self.R,
             self.s * float(np.exp(step[SCALE])),
             self.arm + step[ARM],
+            psi,
         )
 
 
@@ -350,13 +357,14 @@ class _System:
         d = (self.source - self.origin) @ turn.T
         rows = np.zeros((k, 3, 10))
         rows[:, :, T], rows[:, :, SCALE] = np.eye(3), d
-        rows[:n, :, ARM] = state.R @ self.poses.C_rc
+        C = rotation_from_vector(state.psi) @ self.poses.C_rc
+        rows[:n, :, ARM] = state.R @ C
         d = d + rows[:, :, ARM] @ state.arm
         rows[:, :, TURN] = -skew(d)
         J = np.concatenate(
             [
                 np.broadcast_to(turn, (n, 3, 3)),
-                -state.R @ skew(self.poses.C_rc @ state.arm),
+                -state.R @ skew(C @ state.arm),
             ],
             axis=2,
         )
@@ -368,7 +376,11 @@ class _System:
                 "a covariance of antenna positions, poses or ground points is not positive"
                 " definite; give standard deviations above zero"
             )
-        return rows, self.target - state.T - d, np.linalg.inv(cov)
+        residual = self.target - state.T - d
+        residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], state.psi)
+        weight = np.linalg.inv(cov)
+        self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ weight[:n]
+        return rows, residual, weight
 
 
 def _start(system: _System) -> _State:
@@ -379,7 +391,13 @@ def _start(system: _System) -> _State:
             "cameras and ground points stand on a line, which leaves the rotation about it open;"
             " take images of several strips or a ground point beside the line"
         )
-    return _State(first.points(system.origin), first.rotation, first.scale, np.zeros(3))
+    return _State(
+        first.points(system.origin),
+        first.rotation,
+        first.scale,
+        np.zeros(3),
+        0.0 * system.poses.position,
+    )
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:

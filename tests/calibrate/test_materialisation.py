@@ -104,12 +104,13 @@ def test_errors_are_as_large_as_the_covariance_says():
 @pytest.mark.parametrize("seed", range(5))
 def test_spread_of_the_receiver_rotations(seed):
     """Oracle: phase centres planted as far apart as in paper 002 (0.7 cm mean, 1.1 at most) come
-    back to twice the noise, and the standard error of their mean grows.
+    back to three standard deviations of a difference of two, and the standard error of their mean
+    grows.
     """
     rng = np.random.default_rng(seed)
     got = receiver_targets(*(session(k, rng, MOVED[k]) for k in range(4)))
     assert abs(got.apart_m.mean() - 0.0070) < 2.0 * ANTENNA_M
-    assert abs(got.apart_m.max() - 0.0110) < 3.0 * ANTENNA_M
+    assert abs(got.apart_m.max() - 0.0110) < 3.0 * np.sqrt(2.0) * ANTENNA_M
     assert got.variance_factor > got.factor_limit
     assert "moves with the attitude" in got.summary()
     assert np.sqrt(np.diag(got.antenna_cov))[0] > 2.0 * ANTENNA_M / np.sqrt(4.0)
