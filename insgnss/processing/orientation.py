@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
+from ..navigation.codes import N_NAV
 from ..navigation.common_errors import common_errors, nodes_of
 from ..navigation.dense import dense_trajectory
 from ..navigation.event_clock import event_derivatives, receiver_events
@@ -152,10 +153,10 @@ def strip_covariances(
         if _positive_definite(cov):
             strips.append(StripCovariance(rows, cov))
     factors = [
-        common_errors(chain, *_nodes(segment), T)
+        common_errors(chain, *_nodes(segment), _with_lever_arm(segment, T))
         for chain, segment, T in zip(chains, with_images, derivatives, strict=True)
     ]
-    common = _common(own, factors, eo, strips)
+    common = _common(own, factors, eo, strips, _lever_arms(with_images))
     images = sum(strip.rows.size for strip in strips)
     left_out = len(wanted) - len(strips)
     note = (
@@ -172,18 +173,40 @@ def _nodes(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return nodes_of(problem.layout, problem.epochs.time[segment.solution.event_epochs])
 
 
+def _with_lever_arm(segment: Segment, T: Array) -> Array:
+    """Append the lever arm's error to what is wanted of each event, (k, 9, n); zeros without it."""
+    lever = segment.solution.problem.layout.lever
+    arm = np.zeros((len(T), 3, T.shape[2]))
+    if lever >= 0:
+        arm[:, :, N_NAV + lever : N_NAV + lever + 3] = np.eye(3)
+    return np.concatenate([T, arm], axis=1)
+
+
+def _lever_arms(segments: Sequence[Segment]) -> Array:
+    """Return what each segment estimates of the antenna's lever arm, (segments, 3), body axes."""
+    arms = np.zeros((len(segments), 3))
+    for k, segment in enumerate(segments):
+        lever = segment.solution.problem.layout.lever
+        if lever >= 0:
+            arms[k] = segment.solution.x[-1, lever : lever + 3]
+    return arms
+
+
 def _common(
     own: NDArray[np.int64],
     factors: Sequence[Array],
     eo: ExteriorOrientation,
     strips: Sequence[StripCovariance],
+    estimated: Array,
 ) -> CommonErrors:
     """Join the segments; a strip, or an image in none, that leaves no positive definite rest shares
     nothing.
     """
-    factor = np.zeros((len(eo), 6, max((A.shape[2] for A in factors), default=0)))
+    most = max((A.shape[2] for A in factors), default=0)
+    factor, lever_arm = np.zeros((len(eo), 6, most)), np.zeros((len(factors), 3, most))
     for k, A in enumerate(factors):
-        factor[own == k, :, : A.shape[2]] = A
+        factor[own == k, :, : A.shape[2]] = A[:, :6]
+        lever_arm[k, :, : A.shape[2]] = A[0, 6:]  # a constant: that of any event
     shared, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
     together = [(strip.rows, strip.cov) for strip in strips]
     for rows, _ in together:
@@ -193,7 +216,7 @@ def _common(
     for rows, cov in together:
         if not _positive_definite(shared.rest(rows, cov)):
             kept[rows] = 0.0
-    return CommonErrors(own, kept)
+    return CommonErrors(own, kept, lever_arm, estimated)
 
 
 def _positive_definite(cov: Array) -> bool:

@@ -55,6 +55,10 @@ class CommonErrors:
     segment : (n,) number of the segment of each image, from 0.
     factor : (n, 6, q) position (m) and psi (rad) by each of the q errors, in the axes of
         `ExteriorOrientation.cov`; zero beyond the number of a segment's errors.
+    lever_arm : (segments, 3, q) error of the antenna's lever arm from the IMU, m, in body axes, by
+        each of the errors of a segment, zero where it is no state; None where it is not known.
+    lever_arm_m : (segments, 3) what was estimated of it beyond the mounting's, body axes; None as
+        before.
 
     Raises
     ------
@@ -63,6 +67,8 @@ class CommonErrors:
 
     segment: NDArray[np.int64]
     factor: Array
+    lever_arm: Array | None = None
+    lever_arm_m: Array | None = None
 
     def __post_init__(self) -> None:
         segment = np.array(self.segment, dtype=np.int64)
@@ -70,7 +76,13 @@ class CommonErrors:
             raise InputError("CommonErrors: one segment, from 0, and 6 x q values of each image")
         segment.setflags(write=False)
         object.__setattr__(self, "segment", segment)
-        frozen(self, "factor", (segment.size, 6, self.factor.shape[2]))
+        q = self.factor.shape[2]
+        frozen(self, "factor", (segment.size, 6, q))
+        segments = int(segment.max(initial=-1)) + 1
+        if self.lever_arm is not None:
+            frozen(self, "lever_arm", (segments, 3, q))
+        if self.lever_arm_m is not None:
+            frozen(self, "lever_arm_m", (segments, 3))
 
     def rest(self, rows: NDArray[np.int64], cov: Array) -> Array:
         """Return the covariance of the rest of images of one segment.

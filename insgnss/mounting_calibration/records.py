@@ -1,0 +1,183 @@
+"""What a calibration of the mounting starts from: poses of an image block, and of the flight."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from ..geodesy.rotation import is_rotation
+from ..records import ExteriorOrientation
+from ..records.block import Array
+from ..records.strips import CommonErrors, StripCovariance
+
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPoses:
+    """Poses of n images that an adjustment gave.
+
+    Parameters
+    ----------
+    images : tuple of str
+        Their names.
+    position : ndarray, (n, 3)
+        Projection centres in the axes r of the block, in its unit.
+    C_rc : ndarray, (n, 3, 3)
+        Camera axes into r.
+    cov : ndarray, (n, 6, 6), optional
+        Covariance of position (unit of r) and attitude psi (rad, axes of r); None where the
+        adjustment does not give it.
+    georeferenced : bool
+        Whether r is the tangent plane of the flight, m; otherwise r is any frame.
+    source : str
+        File, for messages.
+    notes : tuple of str
+        What was taken on trust.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, values that are not finite, or matrices that are no rotations.
+    """
+
+    images: tuple[str, ...]
+    position: Array
+    C_rc: Array
+    cov: Array | None = None
+    georeferenced: bool = False
+    source: str = "poses"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.images)
+        shapes = {"position": (n, 3), "C_rc": (n, 3, 3)}
+        shapes |= {} if self.cov is None else {"cov": (n, 6, 6)}
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise InputError(f"BlockPoses.{name}: shape {value.shape}, expected {shape}")
+            if not (good := np.isfinite(value).reshape(n, -1).all(axis=1)).all():
+                image = self.images[int(np.flatnonzero(~good)[0])]
+                raise InputError(f"{self.source}: {name} of image {image} is not finite")
+        for image, C in zip(self.images, self.C_rc, strict=True):
+            if not is_rotation(C, 1e-4):
+                raise InputError(
+                    f"{self.source}: the attitude of image {image} is no rotation (determinant"
+                    f" {np.linalg.det(C):.4f}; 1 is expected): mirrored axes, or rounded to fewer"
+                    " than five digits"
+                )
+
+    def taken(self, rows: Rows) -> "BlockPoses":
+        """Return these images alone.
+
+        Parameters
+        ----------
+        rows : ndarray
+            Rows of the images.
+
+        Returns
+        -------
+        BlockPoses
+            The same otherwise.
+        """
+        return BlockPoses(
+            tuple(self.images[k] for k in rows),
+            self.position[rows],
+            self.C_rc[rows],
+            None if self.cov is None else self.cov[rows],
+            self.georeferenced,
+            self.source,
+            self.notes,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FlightPoses:
+    """Poses of n images that a flight gave, with the covariance of all of them.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        Poses in the tangent plane, with velocities and rates.
+    lines : tuple of StripCovariance
+        Covariance of each flight line; images in none stand alone.
+    common : CommonErrors
+        What all lines share, with the lever arm's share.
+    antenna_m, imu_m : ndarray, (3,)
+        Lever arms that the flight was processed with, from the projection centre, camera axes, m.
+    C_cb : ndarray, (3, 3)
+        Body to camera that it was processed with.
+
+    Raises
+    ------
+    InputError
+        The orientation has no velocities, or the covariances are of other images.
+    """
+
+    eo: ExteriorOrientation
+    lines: tuple[StripCovariance, ...]
+    common: CommonErrors
+    antenna_m: Array
+    imu_m: Array
+    C_cb: Array
+
+    def __post_init__(self) -> None:
+        if self.eo.velocity_mps is None or self.eo.rate_radps is None:
+            raise InputError("FlightPoses: the orientation has no velocities and angular rates")
+        if self.common.segment.size != len(self.eo):
+            raise InputError(
+                f"FlightPoses: {len(self.eo)} images, common errors of {self.common.segment.size}"
+            )
+
+    def pieces(self, rows: Rows) -> list[tuple[Rows, Array]]:
+        """Return flight lines as far as they hold some images, each with its covariance.
+
+        Parameters
+        ----------
+        rows : ndarray
+            Increasing rows of the images that are wanted.
+
+        Returns
+        -------
+        list of tuple of ndarray
+            Rows (m,) and covariance (6 m, 6 m) of the errors that lines do not share.
+        """
+        wanted = np.zeros(len(self.eo), dtype=bool)
+        wanted[rows] = True
+        pieces: list[tuple[Rows, Array]] = []
+        for line in self.lines:
+            own = np.flatnonzero(wanted[line.rows])
+            wanted[line.rows] = False
+            if own.size:
+                columns = (6 * own[:, None] + np.arange(6)).ravel()
+                cov = line.cov[np.ix_(columns, columns)]
+                pieces.append((line.rows[own], self.common.rest(line.rows[own], cov)))
+        for row in np.flatnonzero(wanted):
+            alone = np.array([row])
+            pieces.append((alone, self.common.rest(alone, self.eo.cov[row])))
+        return pieces
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a flight file says of the mounting.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    boresight, antenna, imu, delay : bool
+        Whether the file itself states it.
+    antenna_sigma_m : float
+        Standard deviation of the antenna's lever arm that it states, m.
+    """
+
+    path: Path
+    boresight: bool
+    antenna: bool
+    imu: bool
+    delay: bool
+    antenna_sigma_m: float
