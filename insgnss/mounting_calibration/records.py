@@ -171,13 +171,13 @@ class Stated:
         The file.
     boresight, antenna, imu, delay : bool
         Whether the file itself states it.
-    antenna_sigma_m : float
+    antenna_sigma_m : float, optional
         Standard deviation of the antenna's lever arm that it states, m.
     """
 
     path: Path
-    boresight: bool
-    antenna: bool
-    imu: bool
-    delay: bool
-    antenna_sigma_m: float
+    boresight: bool = False
+    antenna: bool = False
+    imu: bool = False
+    delay: bool = False
+    antenna_sigma_m: float | None = None

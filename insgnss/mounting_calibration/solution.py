@@ -63,6 +63,7 @@ VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01
 ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarter
 LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
 FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
+BANK = np.radians(20.0)
 SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
 
 
@@ -76,13 +77,35 @@ class Assumptions:
         Of a shift between both frames of a georeferenced block; None: not known at all.
     imu_sigma_m : float
         Of each component of the lever arm from projection centre to IMU.
+    lever_arm_sigma_m : float
+        Of each component of the lever arm from IMU to antenna, under which the flight was solved.
     frame : str
         "similarity", or "shift" where turn and scale of the block are those of the tangent plane.
     """
 
     shift_sigma_m: float | None = None
     imu_sigma_m: float = 0.3
+    lever_arm_sigma_m: float = 0.3
     frame: str = "similarity"
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A flight line as it might be flown in addition.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    turn : ndarray, (3, 3), or None
+        By which it is turned, in the axes of the tangent plane; None: banked by `BANK`.
+    speed : float
+        Its speed against that of the line that was flown.
+    """
+
+    name: str
+    turn: Array | None
+    speed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,32 +205,103 @@ class Solved:
         """E (3, 3), camera to nominal camera."""
         return self.values[BORESIGHT]
 
-    def lever_arms(self) -> tuple[Array, Array, Array]:
-        """Return the lever arms of (L.4) and their covariance.
+    @property
+    def C_cb(self) -> Array:
+        """Body to camera (3, 3) by the adjusted bore-sight."""
+        return self.values[BORESIGHT].T @ self.flight.C_cb
+
+    def lever_arms(self) -> tuple[Array, Array]:
+        """Return the lever arms of (L.4).
 
         Returns
         -------
         antenna_m, imu_m : ndarray, (3,)
             From the projection centre, camera axes.
-        cov : ndarray, (6, 6)
-            Their covariance, m^2.
         """
-        flight, E = self.flight, self.boresight_change
-        own = flight.common.lever_arm
-        eta, J = np.zeros(3), np.zeros((6, self.cov.shape[0]))
-        turned = E.T @ flight.C_cb
-        if own is not None and flight.common.lever_arm_m is not None:
-            k = int(flight.common.segment[self.rows[0]])
-            where = self.place[f"{COMMON} {k}"]
-            eta = flight.common.lever_arm_m[k] + own[k] @ self.common[where]
-            J[:3, where] = turned @ own[k]
-        l, beta = self.place[LEVER_ARM], self.place[BORESIGHT]
-        before = flight.antenna_m + flight.C_cb @ eta
-        J[:3, l] = J[3:, l] = np.eye(3)
-        J[:3, beta] = E.T @ skew(before)
-        J[3:, beta] = E.T @ skew(flight.imu_m)
+        flight, E = self.flight, self.values[BORESIGHT]
+        before = flight.antenna_m + flight.C_cb @ self._eta()[0]
         arm = self.values[LEVER_ARM]
-        return arm + E.T @ before, arm + E.T @ flight.imu_m, J @ self.cov @ J.T
+        return arm + E.T @ before, arm + E.T @ flight.imu_m
+
+    def lever_arm_derivatives(self) -> Array:
+        """Return the derivatives of both lever arms by the unknowns.
+
+        Returns
+        -------
+        ndarray, (6, u)
+            Antenna, IMU.
+        """
+        flight, E = self.flight, self.values[BORESIGHT]
+        eta, by_common, where = self._eta()
+        J = np.zeros((6, self.cov.shape[0]))
+        J[:3, where] = E.T @ flight.C_cb @ by_common
+        arm, beta = self.place[LEVER_ARM], self.place[BORESIGHT]
+        J[:3, arm] = J[3:, arm] = np.eye(3)
+        J[:3, beta] = E.T @ skew(flight.antenna_m + flight.C_cb @ eta)
+        J[3:, beta] = E.T @ skew(flight.imu_m)
+        return J
+
+    def _eta(self) -> tuple[Array, Array, slice]:
+        """Return eta, Lambda, and where c stands."""
+        common = self.flight.common
+        k = int(common.segment[self.rows[0]])
+        where = self.place[f"{COMMON} {k}"]
+        if common.lever_arm is None or common.lever_arm_m is None:
+            return np.zeros(3), np.zeros((3, where.stop - where.start)), where
+        own = common.lever_arm[k]
+        return common.lever_arm_m[k] + own @ self.common[where], own, where
+
+    def conditioned(self, J: Array, off: Array, sigma: float) -> tuple[Array, Array]:
+        """Return what one more observation of linear functions of the unknowns would change.
+
+        Parameters
+        ----------
+        J : ndarray, (d, u)
+            Derivatives of the functions.
+        off : ndarray, (d,)
+            Observed value - present value.
+        sigma : float
+            Standard deviation of each.
+
+        Returns
+        -------
+        dx : ndarray, (u,)
+            Corrections of the unknowns.
+        cov : ndarray, (u, u)
+            Covariance of the unknowns.
+        """
+        PJ = self.cov @ J.T
+        gain = PJ @ np.linalg.inv(J @ PJ + sigma**2 * np.eye(len(J)))
+        return gain @ off, self.cov - gain @ PJ.T
+
+    def with_line(self, variant: Variant) -> Array:
+        """Return the covariance of the unknowns with the longest line flown once more.
+
+        Parameters
+        ----------
+        variant : Variant
+            How it would be flown.
+
+        Returns
+        -------
+        ndarray, (u, u)
+            The covariance; errors turn with the aircraft, the frame does not.
+        """
+        k = int(np.argmax([line.rows.size for line in self.lines]))
+        line, W = self.lines[k], self.weights[k]
+        turn = variant.turn
+        if turn is None:
+            assert self.flight.eo.velocity_mps is not None
+            v = self.flight.eo.velocity_mps[line.rows].mean(axis=0)
+            turn = rotation_from_vector(BANK * v / np.linalg.norm(v))
+        m = line.rows.size
+        M = np.kron(np.eye(2 * m), turn)
+        A = M @ line.A
+        for name in (TRANSLATION, TURN, SCALE):
+            A[:, self.place[name]] = line.A[:, self.place[name]]
+        A[:, self.place[TIME_OFFSET]] *= variant.speed
+        N = np.linalg.inv(self.cov)
+        return np.linalg.inv(N + A.T @ (M @ W @ M.T) @ A)
 
     def sigma(self, name: str) -> Array:
         """Return the standard deviations of one of the unknowns.
@@ -244,22 +338,16 @@ def first_frame(block: BlockPoses, flight: FlightPoses, rows: Rows, frame: str) 
     Similarity
         From r to m; the unit one where the block stands in m and is to stay as it is.
 
-    Raises
-    ------
-    DataError
-        Projection centres along one line do not determine it.
     """
     X, Y = block.position, flight.eo.position_m[rows]
     fitted = similarity(X, Y)
     if block.georeferenced and (frame == "shift" or fitted is None):
         return Similarity((Y - X).mean(axis=0), np.eye(3), 1.0)
-    if fitted is None:
-        raise DataError(
-            f"{block.source}: the projection centres stand along one line, about which positions do"
-            " not tell how the block is turned; take a block of two lines and more, or poses in the"
-            " coordinates of the flight"
-        )
-    return fitted
+    if fitted is None:  # along one line: attitudes tell the turn about it, but for the bore-sight
+        C_o = flight.eo.C_mc[rows]
+        R = nearest_rotation(np.einsum("nij,nkj->ik", C_o, block.C_rc))
+        fitted = similarity(X, Y, R)
+    return fitted or Similarity((Y - X).mean(axis=0), np.eye(3), 1.0)
 
 
 def solve(

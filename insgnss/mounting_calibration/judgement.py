@@ -1,0 +1,344 @@
+"""A verdict on each component of the mounting, and what would determine those that a flight leaves.
+
+A component is determined where its standard deviation is below that of other ways to know it: what
+the flight file states, else what a ruler, a mechanic or a data sheet gives (`USEFUL`). Where it is
+not, its largest correlations name what it cannot be told from, and further flight lines are tried:
+the longest line of this flight is added once more, turned, slower or banked, with the covariance
+that it has, and the normal equations are solved again. Only what then determines the component is
+advised, with the standard deviation that it would have.
+
+A component that is determined contradicts the flight file where both differ by more than
+`CONTRADICTS` standard deviations of the difference.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..adjust.aerial import BORESIGHT, TIME_OFFSET
+from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
+from ..orient.mounting import ANTENNA_SIGMA_M
+from ..records.block import Array
+from .records import Stated
+from .solution import SCALE, TRANSLATION, TURN, Solved, Variant
+
+DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
+USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
+USEFUL["shift"] = 0.02
+STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
+LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
+CONTRADICTS = 4.0
+CORRELATED = 0.9
+DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
+UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
+METRES = (1e3, "mm", 1)
+
+
+@dataclass(frozen=True)
+class Component:
+    """One component of the mounting.
+
+    Parameters
+    ----------
+    group : str
+        "antenna_m", "imu_m", "boresight", "delay" or "shift".
+    axis : int
+        Which of its components.
+    name : str
+        In words.
+    value, stated : float
+        What was found and what the flight file has; m, s; of the bore-sight the rotation about the
+        axis of the camera against the flight file's, rad, and zero.
+    sigma, limit : float
+        Standard deviation, and up to which it counts as determined.
+    verdict : str
+        `DETERMINED`, `UNDETERMINED` or `CONTRADICTING`.
+    why : str
+        What it cannot be told from, or by how much it contradicts; empty otherwise.
+    remedies : tuple of str
+        What would determine it, each tried.
+    """
+
+    group: str
+    axis: int
+    name: str
+    value: float
+    stated: float
+    sigma: float
+    limit: float
+    verdict: str
+    why: str = ""
+    remedies: tuple[str, ...] = ()
+
+    @property
+    def determined(self) -> bool:
+        """Whether there is a value to use."""
+        return self.verdict != UNDETERMINED
+
+    @property
+    def sentence(self) -> str:
+        """The verdict for people."""
+        factor, unit, digits = UNITS.get(self.group, METRES)
+        sigma = f"{factor * self.sigma:.{digits}f} {unit}"
+        if not self.determined:
+            words = f"{self.name}: not determined by this flight (sigma {sigma}, limit"
+            words += f" {factor * self.limit:g} {unit})"
+            words += f"; {self.why}" if self.why else ""
+            return words + "".join(f"; {remedy}" for remedy in self.remedies)
+        value = f"{factor * self.value:+.{digits}f} +- {sigma}"
+        words = f"{self.name}: {value}"
+        if self.verdict == CONTRADICTING:
+            words += f", contradicts the flight file: {self.why}"
+        return words
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """How a flight moved, as far as it decides what can be told apart.
+
+    Parameters
+    ----------
+    speed : tuple of float
+        5 and 95 % of the speeds at exposure, m/s.
+    headings : float
+        Length of the mean of the unit vectors of the headings: 1 where all have one.
+    tilt_deg : float
+        Root mean square of the camera's tilt about its mean.
+    """
+
+    speed: tuple[float, float]
+    headings: float
+    tilt_deg: float
+
+
+def facts_of(solved: Solved) -> Facts:
+    """Return how the flight moved.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Returns
+    -------
+    Facts
+        Of the images that both know.
+    """
+    eo = solved.flight.eo
+    assert eo.velocity_mps is not None
+    v, C_mb = eo.velocity_mps[solved.rows], eo.C_mc[solved.rows] @ solved.flight.C_cb
+    low, high = np.percentile(np.linalg.norm(v, axis=1), [5, 95])
+    nose = C_mb[:, :2, 0]
+    nose = nose / np.maximum(np.linalg.norm(nose, axis=1, keepdims=True), 1e-9)
+    down = -C_mb[:, 2]  # the vertical in body axes
+    off = down - down.mean(axis=0)
+    return Facts(
+        (float(low), float(high)),
+        float(np.linalg.norm(nose.mean(axis=0))),
+        float(np.degrees(np.sqrt((off**2).sum(axis=1).mean()))),
+    )
+
+
+def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
+    """Judge every component.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+    stated : Stated
+        What the flight file itself says.
+
+    Returns
+    -------
+    tuple of Component
+        Antenna, bore-sight, delay, the IMU's lever arm, and the shift of a georeferenced block.
+    """
+    names, J, values, before = linear_functions(solved)
+    V = J @ solved.cov @ J.T
+    sigma = np.sqrt(np.diagonal(V))
+    facts = facts_of(solved)
+    out: list[Component] = []
+    weak: list[int] = []
+    for k, (group, axis, name) in enumerate(names):
+        if group not in USEFUL:
+            continue
+        own = _stated_sigma(group, stated)
+        limit = USEFUL[group]
+        if group == "antenna_m" and stated.antenna_sigma_m is not None:
+            limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
+        verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
+        if verdict == UNDETERMINED:
+            weak.append(len(out))
+            why = _why(names, V, k, facts)
+        elif own is not None:
+            off = abs(values[k] - before[k]) / np.hypot(sigma[k], own)
+            if off > CONTRADICTS:
+                factor, unit, digits = UNITS.get(group, METRES)
+                verdict = CONTRADICTING
+                why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
+        out.append(
+            Component(
+                group,
+                axis,
+                name,
+                float(values[k]),
+                float(before[k]),
+                float(sigma[k]),
+                float(limit),
+                verdict,
+                why,
+            )
+        )
+    if weak:
+        _advise(solved, J, out, weak, facts)
+    return tuple(out)
+
+
+def _stated_sigma(group: str, stated: Stated) -> float | None:
+    """Return how well the flight file knows a component; None where it says nothing of it."""
+    if group == "antenna_m":
+        own = stated.antenna_sigma_m
+        return (ANTENNA_SIGMA_M if own is None else own) if stated.antenna else None
+    if group == "imu_m":
+        return ANTENNA_SIGMA_M if stated.imu else None
+    if group == "boresight":
+        return STATED_BORESIGHT if stated.boresight else None
+    if group == "delay":
+        return STATED_DELAY_S if stated.delay else None
+    return None
+
+
+def linear_functions(solved: Solved) -> tuple[list[tuple[str, int, str]], Array, Array, Array]:
+    """Return what is judged, as linear functions of the unknowns.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Returns
+    -------
+    names : list of tuple
+        Group, axis and words of each.
+    J : ndarray, (k, u)
+        Derivatives by the unknowns.
+    values, before : ndarray, (k,)
+        What was found, and what the flight was processed with.
+    """
+    antenna, imu = solved.lever_arms()
+    J_arms = solved.lever_arm_derivatives()
+    names: list[tuple[str, int, str]] = []
+    rows: list[Array] = []
+    values: list[float] = []
+    before: list[float] = []
+    C_cb = solved.C_cb
+    for group, words, J, now, then in (
+        ("antenna_m", "antenna lever arm", J_arms[:3], antenna, solved.flight.antenna_m),
+        ("imu_m", "IMU lever arm", J_arms[3:], imu, solved.flight.imu_m),
+    ):
+        for axis in range(3):
+            names.append((group, axis, f"{words} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
+            rows.append(J[axis])
+            values.append(float(now[axis]))
+            before.append(float(then[axis]))
+    beta = vector_from_rotation(solved.boresight_change)
+    fixed = solved.block.georeferenced
+    moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
+    place = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
+    place |= {"turn": TURN, "scale": SCALE}
+    shift = solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
+    found = {"boresight": beta, "delay": solved.values[TIME_OFFSET], moved: shift}
+    found |= {"turn": np.zeros(3), "scale": np.zeros(1)}
+    words_of = {
+        "boresight": [f"bore-sight about {a}" for a in "xyz"],
+        "delay": ["camera delay"],
+        moved: [f"{moved} {a}" for a in ("east", "north", "up")],
+        "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
+        "scale": ["scale of the block"],
+    }
+    for group, key in place.items():
+        where = solved.place[key]
+        for axis, name in enumerate(words_of[group]):
+            row = np.zeros(solved.cov.shape[0])
+            row[where.start + axis] = 1.0
+            names.append((group, axis, name))
+            rows.append(row)
+            values.append(float(found[group][axis]))
+            before.append(0.0)
+    return names, np.array(rows), np.array(values), np.array(before)
+
+
+def _direction(C_cb: Array, axis: int) -> str:
+    """Return in which direction of the body an axis of the camera points."""
+    d = C_cb[axis]
+    k = int(np.abs(d).argmax())
+    return DIRECTIONS[int(d[k] < 0.0)][k]
+
+
+def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) -> str:
+    """Return what a component cannot be told from, with the fact that is behind it."""
+    sigma = np.sqrt(np.diagonal(V))
+    rho = np.abs(V[k] / (sigma[k] * sigma))
+    rho[k] = 0.0
+    twin = {"antenna_m": "imu_m", "imu_m": "antenna_m"}.get(names[k][0])
+    rho[[j for j, name in enumerate(names) if name[0] == twin]] = 0.0  # both say camera and frame
+    others = [int(j) for j in np.argsort(-rho) if rho[j] > CORRELATED][:2]
+    if not others:
+        return "the poses are not precise enough"
+    words = " and ".join(f"{names[j][2]} (correlation {rho[j]:.3f})" for j in others)
+    groups = {names[k][0], *(names[j][0] for j in others)}
+    reasons = []
+    if "delay" in groups:
+        low, high = facts.speed
+        reasons.append(f"speed was {low:.1f} to {high:.1f} m/s throughout")
+    elif groups & {"shift", "antenna_m", "imu_m"}:
+        vertical = "up" in names[k][2] or "down" in names[k][2]
+        if not vertical and facts.headings > 0.9:
+            reasons.append("one heading")
+        else:
+            reasons.append(f"tilts of {facts.tilt_deg:.1f} deg rms")
+    return f"not told from {words}" + "".join(f": {reason}" for reason in reasons)
+
+
+def _variants() -> tuple[Variant, ...]:
+    up = np.array([0.0, 0.0, 1.0])
+    half, quarter = (rotation_from_vector(a * up) for a in (np.pi, np.pi / 2.0))
+    return (
+        Variant("one more line at 70 % of the speed", np.eye(3), 0.7),
+        Variant("one more line in the opposite direction", half, 1.0),
+        Variant("one more line across", quarter, 1.0),
+        Variant("one more line in the opposite direction, at 70 % of the speed", half, 0.7),
+        Variant("one more line across, at 70 % of the speed", quarter, 0.7),
+        Variant("one more line, banked to 20 deg", None, 1.0),
+    )
+
+
+def _advise(
+    solved: Solved, J: Array, out: list[Component], weak: Sequence[int], facts: Facts
+) -> None:
+    """Try each variant, and write what determines a component beside it."""
+    order = [k for k, c in enumerate(linear_functions(solved)[0]) if c[0] in USEFUL]
+    tried = [(v.name, solved.with_line(v)) for v in _variants()]
+    none = np.zeros(3)
+    if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
+        words = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
+        frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]
+        tried.append((words, solved.conditioned(frame, none, 0.01)[1]))
+    words = "an antenna lever arm measured to 5 mm from the projection centre"
+    tried.append((words, solved.conditioned(J[:3], none, 0.005)[1]))
+    for k in weak:
+        c, row = out[k], J[order[k]]
+        factor, unit, digits = UNITS.get(c.group, METRES)
+        others = [t for t in tried if not (c.group == "antenna_m" and "antenna" in t[0])]
+        given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
+        good = [i for i in range(len(others)) if given[i] <= c.limit]
+        good = ([i for i in good if given[i] <= 0.7 * c.limit] or good)[:2]
+        best = int(np.argmin(given))
+        if not good and given[best] < 0.5 * c.sigma:
+            good = [best]
+        remedies = tuple(
+            f"{others[i][0]} would give {factor * given[i]:.{digits}f} {unit}" for i in good
+        )
+        out[k] = replace(c, remedies=remedies)
