@@ -124,7 +124,8 @@ def test_every_format_has_a_page() -> None:
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
     others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
     others |= {"eo_covariance", "block_file", "adjust_json"}
-    others |= {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
+    others |= {"README", "flight_file", "imu_calibration", "mounting_file", "noise_model"}
+    others |= {"rinex"}
     assert pages == formats | others
 
 

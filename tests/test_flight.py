@@ -161,6 +161,7 @@ def test_a_minimal_file_has_the_documented_defaults(load, tmp_path):
     for vector in (flight.mounting.antenna_m, flight.mounting.imu_m):
         assert_array_equal(vector, np.zeros(3))
     assert_array_equal(flight.mounting.C_cb, np.diag([-1, -1, 1]))
+    assert flight.mounting_files == ()
     assert flight.output.directory == tmp_path / "02_Processed/GPS-INS"
     assert (flight.output.formats, flight.output.trajectory_hz) == (
         ("eo_local_plane", "metashape"),

@@ -1,5 +1,6 @@
-"""The beginning of a file; files that appear whole or not at all; and what JSON takes."""
+"""Beginning and hash of a file, files that appear whole or not at all, and what JSON takes."""
 
+import hashlib
 import math
 import os
 from collections.abc import Iterable
@@ -18,6 +19,12 @@ def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check t
     except OSError as error:
         message = f"cannot be read: {error.strerror or error}; {advice}"
         raise InputError.at_line(path, None, message) from None
+
+
+def sha256(file: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 hash of a file's bytes, hexadecimal."""
+    with Path(file).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def atomic_write(

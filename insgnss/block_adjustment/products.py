@@ -22,10 +22,12 @@ import numpy as np
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from ..base.errors import InputError, UsageError
-from ..base.files import atomic_write, json_ready
+from ..base.files import atomic_write, json_ready, sha256
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
+from ..orient.mounting_file import MountingFile, write_mounting_file
 from ..processing.staging import Staging
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
@@ -100,8 +102,8 @@ def _write_orientation(
             export(eo, name, into / EXPORTS[name].product)
     write_poses(solved, into / POSES)
     figures["notes"] += _write_cameras(solved, into)
-    if (text := mounting_toml(solved)) is not None:
-        atomic_write(into / MOUNTING, text)
+    if (mounting := adjusted_mounting(solved)) is not None:
+        write_mounting_file(mounting, into / MOUNTING)
 
 
 def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
@@ -271,8 +273,8 @@ def _write_cameras(solved: Solved, into: Path) -> list[str]:
     return notes
 
 
-def mounting_toml(solved: Solved) -> str | None:
-    """Return tables [mounting] and [camera] with what the adjustment found.
+def adjusted_mounting(solved: Solved) -> MountingFile | None:
+    """Return the mounting that the adjustment found.
 
     Lever arms and delay are corrections of what the flight was processed with, which report.json
     beside its eo.json says.
@@ -284,41 +286,57 @@ def mounting_toml(solved: Solved) -> str | None:
 
     Returns
     -------
-    str or None
-        The tables; None where no parameter of the mounting was estimated.
+    MountingFile or None
+        None where no parameter of the mounting was estimated.
     """
     eo, blocks = solved.inputs.eo, solved.result.values.blocks
     estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
     if eo is None or not estimated:
         return None
     before = processed_with(solved.inputs)
-    lines = [
-        f"# found by insgnss adjust from {eo.images[0]} to {eo.images[-1]}; sigmas behind the #",
-        "# insgnss process flight.toml --mounting mounting.toml",
-        "[mounting]",
-    ]
-    sigma = {name: np.sqrt(np.diagonal(solved.precision.cov((name, 0)))) for name in estimated}
+    cov = {name: solved.precision.cov((name, 0)) for name in estimated}
+    values: dict[str, Any] = {}
+    remarks = [f"from {eo.images[0]} to {eo.images[-1]}"]
     if BORESIGHT in estimated:
-        B = changed_boresight(eo, blocks[(BORESIGHT, 0)])
-        rows = ", ".join(f"[{', '.join(f'{x:.12f}' for x in row)}]" for row in B)
-        of = " ".join(f"{np.degrees(x):.4f}" for x in sigma[BORESIGHT])
-        lines.append(f"boresight = [{rows}]  # {of} deg about the camera's x, y, z")
+        values["boresight"] = changed_boresight(eo, blocks[(BORESIGHT, 0)])
+        values["boresight_cov"] = cov[BORESIGHT]
     if LEVER_ARM in estimated:
         change = blocks[(LEVER_ARM, 0)]
-        of = " ".join(f"{x:.4f}" for x in sigma[LEVER_ARM])
         for key in ("antenna_m", "imu_m"):
             if before is not None:
-                value = np.array(before["mounting"][key]) + change
-                lines.append(f"{key} = [{', '.join(f'{x:.5f}' for x in value)}]  # {of} m")
+                values[key] = np.array(before["mounting"][key]) + change
+                values[f"{key.removesuffix('_m')}_cov"] = cov[LEVER_ARM]
             else:
                 words = " ".join(f"{x:+.5f}" for x in change)
-                lines.append(f"# {key}: add {words} m (no report.json beside eo.json)")
+                remarks.append(f"{key}: add {words} m (no report.json beside eo.json)")
     if TIME_OFFSET in estimated:
-        delay = float(blocks[(TIME_OFFSET, 0)][0])
-        of = f"{float(sigma[TIME_OFFSET][0]):.6f} s"
+        delay, sigma = float(blocks[(TIME_OFFSET, 0)][0]), float(np.sqrt(cov[TIME_OFFSET][0, 0]))
         if before is not None and before.get("camera"):
-            value = before["camera"]["time_offset_s"] + delay
-            lines += ["[camera]", f"time_offset_s = {value:.7f}  # {of}"]
+            values["time_offset_s"] = before["camera"]["time_offset_s"] + delay
+            values["time_offset_sigma_s"] = sigma
         else:
-            lines.append(f"# camera.time_offset_s: add {delay:+.7f} ({of})")
-    return "\n".join(lines) + "\n"
+            remarks.append(f"camera.time_offset_s: add {delay:+.7f} ({sigma:.6f} s)")
+    week = eo.gps_week
+    cameras = adjusted_cameras(solved)
+    of_one = {} if len(cameras) > 1 else _identity(cameras[0])
+    file = solved.inputs.file
+    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    given = dict.fromkeys(p for p in (*inputs, file.ground.file) if p is not None and p.is_file())
+    return MountingFile(
+        verb="adjust",
+        **values,
+        **of_one,
+        camera_from_body=eo.camera_from_body,
+        date="" if week is None else calendar_from_gps(week, float(eo.time[0])).date().isoformat(),
+        inputs=tuple((path.name, sha256(path)) for path in given),
+        remarks=tuple(remarks),
+    )
+
+
+def _identity(camera: BrownCamera) -> dict[str, Any]:
+    """Name, image size and focal length of a camera, as far as they are known."""
+    return {
+        "camera": camera.name,
+        "image_size": (camera.width, camera.height),
+        "focal_px": camera.of("f"),
+    }

@@ -26,9 +26,9 @@ from .schema import Triple, Words, are_numbers, check, is_place, option, refuse_
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
+    from ..orient.mounting_file import MountingFile
     from ..records import Array
 
-MAX_LEVER_M = 100.0
 Matrix = tuple[Triple, Triple, Triple]
 
 
@@ -82,6 +82,42 @@ class MountingTable:
         unit="deg",
         members=_angle_sets,
     )
+    file: Path | None = option(
+        None,
+        "calibrated mounting (mounting_file.md), as `insgnss calibrate` and `insgnss adjust` write "
+        "it: its keys of [mounting], and camera.time_offset_s, which then must not stand here",
+        kind="file",
+    )
+    max_age_days: float = option(
+        365.0,
+        "of mounting.file: a flight farther from the date of its data is told to have the mounting "
+        "calibrated anew, since screws, dampers and lenses are touched within a season; nothing is "
+        "refused",
+        unit="d",
+        low=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class MountingSource:
+    """A file that the mounting of a flight was taken from.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    keys : tuple of str
+        What was taken.
+    max_age_days : float
+        Days between flight and calibration above which the report tells of them.
+    made : MountingFile
+        What the file holds.
+    """
+
+    file: Path
+    keys: tuple[str, ...]
+    max_age_days: float
+    made: "MountingFile"
 
 
 @dataclass(frozen=True)
@@ -196,6 +232,8 @@ class Flight:
         States and constraints of the filter.
     barometer : BarometerInput or None
         Table of that name; None: there is none.
+    mounting_files : tuple of MountingSource
+        The files that `mounting` and the camera's delay were taken from, the last taken last.
     name : str
         Of the data set, in titles and reports.
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
@@ -248,6 +286,7 @@ class Flight:
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
     barometer: BarometerInput | None = None
+    mounting_files: tuple[MountingSource, ...] = ()
 
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane

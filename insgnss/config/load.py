@@ -7,19 +7,35 @@ schema, how it is read in `values`; here stands what options have to do with eac
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.tables import Table, read_toml
-from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
+from ..orient.mounting import (
+    PAPER_CAMERA_FROM_BODY,
+    ROTATION_TOLERANCE,
+    Mounting,
+    boresight_from_angles,
+)
+from ..orient.mounting_file import DELAY, read_mounting_file
 from .barometer_options import BarometerInput
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
 from .filter_options import FilterOptions, InitialAttitude
-from .flight_file import TABLES, Flight, MountingTable, Output, TangentPlane, TangentPlaneTable
+from .flight_file import (
+    TABLES,
+    Flight,
+    MountingSource,
+    MountingTable,
+    Output,
+    TangentPlane,
+    TangentPlaneTable,
+)
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .ppk_options import OF_POSITIONS, RawGnss
@@ -79,7 +95,7 @@ def load_flight(path: str | Path) -> Flight:
     initial = present.get("initial")
     barometer = present.get("barometer")
     imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
-    return Flight(
+    flight = Flight(
         path=path,
         **values,
         imu=imu,
@@ -92,6 +108,7 @@ def load_flight(path: str | Path) -> Flight:
         filter=FilterOptions(**take(root.table("filter"), [FilterOptions])),
         barometer=BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
     )
+    return _calibrated(flight, root)
 
 
 def read_covariance(path: Path) -> CovarianceModel:
@@ -218,7 +235,9 @@ def _camera(table: Table, raw: bool) -> CameraInput:
 
 def mounting_of(table: Table) -> Mounting:
     """The mounting of a table [mounting]."""
-    given = {k: v for k, v in take(table, [MountingTable]).items() if v is not None}
+    of_file = ("file", "max_age_days")
+    given = take(table, [MountingTable], without=of_file)
+    given = {key: value for key, value in given.items() if value is not None}
     angles = given.pop("boresight_deg", None)
     try:
         if angles:
@@ -257,7 +276,7 @@ def _output(table: Table) -> Output:
     return output
 
 
-def remounted(flight: Flight, path: Path) -> Flight:
+def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> Flight:
     """Return a flight whose mounting is that of a file, as far as the file names it.
 
     Parameters
@@ -266,7 +285,10 @@ def remounted(flight: Flight, path: Path) -> Flight:
         The flight file.
     path : Path
         The file: a table [mounting] with keys of that of a flight file, and [camera] with
-        time_offset_s; others of its keys stay as the flight file has them.
+        time_offset_s; others of its keys stay as the flight file has them. The delay is not taken
+        where the flight has no camera.
+    max_age_days : float, optional
+        As `mounting.max_age_days`; by default as the flight file has it.
 
     Returns
     -------
@@ -276,23 +298,52 @@ def remounted(flight: Flight, path: Path) -> Flight:
     Raises
     ------
     InputError
-        The file is missing or no TOML, or a key or a value in it is wrong.
+        The file is missing or no TOML, a key or a value in it is wrong, or its bore-sight was found
+        with another `camera_from_body` than the flight file's.
     """
-    if not path.is_file():
-        raise InputError.at_line(path, None, "does not exist; give mounting.toml of insgnss adjust")
-    keys = {name: own for name, own in known_keys().items() if name.startswith("mounting")}
-    root = read_toml(path, {"": ("mounting", "camera"), **keys, "camera": ("time_offset_s",)})
-    root.check_keys()
-    if not root.data:
-        raise InputError.at_line(path, None, "is empty; a table [mounting] is expected")
+    made, root = read_mounting_file(path, flight.mounting.camera_from_body)
+    values = made.values()
+    delay = values.pop(DELAY, None)
+    turn, own = made.camera_from_body, flight.mounting.camera_from_body
+    assumed = own if turn is None or made.set_in_body or "boresight" not in values else turn
+    if (apart := float(np.abs(assumed - own).max())) > ROTATION_TOLERANCE:
+        problem = (
+            f"the bore-sight was found with it; that of the flight file differs by {apart:.2g}"
+            f" (limit {ROTATION_TOLERANCE:g}): give the same mounting.camera_from_body"
+        )
+        raise root.table("calibration").error("camera_from_body", problem)
+    camera = flight.camera
+    if camera is not None and delay is not None:
+        camera = replace(camera, time_offset_s=delay)
+    keys = (*values, *([DELAY] if camera is not None and delay is not None else []))
+    if max_age_days is None:
+        age = declared(MountingTable)["max_age_days"].default
+        max_age_days = flight.mounting_files[-1].max_age_days if flight.mounting_files else age
+    return replace(
+        flight,
+        mounting=replace(flight.mounting, **values),
+        camera=camera,
+        mounting_files=(*flight.mounting_files, MountingSource(path, keys, max_age_days, made)),
+    )
+
+
+def _calibrated(flight: Flight, root: Table) -> Flight:
+    """The flight with the mounting of `mounting.file`, where there is one."""
     table = root.table("mounting")
-    given = mounting_of(table)
-    named = {"boresight" if key == "boresight_deg" else key for key in table.data}
-    own = {f.name: getattr(given, f.name) for f in fields(Mounting) if f.name in named}
-    changed = replace(flight, mounting=replace(flight.mounting, **own))
-    offset = root.table("camera").number("time_offset_s", None)
-    if offset is None:
-        return changed
-    if changed.camera is None:
-        raise root.table("camera").error("time_offset_s", "the flight file has no [camera]")
-    return replace(changed, camera=replace(changed.camera, time_offset_s=offset))
+    values = take(table, [MountingTable])
+    if (path := values["file"]) is None:
+        if "max_age_days" in table.data:
+            raise table.error("max_age_days", "is of mounting.file, which is missing")
+        return flight
+    new = remounted(flight, path, values["max_age_days"])
+    source = new.mounting_files[-1]
+    for key in source.keys:
+        here = root.table("camera") if key == DELAY else table
+        for name in (key, "boresight_deg") if key == "boresight" else (key,):
+            if name in here.data:
+                problem = (
+                    f"{source.file.name} (mounting.file) gives {key} as well; delete this line to "
+                    "take the calibrated value, or the one there to keep this"
+                )
+                raise here.error(name, problem)
+    return new

@@ -11,9 +11,9 @@ from ..base.errors import OptionError, UsageError
 from ..base.tables import Table, near
 from ..formats import UNITS, unit_factor
 from ..formats.text.units import imu_kinds
+from ..orient.mounting import ANGLE_SETS, MAX_LEVER_M
 from ..stochastic.model import shipped_models
 from .covariance import CovarianceModel, triple
-from .flight_file import MAX_LEVER_M
 from .imu_options import ImuInput
 from .kinds import PLAIN, choice, number, numbers, text, texts
 from .ppk_options import Air, rtklib_problem
@@ -152,8 +152,6 @@ def _lever(table: Table, item: Declared) -> tuple[float, ...]:
 
 def _angles(table: Table, item: Declared) -> tuple[str, tuple[float, ...]]:
     """Angle set and angles of ``boresight_deg = { angle_set = [..] }``."""
-    from ..orient.mounting import ANGLE_SETS
-
     if "boresight" in table.data:
         problem = f"{table.name}.boresight is given as well; keep one of them"
         raise table.error(item.name, problem)

@@ -43,10 +43,12 @@ from ..records import Array
 from ..records._checked import float_array
 
 ROTATION_TOLERANCE = 1e-4
-ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
 """Greatest entry by which a printed matrix may differ from a rotation: four decimals, as tables are
 printed.
 """
+
+ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
+MAX_LEVER_M = 100.0  # longer ones are in another unit
 
 PAPER_CAMERA_FROM_BODY = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 """T of paper 000: half a turn about z; the image's right is backward, its down is left."""

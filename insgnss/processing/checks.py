@@ -6,20 +6,27 @@ A check that finds a contradiction stops the run, unless the flight file accepts
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..base.wording import named
-from ..config.flight_file import Flight
+from ..config.flight_file import Flight, MountingSource
 from ..formats import EXPORTS, UNITS
+from ..formats.images.exif import CameraTags, camera_tags
+from ..orient.mounting_file import MountingFile
 from ..records import Array, Check, GnssFixes, ImuSamples, Trajectory
 from ..records.framed import PROJECTED
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
 OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
 LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
+OTHER_LENS = (
+    0.15  # of a focal length: Exif has it rounded, by diagonal or width (9 % of 3:2 to 4:3)
+)
+OWN_WORDS = r"(cam(era)?|sensor|unknown|frame|lens|group|calib\w*)[\W_]*\d*$"  # no model's name
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
 
@@ -195,6 +202,104 @@ def check_mounting(flight: Flight) -> Check:
         "note" if odd else "ok",
         "the data cannot tell: check units, signs and mounting by hand" if odd else "",
     )
+
+
+def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Check]:
+    """Tell where a calibrated mounting is of another camera or another time than the flight.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    gps_week : int
+        The week of the flight.
+    tow : float
+        An instant of it, s.
+
+    Returns
+    -------
+    list of Check
+        One a file; silent on what the file or the images do not say.
+    """
+    from ..geodesy.gpstime import calendar_from_gps
+
+    day = calendar_from_gps(gps_week, tow).date()
+    return [_check_mounting_file(flight, source, day) for source in flight.mounting_files]
+
+
+def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Check:
+    made, odd = source.made, []
+    if made.date:
+        days = (day - date.fromisoformat(made.date)).days
+        if abs(days) > source.max_age_days:
+            when = "before" if days < 0 else "after"
+            odd.append(
+                f"flown {abs(days)} days {when} its data of {made.date} (limit"
+                f" {source.max_age_days:g}, mounting.max_age_days)"
+            )
+    odd += _other_camera(made, _camera_of(flight))
+    for key in ("antenna_m", "imu_m"):
+        if key in made.not_determined and not np.any(getattr(flight.mounting, key)):
+            odd.append(f"it did not determine {key}, and the flight file gives none")
+    name = "mounting file"
+    expected = "the camera of the flight, calibrated near its date"
+    if not odd:
+        return Check(name, f"{source.file.name} gives {', '.join(source.keys)}", expected)
+    advice = (
+        "lever arms, bore-sight and delay are those of the camera, its lens and its mount: take"
+        " the file of this one, or calibrate it again"
+    )
+    return Check(name, f"{source.file.name}: {'; '.join(odd)}", expected, "note", advice)
+
+
+def _camera_of(flight: Flight) -> CameraTags | None:
+    """What the first image of the flight says of its camera; None where there is none to ask."""
+    from ..exposures.images import image_names
+
+    match = None if flight.camera is None else flight.camera.match
+    if match is None or match.images is None or not match.images.is_dir():
+        return None
+    try:
+        first = match.images / image_names(match.images, match.image_ending)[0]
+        with first.open("rb") as stream:
+            return camera_tags(stream, first.name)
+    except (OSError, InputError):  # told where the images are matched
+        return None
+
+
+def _other_camera(made: MountingFile, camera: CameraTags | None) -> list[str]:
+    """Say in what the camera of the images is another one than the calibrated."""
+    if camera is None:
+        return []
+    odd = []
+    if made.camera and camera.model and not _same_name(made.camera, camera.model):
+        odd.append(f"it is of the camera {made.camera!r}, the images are of {camera.model!r}")
+    sizes = made.image_size, camera.image_size
+    if sizes[0] is not None and sizes[1] is not None and sorted(sizes[0]) != sorted(sizes[1]):
+        text = " and ".join(f"{size[0]} x {size[1]}" for size in sizes if size)
+        odd.append(f"images of {text} pixels, of the calibration and of the flight")
+    elif made.focal_px and camera.focal_px:
+        share = camera.focal_px / made.focal_px - 1.0
+        if abs(share) > OTHER_LENS:
+            odd.append(
+                f"focal length {made.focal_px:.0f} px, that of the images {camera.focal_px:.0f} px"
+                f" by their Exif ({100 * share:+.0f} %, limit {100 * OTHER_LENS:.0f} %)"
+            )
+    return odd
+
+
+def _same_name(calibrated: str, model: str) -> bool:
+    """Whether two names may be of one camera; programs add focal lengths to a model, or use words
+    of their own ("camera 1"), which tell nothing.
+    """
+    if not re.search(r"(?=\w*\d)(?=\w*[A-Za-z])\w{4,}|\d{4,}", calibrated):
+        return True
+    if re.match(
+        r"(cam(era)?|sensor|unknown|frame|lens|group|calib\w*)[\W_]*\d*$", calibrated, re.I
+    ):
+        return True
+    first, second = (re.sub(r"[^a-z0-9]", "", name.lower()) for name in (calibrated, model))
+    return first in second or second in first
 
 
 def check_stationary(imu: ImuSamples, periods: Array) -> Check:

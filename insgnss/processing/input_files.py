@@ -1,6 +1,5 @@
 """The input files of a flight: which they are, and what they hold as records."""
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -50,16 +49,11 @@ def input_files(flight: Flight) -> list[Path]:
         if isinstance(flight.camera.events, Path):
             files.append(flight.camera.events)
         files += flight.camera.match.files
+    files += [source.file for source in flight.mounting_files]
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
     if flight.output.geoid is not None:
         files.append(flight.output.geoid)
     return list(dict.fromkeys(files))
-
-
-def sha256(file: Path) -> str:
-    """Return the SHA-256 hash of a file's bytes, hexadecimal."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def read_files(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
-from ..base.files import json_ready
+from ..base.files import json_ready, sha256
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
 from ..records import (
@@ -37,7 +37,7 @@ from .checks import (
 )
 from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
-from .input_files import input_files, sha256
+from .input_files import input_files
 from .orientation import orient_images, output_trajectory, strip_covariances
 from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet

@@ -10,7 +10,12 @@ from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
-from .checks import check_mounting, check_stationary, refuse_unreachable_crs
+from .checks import (
+    check_mounting,
+    check_mounting_files,
+    check_stationary,
+    refuse_unreachable_crs,
+)
 from .input_files import combine_imus, event_clock, read_barometer_file, read_files
 
 if TYPE_CHECKING:
@@ -138,6 +143,7 @@ def read_recording(flight: Flight) -> Recording:
     more += [*bands, *(ppk.checks if ppk else ())]
     records = [r for r in (imu, gnss, events, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, events, clock, C_b_imu, noise, more)
+    checks += check_mounting_files(flight, week, float(gnss.time[0]))
     checks += [note for record in records for note in record.notes]
     if events is not None:
         all_events = events

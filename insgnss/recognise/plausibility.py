@@ -71,6 +71,7 @@ NAMES = (
     "images",
     "motion",
     "mounting",
+    "mounting file",
     "barometer",
     "GNSS quality",
     "antenna lever arm",

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.files import first_bytes
+from ..base.files import first_bytes, sha256
 from ..formats.imu.variances import read_variances
 from ..prepare.static_recording import Disturbance, StaticSpan, static_span
-from ..processing.input_files import sha256
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
 from ..stochastic.moments.wavelet import wavelet_variances

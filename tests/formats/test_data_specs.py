@@ -29,6 +29,7 @@ from insgnss.formats.trajectory.sbet import read_sbet
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.orient.mounting_file import read_mounting_file
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -218,6 +219,22 @@ def test_ulog_page(tmp_path: Path) -> None:
         read_imu(tmp_path / "x.ulg")
 
 
+def test_mounting_file_page(tmp_path: Path) -> None:
+    """Oracle: the numbers of the page, by eye."""
+    path = tmp_path / "mounting.toml"
+    path.write_text(block("mounting_file", "true"))
+    got, _ = read_mounting_file(path)
+    assert got.antenna_m is not None
+    assert got.antenna_m.tolist() == [0.4621, -0.0013, -0.0654]
+    assert (got.imu_m, got.date, got.camera) == (None, "2018-07-06", "ILCE-7R")
+    sigma = got.sigma("antenna_m")
+    assert sigma is not None
+    assert sigma.tolist() == pytest.approx([0.0004, 0.0004, 0.0003])
+    path.write_text(block("mounting_file", "bad"))
+    with pytest.raises(InputError, match=re.escape(block("mounting_file", "message").strip())):
+        read_mounting_file(path)
+
+
 @pytest.mark.parametrize("name", ["noise_model", "flight_file", "block_file", "imu_calibration"])
 def test_pages_of_settings_are_toml(name: str) -> None:
     """Oracle: tomllib."""
@@ -244,6 +261,7 @@ def test_every_page_is_tested() -> None:
         "npy",
         "ulog",
         "imu_calibration",
+        "mounting_file",
         "noise_model",
         "adjust_json",  # in test_adjust
         "block_file",

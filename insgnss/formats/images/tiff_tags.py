@@ -92,6 +92,17 @@ class Tiff:
             else self._bytes_at(self._unpack(self._word, entry.field), length)
         )
 
+    def number_of(self, directory: Mapping[int, _Entry], tag: int) -> float | None:
+        """Return the first number of a tag of whole numbers or ratios, None where it has none."""
+        entry, data = directory.get(tag), self.bytes_of(directory, tag)
+        form = None if entry is None else {3: "H", 4: "I", 5: "II", 10: "ii"}.get(entry.kind)
+        if form is None or data is None or len(data) < (size := struct.calcsize(f"={form}")):
+            return None
+        numbers = struct.unpack(self._order + form, data[:size])
+        if len(numbers) == 1:
+            return float(numbers[0])
+        return float(numbers[0] / numbers[1]) if numbers[1] else None
+
     def changed(
         self, first: Mapping[int, Value], exif: Mapping[int, Value], gps: Mapping[int, Value]
     ) -> tuple[bytes, bytes]:

@@ -26,7 +26,8 @@ STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
 )  # an error that lasts longer is one of the absolute position; share of the fixes
-WIDER = 1.5  # rank of sigmas that were enlarged without need
+# ranks of notes that stand out: sigmas enlarged without need, a mounting of another camera or time
+NOTED = {"sigmas of the fixes": 1.5, "mounting file": 1.5}
 # checks by which the solution is another one than the flight file asks for: they stand out
 ADOPTED = (
     "antenna lever arm",
@@ -350,7 +351,7 @@ def checks(f: Figures) -> Iterator[Limit]:
         ):
             continue
         rank = OVERRULED if check["verdict"] == "contradiction" else REMARK
-        rank = WIDER if check["name"] == "sigmas of the fixes" else rank
+        rank = max(rank, NOTED.get(check["name"], 0.0))
         rank = max(rank, ADOPTED_RANK) if check["name"] in ADOPTED else rank
         yield Limit(
             "checks",

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write
+from ...base.files import atomic_write, sha256
 from ...base.units import rounded
 from ...config.flight_file import Flight
 from ...prepare.gaps import nominal_interval
-from ...processing.input_files import input_files, sha256
+from ...processing.input_files import input_files
 from ...processing.recording import Recording
 from ...records import ImuSamples
 from ...stochastic.model import (
