@@ -7,17 +7,23 @@ the longest line of this flight is added once more, turned, slower or banked, wi
 that it has, and the normal equations are solved again. Only what then determines the component is
 advised, with the standard deviation that it would have.
 
-A component that is determined contradicts the flight file where both differ by more than
-`CONTRADICTS` standard deviations of the difference.
+A component contradicts the flight file where both differ by more than `CONTRADICTS` standard
+deviations of the difference, whatever else would determine it better.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from ..adjust.aerial import BORESIGHT, TIME_OFFSET
-from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
+from ..geodesy.rotation import (
+    opk_from_rotation,
+    rotation_from_opk,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 from ..orient.mounting import ANTENNA_SIGMA_M
 from ..records.block import Array
 from .records import Stated
@@ -28,7 +34,7 @@ USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "dela
 USEFUL["shift"] = 0.02
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
-CONTRADICTS = 4.0
+CONTRADICTS, DOUBTFUL = 4.0, 2.5
 CORRELATED = 0.9
 DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
 UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
@@ -127,7 +133,7 @@ def facts_of(solved: Solved) -> Facts:
     """
     eo = solved.flight.eo
     assert eo.velocity_mps is not None
-    v, C_mb = eo.velocity_mps[solved.rows], eo.C_mc[solved.rows] @ solved.flight.C_cb
+    v, C_mb = eo.velocity_mps[solved.rows], eo.C_mc[solved.rows] @ solved.flight.mounting.C_cb
     low, high = np.percentile(np.linalg.norm(v, axis=1), [5, 95])
     nose = C_mb[:, :2, 0]
     nose = nose / np.maximum(np.linalg.norm(nose, axis=1, keepdims=True), 1e-9)
@@ -148,14 +154,14 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
     solved : Solved
         The adjusted mounting.
     stated : Stated
-        What the flight file itself says.
+        What the flight file says.
 
     Returns
     -------
     tuple of Component
         Antenna, bore-sight, delay, the IMU's lever arm, and the shift of a georeferenced block.
     """
-    names, J, values, before = linear_functions(solved)
+    names, J, values, before = linear_functions(solved, stated)
     V = J @ solved.cov @ J.T
     sigma = np.sqrt(np.diagonal(V))
     facts = facts_of(solved)
@@ -169,15 +175,16 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
         if group == "antenna_m" and stated.antenna_sigma_m is not None:
             limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
         verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
-        if verdict == UNDETERMINED:
+        off = 0.0 if own is None else float(abs(values[k] - before[k]) / np.hypot(sigma[k], own))
+        if off > CONTRADICTS:
+            factor, unit, digits = UNITS.get(group, METRES)
+            verdict = CONTRADICTING
+            why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
+        elif verdict == UNDETERMINED:
             weak.append(len(out))
             why = _why(names, V, k, facts)
-        elif own is not None:
-            off = abs(values[k] - before[k]) / np.hypot(sigma[k], own)
-            if off > CONTRADICTS:
-                factor, unit, digits = UNITS.get(group, METRES)
-                verdict = CONTRADICTING
-                why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
+            if off > DOUBTFUL:
+                why += f"; the flight file's value is {off:.1f} sigma away"
         out.append(
             Component(
                 group,
@@ -192,31 +199,35 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
             )
         )
     if weak:
-        _advise(solved, J, out, weak, facts)
+        judged = [k for k, name in enumerate(names) if name[0] in USEFUL]
+        _advise(solved, J[:3], J[judged], out, weak)
     return tuple(out)
 
 
 def _stated_sigma(group: str, stated: Stated) -> float | None:
     """Return how well the flight file knows a component; None where it says nothing of it."""
-    if group == "antenna_m":
-        own = stated.antenna_sigma_m
-        return (ANTENNA_SIGMA_M if own is None else own) if stated.antenna else None
-    if group == "imu_m":
-        return ANTENNA_SIGMA_M if stated.imu else None
-    if group == "boresight":
-        return STATED_BORESIGHT if stated.boresight else None
-    if group == "delay":
-        return STATED_DELAY_S if stated.delay else None
-    return None
+    if group not in stated.keys:
+        return None
+    own = stated.antenna_sigma_m
+    return {
+        "antenna_m": ANTENNA_SIGMA_M if own is None else own,
+        "imu_m": ANTENNA_SIGMA_M,
+        "boresight": STATED_BORESIGHT,
+        "delay": STATED_DELAY_S,
+    }[group]
 
 
-def linear_functions(solved: Solved) -> tuple[list[tuple[str, int, str]], Array, Array, Array]:
+def linear_functions(
+    solved: Solved, stated: Stated
+) -> tuple[list[tuple[str, int, str]], Array, Array, Array]:
     """Return what is judged, as linear functions of the unknowns.
 
     Parameters
     ----------
     solved : Solved
         The adjusted mounting.
+    stated : Stated
+        The flight file's.
 
     Returns
     -------
@@ -225,7 +236,7 @@ def linear_functions(solved: Solved) -> tuple[list[tuple[str, int, str]], Array,
     J : ndarray, (k, u)
         Derivatives by the unknowns.
     values, before : ndarray, (k,)
-        What was found, and what the flight was processed with.
+        What was found, and what the flight file has; of the bore-sight the rotation between both.
     """
     antenna, imu = solved.lever_arms()
     J_arms = solved.lever_arm_derivatives()
@@ -235,21 +246,22 @@ def linear_functions(solved: Solved) -> tuple[list[tuple[str, int, str]], Array,
     before: list[float] = []
     C_cb = solved.C_cb
     for group, words, J, now, then in (
-        ("antenna_m", "antenna lever arm", J_arms[:3], antenna, solved.flight.antenna_m),
-        ("imu_m", "IMU lever arm", J_arms[3:], imu, solved.flight.imu_m),
+        ("antenna_m", "antenna lever arm", J_arms[:3], antenna, stated.mounting.antenna_m),
+        ("imu_m", "IMU lever arm", J_arms[3:], imu, stated.mounting.imu_m),
     ):
         for axis in range(3):
             names.append((group, axis, f"{words} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
             rows.append(J[axis])
             values.append(float(now[axis]))
             before.append(float(then[axis]))
-    beta = vector_from_rotation(solved.boresight_change)
+    beta = vector_from_rotation(stated.mounting.C_cb @ C_cb.T)
     fixed = solved.block.georeferenced
     moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
     place = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
     place |= {"turn": TURN, "scale": SCALE}
     shift = solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
-    found = {"boresight": beta, "delay": solved.values[TIME_OFFSET], moved: shift}
+    delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
+    found = {"boresight": beta, "delay": delay, moved: shift}
     found |= {"turn": np.zeros(3), "scale": np.zeros(1)}
     words_of = {
         "boresight": [f"bore-sight about {a}" for a in "xyz"],
@@ -266,7 +278,7 @@ def linear_functions(solved: Solved) -> tuple[list[tuple[str, int, str]], Array,
             names.append((group, axis, name))
             rows.append(row)
             values.append(float(found[group][axis]))
-            before.append(0.0)
+            before.append(stated.delay_s if group == "delay" else 0.0)
     return names, np.array(rows), np.array(values), np.array(before)
 
 
@@ -316,10 +328,9 @@ def _variants() -> tuple[Variant, ...]:
 
 
 def _advise(
-    solved: Solved, J: Array, out: list[Component], weak: Sequence[int], facts: Facts
+    solved: Solved, antenna: Array, J: Array, out: list[Component], weak: Sequence[int]
 ) -> None:
     """Try each variant, and write what determines a component beside it."""
-    order = [k for k, c in enumerate(linear_functions(solved)[0]) if c[0] in USEFUL]
     tried = [(v.name, solved.with_line(v)) for v in _variants()]
     none = np.zeros(3)
     if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
@@ -327,9 +338,9 @@ def _advise(
         frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]
         tried.append((words, solved.conditioned(frame, none, 0.01)[1]))
     words = "an antenna lever arm measured to 5 mm from the projection centre"
-    tried.append((words, solved.conditioned(J[:3], none, 0.005)[1]))
+    tried.append((words, solved.conditioned(antenna, none, 0.005)[1]))
     for k in weak:
-        c, row = out[k], J[order[k]]
+        c, row = out[k], J[k]
         factor, unit, digits = UNITS.get(c.group, METRES)
         others = [t for t in tried if not (c.group == "antenna_m" and "antenna" in t[0])]
         given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
@@ -342,3 +353,45 @@ def _advise(
             f"{others[i][0]} would give {factor * given[i]:.{digits}f} {unit}" for i in good
         )
         out[k] = replace(c, remedies=remedies)
+
+
+def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> str | None:
+    """Say how a bore-sight of the flight file was misread, where that explains the difference.
+
+    Signs of its angles, the order in which they are turned, and the sense of the matrix are tried.
+
+    Parameters
+    ----------
+    stated : Stated
+        The flight file's.
+    judged : sequence of Component
+        The verdicts.
+    B : ndarray, (3, 3)
+        The bore-sight that was found.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where the bore-sight does not contradict, or nothing explains it.
+    """
+    own = [c for c in judged if c.group == "boresight"]
+    if not any(c.verdict == CONTRADICTING for c in own):
+        return None
+    B0 = stated.mounting.boresight
+    angles = opk_from_rotation(B0)
+    limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
+    tried = [("transposed (body and camera exchanged)", B0.T)]
+    for signs in product((1.0, -1.0), repeat=3):
+        flipped = [name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0]
+        if flipped:
+            words = f"with the other sign of {' and '.join(flipped)}"
+            tried.append((words, rotation_from_opk(angles * signs)))
+    left = [(float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in tried]
+    best, words = min(left)
+    now = float(np.linalg.norm(vector_from_rotation(B0 @ B.T)))
+    if best > limit or best > 0.5 * now:
+        return None
+    return (
+        f"the flight file's bore-sight {words} would agree with what was found"
+        f" ({np.degrees(best):.3f} deg instead of {np.degrees(now):.3f} deg)"
+    )

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.errors import InputError
-from ..geodesy.gpstime import leap_seconds
+from ..geodesy.gpstime import calendar_from_gps, leap_seconds
 from ..geodesy.rotation import nearest_rotation, vector_from_rotation
 from ..geodesy.similarity import similarity
 from ..records.block import Array
@@ -189,6 +189,8 @@ def _readings(
     for turned, words in ((C, ""), (MIRROR @ C @ MIRROR, ""), (C.swapaxes(1, 2), ", transposed")):
         text = mirrored + (f"; attitudes{words}" if words else "")
         yield misfit(X @ MIRROR, turned, X_o, C_o), text
+    text = "with the first two coordinates exchanged: they are north before east"
+    yield misfit(X[:, [1, 0, 2]], C, X_o, C_o), text
     text = "with attitudes transposed: they take the frame to the camera, not the camera to it"
     yield misfit(X, C.swapaxes(1, 2), X_o, C_o), text
     if path is not None:
@@ -217,7 +219,8 @@ def _other_times(
     if pose is None:
         return
     text = f"at {late:+.1f} s: the stamps of the exposures are off by so much"
-    leap = leap_seconds(flight.eo.gps_week, float(time[0]))
+    when = calendar_from_gps(flight.eo.gps_week, float(time[0]), "utc")
+    leap = int(leap_seconds(when.timestamp()))
     if abs(abs(late) - leap) < 0.3:
         text += f", the {leap} leap seconds between UTC and GPS time; give events in GPS time"
     else:

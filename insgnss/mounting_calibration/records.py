@@ -1,13 +1,13 @@
 """What a calibration of the mounting starts from: poses of an image block, and of the flight."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..geodesy.rotation import is_rotation
+from ..orient.mounting import Mounting
 from ..records import ExteriorOrientation
 from ..records.block import Array
 from ..records.strips import CommonErrors, StripCovariance
@@ -106,10 +106,10 @@ class FlightPoses:
         Covariance of each flight line; images in none stand alone.
     common : CommonErrors
         What all lines share, with the lever arm's share.
-    antenna_m, imu_m : ndarray, (3,)
-        Lever arms that the flight was processed with, from the projection centre, camera axes, m.
-    C_cb : ndarray, (3, 3)
-        Body to camera that it was processed with.
+    mounting : Mounting
+        What the flight was processed with.
+    delay_s : float
+        Delay from event to mid-exposure that it was processed with, s.
 
     Raises
     ------
@@ -120,9 +120,8 @@ class FlightPoses:
     eo: ExteriorOrientation
     lines: tuple[StripCovariance, ...]
     common: CommonErrors
-    antenna_m: Array
-    imu_m: Array
-    C_cb: Array
+    mounting: Mounting
+    delay_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.eo.velocity_mps is None or self.eo.rate_radps is None:
@@ -161,23 +160,26 @@ class FlightPoses:
         return pieces
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stated:
     """What a flight file says of the mounting.
 
     Parameters
     ----------
-    path : Path
-        The file.
-    boresight, antenna, imu, delay : bool
-        Whether the file itself states it.
-    antenna_sigma_m : float, optional
-        Standard deviation of the antenna's lever arm that it states, m.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    delay_s : float
+        Delay from event to mid-exposure, s.
+    keys : frozenset of str
+        Which of "antenna_m", "imu_m", "boresight", "delay", "antenna_sigma_m" the file itself
+        states; others are defaults.
     """
 
-    path: Path
-    boresight: bool = False
-    antenna: bool = False
-    imu: bool = False
-    delay: bool = False
-    antenna_sigma_m: float | None = None
+    mounting: Mounting
+    delay_s: float = 0.0
+    keys: frozenset[str] = frozenset()
+
+    @property
+    def antenna_sigma_m(self) -> float | None:
+        """Standard deviation of the antenna's lever arm, where the file states it, m."""
+        return self.mounting.antenna_sigma_m if "antenna_sigma_m" in self.keys else None

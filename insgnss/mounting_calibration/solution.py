@@ -80,13 +80,14 @@ class Assumptions:
     lever_arm_sigma_m : float
         Of each component of the lever arm from IMU to antenna, under which the flight was solved.
     frame : str
-        "similarity", or "shift" where turn and scale of the block are those of the tangent plane.
+        "auto" and "similarity": a similarity, "auto" with a georeferenced block refused whose scale is
+        another; "shift": turn and scale of the block are those of the tangent plane.
     """
 
     shift_sigma_m: float | None = None
     imu_sigma_m: float = 0.3
     lever_arm_sigma_m: float = 0.3
-    frame: str = "similarity"
+    frame: str = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +209,7 @@ class Solved:
     @property
     def C_cb(self) -> Array:
         """Body to camera (3, 3) by the adjusted bore-sight."""
-        return self.values[BORESIGHT].T @ self.flight.C_cb
+        return self.values[BORESIGHT].T @ self.flight.mounting.C_cb
 
     def lever_arms(self) -> tuple[Array, Array]:
         """Return the lever arms of (L.4).
@@ -218,7 +219,7 @@ class Solved:
         antenna_m, imu_m : ndarray, (3,)
             From the projection centre, camera axes.
         """
-        flight, E = self.flight, self.values[BORESIGHT]
+        flight, E = self.flight.mounting, self.values[BORESIGHT]
         before = flight.antenna_m + flight.C_cb @ self._eta()[0]
         arm = self.values[LEVER_ARM]
         return arm + E.T @ before, arm + E.T @ flight.imu_m
@@ -231,7 +232,7 @@ class Solved:
         ndarray, (6, u)
             Antenna, IMU.
         """
-        flight, E = self.flight, self.values[BORESIGHT]
+        flight, E = self.flight.mounting, self.values[BORESIGHT]
         eta, by_common, where = self._eta()
         J = np.zeros((6, self.cov.shape[0]))
         J[:3, where] = E.T @ flight.C_cb @ by_common

@@ -237,7 +237,7 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> C
                 f"flown {abs(days)} days {when} its data of {made.date} (limit"
                 f" {source.max_age_days:g}, mounting.max_age_days)"
             )
-    odd += _other_camera(made, _camera_of(flight))
+    odd += _other_camera(made, camera_of(flight))
     for key in ("antenna_m", "imu_m"):
         if key in made.not_determined and not np.any(getattr(flight.mounting, key)):
             odd.append(f"it did not determine {key}, and the flight file gives none")
@@ -252,7 +252,7 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> C
     return Check(name, f"{source.file.name}: {'; '.join(odd)}", expected, "note", advice)
 
 
-def _camera_of(flight: Flight) -> CameraTags | None:
+def camera_of(flight: Flight) -> CameraTags | None:
     """What the first image of the flight says of its camera; None where there is none to ask."""
     from ..exposures.images import image_names
 

@@ -15,6 +15,7 @@ import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...records import FramedOrientation
+from ...records.block import Array
 from ...records.framed import GEOCENTRIC, TANGENT
 from ..orientation.exported import (
     OPK,
@@ -164,3 +166,52 @@ def _into(directory: Path, files: Iterable[tuple[str, str]]) -> None:
         raise UsageError(f"{directory}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
+    """Read Orientation-<image>.xml of a directory, as MicMac's bundle adjustment leaves them.
+
+    Parameters
+    ----------
+    path : path
+        The directory, such as Ori-Compensated.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names.
+    position_m : ndarray, (n, 3)
+        Projection centres in the axes of the orientation.
+    C_mc : ndarray, (n, 3, 3)
+        Camera (right, down, viewing direction) to these axes.
+
+    Raises
+    ------
+    InputError
+        No orientation stands there, or one is damaged or of another convention.
+    """
+    files = sorted(Path(path).glob("Orientation-*.xml"))
+    if not files:
+        raise InputError.at_line(path, None, "no Orientation-<image>.xml in it; give Ori-<name>")
+    names, centres, matrices = [], [], []
+    for file in files:
+        try:
+            root = ElementTree.parse(file).getroot()
+        except ElementTree.ParseError as error:
+            raise InputError.at_line(file, error.position[0], "is damaged XML") from None
+        outer = root.find(".//Externe")
+        convention = None if outer is None else outer.findtext("KnownConv")
+        if outer is None or convention not in (None, "eConvApero_DistM2C"):
+            problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
+            raise InputError.at_line(file, None, problem)
+        texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
+        try:
+            values = np.array([[float(x) for x in (text or "").split()] for text in texts])
+        except ValueError:
+            values = np.zeros(0)
+        if values.shape != (4, 3) or not np.isfinite(values).all():
+            raise InputError.at_line(file, None, "Centre and L1 to L3 are not three numbers each")
+        names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
+        centres.append(values[0])
+        matrices.append(values[1:])
+    return tuple(names), np.array(centres), np.array(matrices)

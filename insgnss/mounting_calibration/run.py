@@ -1,0 +1,381 @@
+"""The whole job of `insgnss calibrate mounting`: process, read, adjust, process again, judge, write.
+
+The flight is processed with a wide a-priori sigma of the antenna's lever arm, the mounting adjusted
+to the poses of the block, and the flight processed once more with what came out, until corrections
+are small beside their standard deviations: what is written was tried.
+"""
+
+import os
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..config.flight_file import Flight
+from ..geodesy.frames import TangentPlane
+from ..geodesy.gpstime import calendar_from_gps
+from ..geodesy.rotation import (
+    nearest_rotation,
+    rotation_from_vector,
+    vector_from_rotation,
+)
+from ..orient.mounting import Mounting
+from ..orient.mounting_file import DELAY, VECTORS
+from ..base.files import sha256
+from ..processing.pipeline import ProcessResult, process
+from ..records.block import Array
+from .judgement import CONTRADICTING, USEFUL, Component, components, linear_functions, misread_boresight
+from .plausibility import Path as FlownPath
+from .plausibility import refuse_frame, refuse_implausible
+from .poses import common_images, read_block_poses
+from .records import BlockPoses, FlightPoses, Stated
+from .solution import Assumptions, Solved, solve
+
+ROUNDS = 3
+SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
+LEVER_ARM_SIGMA_M = 0.3
+TRAJECTORY_HZ = 20.0
+HOLD = 1e-6  # by which values that are not determined are held, in their units
+
+
+@dataclass(frozen=True, eq=False)
+class MountingResult:
+    """A calibrated mounting.
+
+    Parameters
+    ----------
+    solved : Solved
+        The last solution.
+    stated : Stated
+        What the flight file has.
+    components : tuple of Component
+        A verdict each.
+    mounting : Mounting
+        What was found, with the flight file's values where nothing was determined.
+    delay_s : float
+        Delay from event to mid-exposure, s.
+    corrections : tuple of float
+        Largest correction over its sigma in each round.
+    date : str
+        Of the flight, ISO.
+    inputs : tuple of (str, str)
+        Name and SHA-256 of the files.
+    notes : tuple of str
+        What a reader should know.
+    files : tuple of Path
+        The products.
+    """
+
+    solved: Solved
+    stated: Stated
+    components: tuple[Component, ...]
+    mounting: Mounting
+    delay_s: float
+    corrections: tuple[float, ...]
+    date: str
+    inputs: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+    files: tuple[Path, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """What is to be known first."""
+        judged = self.components
+        determined = [c for c in judged if c.determined]
+        words = f"{len(determined)} of {len(judged)} components determined by"
+        words += f" {self.solved.rows.size} images"
+        against = [_group(c) for c in judged if c.verdict == CONTRADICTING]
+        if against:
+            listed = _listed(list(dict.fromkeys(against)))
+            words = f"the flight file's {listed} contradict the poses; {words}"
+        return words
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        lines = [self.headline, *(c.sentence for c in self.components)]
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        from .products import document
+
+        return document(self)
+
+
+def _group(component: Component) -> str:
+    return component.name.partition(" about ")[0].partition("arm ")[0].replace(
+        "lever ", "lever arm"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def calibrate_mounting(
+    flight: Flight,
+    poses: Path | BlockPoses,
+    assumptions: Assumptions | None = None,
+    out: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    crs: str | None = None,
+    form: str | None = None,
+    write: bool = True,
+) -> MountingResult:
+    """Calibrate lever arms, bore-sight and camera delay of a flight by poses of its block.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    poses : Path or BlockPoses
+        Poses of an adjusted block: a file or directory of any readable program.
+    assumptions : Assumptions, optional
+        What is known before; by default nothing but the frame of a georeferenced block.
+    out : Path, optional
+        Directory of the products; by default `calibration` beside the flight file.
+    progress : callable
+        Is called with the name of each step.
+    crs, form : str, optional
+        CRS and format of the poses, where the file does not show them.
+    write : bool
+        Whether to write the products.
+
+    Returns
+    -------
+    MountingResult
+        Values and verdicts.
+
+    Raises
+    ------
+    InputError
+        The poses are not of this flight, or not as somebody thinks.
+    DataError
+        The flight or the poses do not support the answer.
+    """
+    if flight.camera is None:
+        raise InputError.at_line(
+            flight.path, None, "no [camera]; a mounting needs the events of the exposures"
+        )
+    assumptions = assumptions or Assumptions(frame="auto")
+    stated = _stated(flight)
+    mounting, delay = flight.mounting, stated.delay_s
+    corrections: list[float] = []
+    block: BlockPoses | None = None
+    for number in range(ROUNDS):
+        flown, result = _flown(flight, mounting, delay, assumptions, progress)
+        if block is None:
+            given = (
+                poses
+                if isinstance(poses, BlockPoses)
+                else read_block_poses(poses, flown.eo, crs, form)
+            )
+        block, rows = common_images(given, flown.eo)
+        if number == 0:
+            progress("are these poses of this flight")
+            refuse_implausible(block, flown, rows, _path(result, flown))
+        progress("adjusting the mounting")
+        solved = solve(block, flown, rows, assumptions)
+        refuse_frame(solved)
+        judged = components(solved, stated)
+        new, new_delay = determined(solved, stated, judged)
+        corrections.append(_largest(solved, judged, new, new_delay))
+        mounting, delay = new, new_delay
+        if corrections[-1] < SETTLED:
+            break
+    left = len(given.images) - block.position.shape[0]
+    notes = list(block.notes)
+    if left:
+        notes.append(f"{left} of {len(given.images)} poses are of images that the flight has not")
+    if (missing := len(flown.eo) - block.position.shape[0]) > 0:
+        notes.append(f"{missing} of {len(flown.eo)} images of the flight have no pose there")
+    if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
+        notes.insert(0, words)
+    notes += _statistics(solved)
+    notes.append(
+        f"processed with it again, the corrections are {corrections[-1]:.2f} sigma at most"
+        if len(corrections) > 1
+        else "the flight file's mounting is right within its standard deviations"
+    )
+    result_ = MountingResult(
+        solved,
+        stated,
+        judged,
+        mounting,
+        delay,
+        tuple(corrections),
+        calendar_from_gps(flown.eo.gps_week, float(flown.eo.time[0])).date().isoformat(),
+        _inputs(flight, result, poses),
+        tuple(notes),
+    )
+    if not write:
+        return result_
+    from .products import written
+
+    directory = out or flight.path.parent / "calibration"
+    progress(f"writing {directory}")
+    return replace(result_, files=written(result_, directory, flight))
+
+
+def _stated(flight: Flight) -> Stated:
+    """Return what the flight file states of the mounting, and which keys."""
+    assert flight.camera is not None
+    mounting, delay = flight.mounting, flight.camera.time_offset_s
+    keys = {key for source in flight.mounting_files for key in source.keys}
+    if flight.path.is_file():
+        tables = tomllib.loads(flight.path.read_text(encoding="utf-8"))
+        keys |= set(tables.get("mounting", {})) | set(tables.get("camera", {}))
+    else:  # made in Python: what is not the default
+        none = Mounting()
+        keys |= {key for key in VECTORS if getattr(mounting, key).any()}
+        keys |= set() if np.array_equal(mounting.boresight, none.boresight) else {"boresight"}
+        keys |= {DELAY} if delay else set()
+    if "boresight_deg" in keys:
+        keys.add("boresight")
+    if DELAY in keys:
+        keys.add("delay")
+    return Stated(mounting, delay, frozenset(keys))
+
+
+def _flown(
+    flight: Flight,
+    mounting: Mounting,
+    delay: float,
+    assumptions: Assumptions,
+    progress: Callable[[str], None],
+) -> tuple[FlightPoses, ProcessResult]:
+    """Process the flight with a mounting, the lever arm of its antenna left open."""
+    assert flight.camera is not None
+    sigma = assumptions.lever_arm_sigma_m
+    changed = replace(
+        flight,
+        mounting=mounting,
+        camera=replace(flight.camera, time_offset_s=delay),
+        filter=replace(flight.filter, lever_arm=True, lever_arm_sigma_m=sigma),
+        output=replace(flight.output, strip_covariance=True, trajectory_hz=TRAJECTORY_HZ),
+    )
+    result = process(changed, None, progress, write=False)
+    assert result.eo is not None and result.common is not None
+    return FlightPoses(result.eo, result.strips, result.common, mounting, delay), result
+
+
+def _path(result: ProcessResult, flown: FlightPoses) -> FlownPath:
+    """Return the poses of the camera on the output grid."""
+    t = result.trajectory
+    plane = TangentPlane(*(float(x) for x in flown.eo.origin))
+    C_mb = plane.C_mn(t.lat, t.lon) @ t.C_nb
+    X = plane.position_from_geodetic(t.lat, t.lon, t.height)
+    return FlownPath(
+        t.time, X + C_mb @ flown.mounting.camera_lever_b, C_mb @ flown.mounting.C_cb.T
+    )
+
+
+def determined(
+    solved: Solved, stated: Stated, judged: tuple[Component, ...]
+) -> tuple[Mounting, float]:
+    """Return the mounting that was found, the flight file's where nothing was determined.
+
+    What is not determined is held at the flight file's value, and the rest follows by its
+    correlations.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+    stated : Stated
+        The flight file's.
+    judged : tuple of Component
+        The verdicts.
+
+    Returns
+    -------
+    mounting : Mounting
+        Lever arms and bore-sight.
+    delay_s : float
+        The delay.
+    """
+    names, J, values, before = linear_functions(solved, stated)
+    weak = {(c.group, c.axis) for c in judged if not c.determined and c.group != "shift"}
+    held = [k for k, (group, axis, _) in enumerate(names) if (group, axis) in weak]
+    change = np.zeros(len(values))
+    if held:
+        dx, _ = solved.conditioned(J[held], before[held] - values[held], HOLD)
+        change = J @ dx
+    found = values + change
+    of = {
+        group: np.array([found[k] for k, name in enumerate(names) if name[0] == group])
+        for group in USEFUL
+        if group != "shift"
+    }
+    C_cb = _turned(stated.mounting.C_cb, of["boresight"])
+    T = stated.mounting.camera_from_body
+    mounting = replace(
+        stated.mounting,
+        antenna_m=of["antenna_m"],
+        imu_m=of["imu_m"],
+        boresight=nearest_rotation(T.T @ C_cb),
+    )
+    return mounting, float(of["delay"][0])
+
+
+def _turned(C_cb: Array, beta: Array) -> Array:
+    """Return C_cb' whose bore-sight against C_cb is beta: C_cb C_cb'^T = exp([beta x])."""
+    return np.asarray(rotation_from_vector(beta).T @ C_cb)
+
+
+def _largest(
+    solved: Solved, judged: tuple[Component, ...], mounting: Mounting, delay: float
+) -> float:
+    """Return the largest correction of what the flight was processed with, over its sigma."""
+    sigma = {(c.group, c.axis): c.sigma for c in judged if c.determined}
+    before = solved.flight.mounting
+    turn = mounting.C_cb @ before.C_cb.T
+    change = {
+        "antenna_m": mounting.antenna_m - before.antenna_m,
+        "imu_m": mounting.imu_m - before.imu_m,
+        "boresight": vector_from_rotation(turn),
+        "delay": np.array([delay - solved.flight.delay_s]),
+    }
+    ratios = [
+        abs(float(change[group][axis])) / s for (group, axis), s in sigma.items() if group in change
+    ]
+    return max(ratios, default=0.0)
+
+
+def _statistics(solved: Solved) -> list[str]:
+    """Say how the covariances of both sides agree with the residuals."""
+    f, redundancy = solved.flight_factor
+    position, attitude = (float(np.sqrt(x)) for x in solved.factors)
+    notes = []
+    if solved.stated:
+        words = f"standard deviations of the block's poses by the residuals: positions {position:.2f}"
+        notes.append(f"{words}, attitudes {attitude:.2f} of those stated; the former are taken")
+    else:
+        q = np.sqrt(np.mean([np.diagonal(line.Q, axis1=1, axis2=2).mean(axis=0) for line in solved.lines], axis=0))
+        notes.append(
+            "the block's poses have no covariances; their residuals give"
+            f" {1e3 * position * float(q[:3].mean()):.0f} mm and"
+            f" {np.degrees(attitude * float(q[3:].mean())):.4f} deg"
+        )
+    spread = np.sqrt(2.0 / max(redundancy, 1.0))
+    if abs(f - 1.0) > 4.0 * spread:
+        notes.append(
+            f"the flight's errors are {np.sqrt(f):.2f} times as large as its covariances say; so may"
+            " be those of the mounting"
+        )
+    return notes
+
+
+def _inputs(
+    flight: Flight, result: ProcessResult, poses: Path | BlockPoses
+) -> tuple[tuple[str, str], ...]:
+    own = [(str(name), str(digest)) for name, digest in result.report["inputs_sha256"].items()]
+    if isinstance(poses, BlockPoses):
+        return tuple(own)
+    files = sorted(p for p in poses.rglob("*") if p.is_file()) if poses.is_dir() else [poses]
+    return (*own, *((os.path.relpath(p, flight.path.parent), sha256(p)) for p in files[:50]))
