@@ -27,9 +27,9 @@ class BlockPoses:
         Projection centres in the axes r of the block, in its unit.
     C_rc : ndarray, (n, 3, 3)
         Camera axes into r.
-    cov : ndarray, (n, 6, 6), optional
-        Covariance of position (unit of r) and attitude psi (rad, axes of r); None where the
-        adjustment does not give it.
+    cov : ndarray, (n, 6, 6) or (6 n, 6 n), optional
+        Covariance of position (unit of r) and attitude psi (rad, axes of r) of each image, or of
+        all of them; None where the adjustment does not give it.
     georeferenced : bool
         Whether r is the tangent plane of the flight, m; otherwise r is any frame.
     source : str
@@ -54,7 +54,8 @@ class BlockPoses:
     def __post_init__(self) -> None:
         n = len(self.images)
         shapes = {"position": (n, 3), "C_rc": (n, 3, 3)}
-        shapes |= {} if self.cov is None else {"cov": (n, 6, 6)}
+        if self.cov is not None:
+            shapes["cov"] = (n, 6, 6) if self.cov.ndim == 3 else (6 * n, 6 * n)
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape:
@@ -83,11 +84,17 @@ class BlockPoses:
         BlockPoses
             The same otherwise.
         """
+        cov = self.cov
+        if cov is not None and cov.ndim == 2:
+            columns = (6 * np.asarray(rows)[:, None] + np.arange(6)).ravel()
+            cov = cov[np.ix_(columns, columns)]
+        elif cov is not None:
+            cov = cov[rows]
         return BlockPoses(
             tuple(self.images[k] for k in rows),
             self.position[rows],
             self.C_rc[rows],
-            None if self.cov is None else self.cov[rows],
+            cov,
             self.georeferenced,
             self.source,
             self.notes,

@@ -33,7 +33,7 @@ from .plausibility import Path as FlownPath
 from .plausibility import refuse_frame, refuse_implausible
 from .poses import common_images, read_block_poses
 from .records import BlockPoses, FlightPoses, Stated
-from .solution import Assumptions, Solved, solve
+from .solution import FIRST_ATTITUDE, FIRST_POSITION, Assumptions, Solved, solve
 
 ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
@@ -350,17 +350,16 @@ def _largest(
 def _statistics(solved: Solved) -> list[str]:
     """Say how the covariances of both sides agree with the residuals."""
     f, redundancy = solved.flight_factor
-    position, attitude = (float(np.sqrt(x)) for x in solved.factors)
+    own = [float(np.sqrt(x)) for x in solved.factors]
     notes = []
     if solved.stated:
-        words = f"standard deviations of the block's poses by the residuals: positions {position:.2f}"
-        notes.append(f"{words}, attitudes {attitude:.2f} of those stated; the former are taken")
+        words = "standard deviations of the block's poses, by the residuals,"
+        notes.append(f"{words} {own[0]:.2f} of those stated; the former are taken")
     else:
-        q = np.sqrt(np.mean([np.diagonal(line.Q, axis1=1, axis2=2).mean(axis=0) for line in solved.lines], axis=0))
         notes.append(
             "the block's poses have no covariances; their residuals give"
-            f" {1e3 * position * float(q[:3].mean()):.0f} mm and"
-            f" {np.degrees(attitude * float(q[3:].mean())):.4f} deg"
+            f" {1e3 * own[0] * FIRST_POSITION:.0f} mm and"
+            f" {np.degrees(own[1] * FIRST_ATTITUDE):.4f} deg"
         )
     spread = np.sqrt(2.0 / max(redundancy, 1.0))
     if abs(f - 1.0) > 4.0 * spread:

@@ -22,9 +22,15 @@ derivatives A by the unknowns and D by its own poses; errors of the block's pose
 P the whole covariance of the line without c, Q that of the block's poses. Normal equations are the
 sum of A' V^-1 A, with the a-priori weights; e is linearised again until nothing moves.
 
-Q is what adjustments state least well: none by some programs, too small by others, as they hold
-errors that images share to be none. Its two parts, of positions and of attitudes, have factors
-f_i that the residuals themselves give (restricted maximum likelihood in fixed-point steps),
+Q is what adjustments state least well: none by most programs, and of each image alone by others.
+Errors that neighbours share bend a block. Unless Q is that of all images together, polynomials of
+the place (x, y) in the block, from -1 to 1, are unknowns beside the similarity,
+
+    dX = sum_j p_j b_j, p = (x^2, x y, y^2);    dpsi = sum_j q_j g_j, q = (x, y, x^2, x y, y^2)  (L.5)
+
+which no constant of a mounting resembles where headings differ. Q has a factor f by the residuals
+themselves; where it is not stated, positions and attitudes have one each (restricted maximum
+likelihood in fixed-point steps),
 
     f_i <- f_i e' W V_i W e / tr(P_r V_i),   W = V^-1,   P_r = W - W A N^-1 A' W               (L.3)
 
@@ -49,14 +55,22 @@ import numpy as np
 from ..adjust.aerial import BORESIGHT, COMMON, LEVER_ARM, TIME_OFFSET, AerialControl
 from ..adjust.unknowns import Unknowns
 from ..base.errors import DataError
-from ..geodesy.rotation import nearest_rotation, rotation_from_vector, skew
+from ..geodesy.rotation import (
+    nearest_rotation,
+    rotation_from_vector,
+    skew,
+    vector_from_rotation,
+)
 from ..geodesy.similarity import Similarity, similarity
 from ..records.block import Array
 from .records import BlockPoses, FlightPoses, Rows
 
 TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
+BENDING = "bending of the block"
 SIZES = {BORESIGHT: 3, LEVER_ARM: 3, TIME_OFFSET: 1, TRANSLATION: 3, TURN: 3, SCALE: 1}
 WEAK = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
+BENDS = 24  # coefficients of (L.5)
+BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
 """A-priori sigmas of what nothing is known of; rad, s, m, 1."""
 ITERATIONS, CONVERGED = 30, 1e-3
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01
@@ -64,7 +78,14 @@ ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarte
 LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
 FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
 BANK = np.radians(20.0)
+HELD = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
+LEAST_FACTOR = 1e-4
+FEWEST_BENDING = 30  # images
 SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
+
+
+_Piece = tuple[Rows, Array, Array, Array, Array]
+"""Rows, e, A, P of a flight line, and D G of (L.2), (m, 6, 6)."""
 
 
 @dataclass(frozen=True)
@@ -123,25 +144,15 @@ class Line:
         Derivatives by the unknowns.
     P : ndarray, (6 m, 6 m)
         Covariance of the flight's part.
-    Q : ndarray, (m, 6, 6)
-        That of the block's poses in e, D G Q G' D' of (L.2), before its factors.
+    Q : tuple of ndarray, (6 m, 6 m)
+        That of the block's poses in e, D G Q G' D' of (L.2), part by part, before its factors.
     """
 
     rows: Rows
     e: Array
     A: Array
     P: Array
-    Q: Array
-
-    def parts(self) -> tuple[Array, Array]:
-        """Return what positions and attitudes of the block's poses add to V, (2, m, 6, 6).
-
-        Correlations of both follow the geometric mean of their factors and stand with positions.
-        """
-        attitude = self.Q.copy()
-        attitude[:, :3] = 0.0
-        attitude[:, :, :3] = 0.0
-        return self.Q - attitude, attitude
+    Q: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +178,8 @@ class Solved:
     lines : tuple of Line
         At the solution; e are the residuals.
     factors : tuple of float
-        Of the variances of the block's positions and attitudes.
+        Of the variances of the block's poses where they are stated, else of positions and of
+        attitudes.
     stated : bool
         Whether the adjustment gave covariances.
     flight_factor : tuple of float
@@ -186,7 +198,7 @@ class Solved:
     common: Array
     cov: Array
     lines: tuple[Line, ...]
-    factors: tuple[float, float]
+    factors: tuple[float, ...]
     stated: bool
     flight_factor: tuple[float, float]
     weights: tuple[Array, ...]
@@ -288,8 +300,7 @@ class Solved:
         ndarray, (u, u)
             The covariance; errors turn with the aircraft, the frame does not.
         """
-        k = int(np.argmax([line.rows.size for line in self.lines]))
-        line, W = self.lines[k], self.weights[k]
+        line, W = self._longest()
         turn = variant.turn
         if turn is None:
             assert self.flight.eo.velocity_mps is not None
@@ -303,6 +314,21 @@ class Solved:
         A[:, self.place[TIME_OFFSET]] *= variant.speed
         N = np.linalg.inv(self.cov)
         return np.linalg.inv(N + A.T @ (M @ W @ M.T) @ A)
+
+    def _longest(self) -> tuple[Line, Array]:
+        """Return the longest flight line, and its weight by itself."""
+        rows = max((own for own, _ in self.flight.pieces(self.rows)), key=len)
+        for line, W in zip(self.lines, self.weights, strict=True):
+            at = np.searchsorted(line.rows, rows)
+            if at[-1] >= line.rows.size or not np.array_equal(line.rows[at], rows):
+                continue
+            if line.rows.size == rows.size:
+                return line, W
+            c = (6 * at[:, None] + np.arange(6)).ravel()
+            Q = tuple(part[np.ix_(c, c)] for part in line.Q)
+            own = Line(rows, line.e[c], line.A[c], line.P[np.ix_(c, c)], Q)
+            return own, np.linalg.inv(covariance(own, self.factors))
+        raise AssertionError("a flight line stands in one of the lines")
 
     def sigma(self, name: str) -> Array:
         """Return the standard deviations of one of the unknowns.
@@ -389,13 +415,15 @@ def solve(
             " four at least, and more for a check"
         )
     model = _Model(block, flight, rows, assumptions)
-    factors, stated = (1.0, 1.0), block.cov is not None
+    stated = block.cov is not None
+    factors: tuple[float, ...] = (1.0,) if stated else (1.0, 1.0)
     lines = model.adjusted(factors)
     for _ in range(VARIANCE_ROUNDS):
         before = factors
         factors, flight_factor = model.factors(lines, factors)
         if progress is not None:
-            progress(f"variances of the block's poses by {factors[0]:.2f} and {factors[1]:.2f}")
+            words = " and ".join(f"{f:.2f}" for f in factors)
+            progress(f"variances of the block's poses by {words}")
         lines = model.adjusted(factors)
         if np.allclose(factors, before, rtol=VARIANCE_SETTLED):
             break
@@ -424,6 +452,8 @@ class _Model:
         self, block: BlockPoses, flight: FlightPoses, rows: Rows, assumptions: Assumptions
     ) -> None:
         self.block, self.flight, self.rows = block, flight, rows
+        self.whole = block.cov is not None and block.cov.ndim == 2
+        self.bends = not self.whole and len(rows) >= FEWEST_BENDING
         start = first_frame(block, flight, rows, assumptions.frame)
         self.origin = block.position.mean(axis=0)
         C_o = flight.eo.C_mc[rows]
@@ -436,10 +466,13 @@ class _Model:
             TURN: start.rotation,
             SCALE: np.array([start.scale]),
         }
-        self.start = self.values[TRANSLATION] - (self.origin if block.georeferenced else 0.0)
+        if self.bends:
+            self.values[BENDING] = np.zeros(BENDS)
+            self.H = _bending(start.scale * (block.position - self.origin) @ start.rotation.T)
         q = flight.common.factor.shape[2]
         self.segments = np.unique(flight.common.segment[rows])
-        sizes = dict(SIZES) | {f"{COMMON} {k}": q for k in self.segments}
+        bending = {BENDING: BENDS} if self.bends else {}
+        sizes = SIZES | bending | {f"{COMMON} {k}": q for k in self.segments}
         ends = np.cumsum([0, *sizes.values()])
         self.place = {
             name: slice(int(a), int(b))
@@ -460,7 +493,12 @@ class _Model:
         for name, value in WEAK.items():
             sigma[self.place[name]] = value
         sigma[self.place[LEVER_ARM]] = known.imu_sigma_m
+        if self.bends:
+            of = np.repeat([BEND_POSITION_M, BEND_ATTITUDE], [9, BENDS - 9])
+            sigma[self.place[BENDING]] = of
         off = -self.common.copy()
+        if self.bends:
+            off[self.place[BENDING]] = -self.values[BENDING]
         off[self.place[LEVER_ARM]] = -self.values[LEVER_ARM]
         off[self.place[TIME_OFFSET]] = -self.values[TIME_OFFSET]
         if self.georeferenced:
@@ -468,7 +506,9 @@ class _Model:
                 sigma[self.place[TRANSLATION]] = max(known.shift_sigma_m, 1e-6)
                 off[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]
             if known.frame == "shift":
-                sigma[self.place[TURN]] = sigma[self.place[SCALE]] = 1e-9
+                sigma[self.place[TURN]] = sigma[self.place[SCALE]] = HELD
+                off[self.place[TURN]] = -vector_from_rotation(self.values[TURN])
+                off[self.place[SCALE]] = -np.log(self.values[SCALE])
         W = np.diag(sigma**-2.0)
         arms, eta = self.arms
         W += arms.T @ arms
@@ -495,7 +535,10 @@ class _Model:
         R, s = values[TURN], float(values[SCALE][0])
         arm = s * (self.block.position - self.origin) @ R.T
         X, C = values[TRANSLATION] + arm, R @ self.block.C_rc
-        lines = []
+        if self.bends:
+            bent = self.H @ values[BENDING]
+            X, C = X + bent[:, :3], rotation_from_vector(bent[:, 3:]) @ C
+        pieces: list[_Piece] = []
         for rows, P in self.pieces:
             own = [self.where[int(row)] for row in rows]
             m, k = len(own), int(flight.common.segment[rows[0]])
@@ -529,14 +572,28 @@ class _Model:
             frame = (own_J @ of_frame).reshape(6 * m, 7)
             for name, part in ((TRANSLATION, slice(0, 3)), (TURN, slice(3, 6)), (SCALE, [6])):
                 A[:, self.place[name]] = frame[:, part]
+            if self.bends:
+                A[:, self.place[BENDING]] = (own_J @ self.H[own]).reshape(6 * m, BENDS)
             G = np.zeros((6, 6))
             G[:3, :3], G[3:, 3:] = s * R, R
-            D = own_J @ G
-            lines.append(Line(rows, e, A, P, D @ self.Q[own] @ D.swapaxes(1, 2)))
-        return tuple(lines)
+            pieces.append((rows, e, A, P, own_J @ G))
+        if self.whole:
+            pieces = [_joined(pieces)]
+        return tuple(
+            Line(rows, e, A, P, tuple(_propagated(D, Q) for Q in self._of_images(rows)))
+            for rows, e, A, P, D in pieces
+        )
+
+    def _of_images(self, rows: Rows) -> tuple[Array, ...]:
+        """Return the parts of the covariance (6 m, 6 m) of the block's poses of some images."""
+        own = np.array([self.where[int(row)] for row in rows])
+        if not self.whole:
+            return tuple(_diagonal(part[own]) for part in self.Q)
+        columns = (6 * own[:, None] + np.arange(6)).ravel()
+        return tuple(np.asarray(part[np.ix_(columns, columns)]) for part in self.Q)
 
     def normals(
-        self, lines: tuple[Line, ...], factors: tuple[float, float]
+        self, lines: tuple[Line, ...], factors: tuple[float, ...]
     ) -> tuple[Array, Array, tuple[Array, ...]]:
         """Return normal matrix, right side, and V^-1 of each line."""
         N, b = self._prior()
@@ -548,7 +605,7 @@ class _Model:
             b = b + line.A.T @ (W @ line.e)
         return N, b, tuple(weights)
 
-    def adjusted(self, factors: tuple[float, float]) -> tuple[Line, ...]:
+    def adjusted(self, factors: tuple[float, ...]) -> tuple[Line, ...]:
         """Move the values until they stay; returns the lines there."""
         for _ in range(ITERATIONS):
             lines = self.linearised()
@@ -577,29 +634,29 @@ class _Model:
         self.common = np.where(common, self.common + dx, 0.0)
 
     def factors(
-        self, lines: tuple[Line, ...], factors: tuple[float, float]
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        self, lines: tuple[Line, ...], factors: tuple[float, ...]
+    ) -> tuple[tuple[float, ...], tuple[float, float]]:
         """Return the next factors (L.3), and the factor of the flight with its redundancy."""
         N, _, weights = self.normals(lines, factors)
         inverse = np.linalg.inv(N)
-        square, trace = np.zeros(3), np.zeros(3)
+        square, trace = np.zeros(len(factors) + 1), np.zeros(len(factors) + 1)
         for line, W in zip(lines, weights, strict=True):
             u, WA = W @ line.e, W @ line.A
             rest = W - WA @ inverse @ WA.T
-            blocks = [_diagonal(part) * f for part, f in zip(line.parts(), factors, strict=True)]
-            for i, part in enumerate((*blocks, line.P)):
+            parts = [f * part for part, f in zip(line.Q, factors, strict=True)]
+            for i, part in enumerate((*parts, line.P)):
                 square[i] += u @ part @ u
                 trace[i] += float(np.sum(rest * part))
         # trace[i] is the redundancy of the part: both add up to the number of observations less
         # that of the unknowns
         new = list(factors)
-        for i in range(2):
+        for i, factor in enumerate(factors):
             if trace[i] >= ENOUGH or (self.block.cov is None and trace[i] > 0.0):
-                new[i] = max(factors[i] * square[i] / trace[i], 1e-8)
-        return (new[0], new[1]), (float(square[2] / max(trace[2], 1e-12)), float(trace[2]))
+                new[i] = max(factor * float(square[i] / trace[i]), LEAST_FACTOR)
+        return tuple(new), (float(square[-1] / max(trace[-1], 1e-12)), float(trace[-1]))
 
 
-def covariance(line: Line, factors: tuple[float, float]) -> Array:
+def covariance(line: Line, factors: tuple[float, ...]) -> Array:
     """Return V of a flight line (L.2).
 
     Parameters
@@ -615,8 +672,8 @@ def covariance(line: Line, factors: tuple[float, float]) -> Array:
         (6 m, 6 m).
     """
     V = line.P.copy()
-    for f, part in zip(factors, line.parts(), strict=True):
-        V += f * _diagonal(part)
+    for f, part in zip(factors, line.Q, strict=True):
+        V += f * part
     return V
 
 
@@ -627,12 +684,52 @@ def _diagonal(blocks: Array) -> Array:
     return out.reshape(6 * m, 6 * m)
 
 
-def _covariances(block: BlockPoses, scale: float) -> Array:
-    """Return Q in the unit of the block, with a floor; of poses without covariance a first one."""
-    position, attitude = (
-        (LEAST_POSITION, LEAST_ATTITUDE)
-        if block.cov is not None
-        else (FIRST_POSITION, FIRST_ATTITUDE)
-    )
-    floor = np.diag([(position / scale) ** 2] * 3 + [attitude**2] * 3)
-    return floor + (np.zeros((len(block.images), 6, 6)) if block.cov is None else block.cov)
+def _covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
+    """Return the parts of Q in the unit of the block.
+
+    What is stated is one part, with a floor, (n, 6, 6) of each image alone or (6 n, 6 n) of all; of
+    poses without covariance positions and attitudes are one part each, of a first size.
+    """
+    n = len(block.images)
+    if block.cov is None:
+        variance = (FIRST_POSITION / scale) ** 2, FIRST_ATTITUDE**2
+        return tuple(
+            np.tile(np.diag([v if k // 3 == part else 0.0 for k in range(6)]), (n, 1, 1))
+            for part, v in enumerate(variance)
+        )
+    floor = np.array([(LEAST_POSITION / scale) ** 2] * 3 + [LEAST_ATTITUDE**2] * 3)
+    if block.cov.ndim == 2:
+        return (block.cov + np.diag(np.tile(floor, n)),)
+    return (block.cov + np.diag(floor),)
+
+
+def _bending(arm: Array) -> Array:
+    """Return the derivatives (n, 6, `BENDS`) of positions and attitudes by (L.5).
+
+    arm : (n, 3) from the middle of the block, axes of the tangent plane, m.
+    """
+    x, y = arm[:, :2].T / max(float(np.abs(arm[:, :2]).max()), 1e-9)
+    second = np.stack([x * x, x * y, y * y], axis=1)
+    both = np.concatenate([np.stack([x, y], axis=1), second], axis=1)
+    H = np.zeros((len(arm), 6, BENDS))
+    H[:, :3, :9] = np.einsum("nk,ij->nikj", second, np.eye(3)).reshape(-1, 3, 9)
+    H[:, 3:, 9:] = np.einsum("nk,ij->nikj", both, np.eye(3)).reshape(-1, 3, 15)
+    return H
+
+
+def _joined(pieces: list[_Piece]) -> _Piece:
+    """Join flight lines to one piece, whose images the block's covariance ties."""
+    rows, e, A, P, D = zip(*pieces, strict=True)
+    whole = np.zeros((sum(map(len, P)),) * 2)
+    begin = 0
+    for part in P:
+        whole[begin : begin + len(part), begin : begin + len(part)] = part
+        begin += len(part)
+    return np.concatenate(rows), np.concatenate(e), np.vstack(A), whole, np.concatenate(D)
+
+
+def _propagated(D: Array, Q: Array) -> Array:
+    """Return D Q D^T with D (m, 6, 6) of each image and Q (6 m, 6 m)."""
+    m = len(D)
+    half = np.einsum("iab,ibjc->iajc", D, Q.reshape(m, 6, m, 6), optimize=True)
+    return np.asarray(np.einsum("iajc,jdc->iajd", half, D, optimize=True).reshape(6 * m, 6 * m))
