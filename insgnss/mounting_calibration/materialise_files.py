@@ -25,6 +25,7 @@ from ..calibrate.materialisation import (
 from ..formats.blocks.measured_block import MeasuredBlock
 from ..formats.blocks.pose_table import NamedPositions, read_position_table
 from ..geodesy.similarity import similarity
+from ..orient.mounting import ANTENNA_SIGMA_M
 from ..orient.mounting_file import MountingFile
 from ..records import Array
 from ..report.markup import Picture
@@ -340,14 +341,27 @@ def _estimated(
 def _between(results: Sequence[MaterialisedLeverArm]) -> tuple[tuple[str, ...], bool]:
     """Compare both blocks: targets and phase centre, which they share, cancel for the most part.
 
-    Their whole covariance would call a mount that moved by millimetres the same.
+    Their whole covariance would call a mount that moved by millimetres the same. What a flight is
+    processed with is no better than 5 mm, and less does no harm.
     """
     if len(results) < 2:
         return (), False
     before, after = results
     both = before.block_cov, after.block_cov
     difference = lever_arm_difference(before.lever_arm_m, both[0], after.lever_arm_m, both[1])
-    return (f"before and after the flight: {difference.summary()}",), not difference.agrees
+    moved = not difference.agrees and difference.length_m > ANTENNA_SIGMA_M
+    return (f"before and after the flight: {difference.summary()}; their mean is taken",), moved
+
+
+def _lever_arm(results: Sequence[MaterialisedLeverArm]) -> tuple[Array, Array]:
+    """Return the lever arm with its covariance; of two the mean, which is half of their difference
+    away from each.
+    """
+    first = results[0]
+    if len(results) < 2:
+        return first.lever_arm_m, first.cov
+    half = 0.5 * (results[1].lever_arm_m - first.lever_arm_m)
+    return first.lever_arm_m + half, first.cov + np.outer(half, half)
 
 
 def _calibrated(
@@ -359,17 +373,22 @@ def _calibrated(
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]
+    arm, cov = _lever_arm(results)
+    sigma = np.sqrt(np.diag(cov))
     reason = ""
     if moved:
-        reason = "the lever arm before the flight is another than after it: the mount moved"
-    elif result.sigma_m.max() > RULER_M:
-        reason = f"standard error {result.sigma_m.max():.3f} m (limit {RULER_M:g} m)"
-    value = f"{millimetres(result.lever_arm_m)} +- {millimetres(result.sigma_m, '')}"
+        reason = (
+            "the lever arm before the flight is another than after it (limit"
+            f" {1e3 * ANTENNA_SIGMA_M:g} mm): the mount moved"
+        )
+    elif sigma.max() > RULER_M:
+        reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
+    value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
     verdict = result.summary()
     mounting = MountingFile(
         verb="calibrate materialise",
-        antenna_m=None if reason else result.lever_arm_m,
-        antenna_cov=None if reason else result.cov,
+        antenna_m=None if reason else arm,
+        antenna_cov=None if reason else cov,
         verdict=(verdict, *notes),
         not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
         **known,
@@ -388,8 +407,9 @@ def _calibrated(
         (*notes, *([line] if line else [])),
         {
             "lever_arms_m": [r.lever_arm_m for r in results],
-            "sigma_m": result.sigma_m,
-            "cov_m2": result.cov,
+            "lever_arm_m": arm,
+            "sigma_m": sigma,
+            "cov_m2": cov,
             "two_step_m": result.two_step_m,
             "scale": result.scale,
             "variance_factor": result.variance_factor,

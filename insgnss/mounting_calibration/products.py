@@ -261,9 +261,7 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
 def _mood(result: CalibratedMounting) -> str:
     if not result.mounting.values():
         return "bad"
-    lacking = any(
-        word != "determined" for name, word, _ in result.components if name != "imu_m"
-    )
+    lacking = any(word != "determined" for name, word, _ in result.components if name != "imu_m")
     return "doubtful" if lacking else "good"
 
 

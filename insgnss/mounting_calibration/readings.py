@@ -12,6 +12,7 @@ from ..base.errors import InsgnssError
 from ..records import Array
 
 BETTER = 5.0  # times, of a misfit
+ALIKE = 1.2  # times the best: of a level flight, two axes exchanged are one mirrored and turned
 Misfit = Callable[[Array], float]
 
 
@@ -66,7 +67,7 @@ def named_reading(
     Returns
     -------
     str
-        A clause; empty where none fits.
+        Clauses that fit alike; empty where none fits.
     """
     sizes: dict[str, float] = {}
     for words, value in readings.items():
@@ -76,8 +77,10 @@ def named_reading(
             continue
     if not sizes:
         return ""
-    best = min(sizes, key=sizes.__getitem__)
-    return best if sizes[best] * BETTER < as_it_is and sizes[best] <= good else ""
+    best = min(sizes.values())
+    if best * BETTER >= as_it_is or best > good:
+        return ""
+    return ", or ".join(words for words, size in sizes.items() if size <= ALIKE * best)
 
 
 def advice(words: Sequence[str]) -> str:

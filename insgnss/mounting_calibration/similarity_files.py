@@ -268,6 +268,13 @@ def _estimated(
             tried = similarity_lever_arm(replace(poses, antenna_m=value), ground)
             return float(np.sqrt((tried.residual_m**2).mean()))
 
+        def misfit_of_both(value: Array) -> float:
+            n = len(poses.antenna_m)
+            tried = similarity_lever_arm(
+                replace(poses, antenna_m=value[:n]), replace(ground, surveyed_m=value[n:])
+            )
+            return float(np.sqrt((tried.residual_m**2).mean()))
+
         first = similarity(poses.position, poses.antenna_m)
         as_it_is = np.inf
         if first is not None:
@@ -279,8 +286,15 @@ def _estimated(
             for key, value in position_readings(poses.antenna_m).items()
             if "metres" not in key and "feet" not in key  # its scale is estimated
         }
-        words = named_reading(max(as_it_is, LONGEST_M), readings, misfit, 0.1 * LONGEST_M)
-        other = advice((f"of {antenna.name} {words}",)) if words else ""
+        bound = max(as_it_is, LONGEST_M)
+        words, name = named_reading(bound, readings, misfit, 0.1 * LONGEST_M), antenna.name
+        if not words and len(ground.model):
+            both = np.concatenate([poses.antenna_m, ground.surveyed_m])
+            axes = {k: v for k, v in position_readings(both).items() if k in readings}
+            axes = {k: v for k, v in axes.items() if "rows" not in k}
+            words = named_reading(bound, axes, misfit_of_both, 0.1 * LONGEST_M)
+            name = f"{antenna.name} and the ground points alike"
+        other = advice((f"of {name} {words}",)) if words else ""
         raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
 
 
@@ -399,6 +413,8 @@ def _calibrated(
     components = []
     for axis in range(3):
         value = f"{result.lever_arm_m[axis]:+.4f} +- {result.sigma_m[axis]:.4f} m"
+        if direction is not None and abs(direction.in_camera[axis]) > SAME_AXIS:
+            value += ", lever arm and delay of the exposures times speed as one"
         components.append(
             (f"antenna_m {'xyz'[axis]}", "not determined", reasons[axis].strip())
             if axis in reasons
