@@ -338,7 +338,7 @@ class _State:
         return _State(
             self.T + step[T],
             rotation_from_vector(step[TURN]) @ self.R,
-            self.s * float(np.exp(step[SCALE])),
+            self.s * float(np.exp(np.clip(step[SCALE], -1.0, 1.0))),
             self.arm + step[ARM],
             psi,
         )
