@@ -66,7 +66,8 @@ STANDS_ON |= {
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
     "api": ROOMS
-    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"},
+    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
+    | {"mounting_calibration"},
     # loaded when a public name is first used
     "__init__": ROOMS | {"api", "processing", "tuning"},
     "__main__": {"cli"},

@@ -147,15 +147,15 @@ def calibrate_materialise(
     pose, pose_cov = _own_pose(own, camera, options)
     targets = camera_targets(own.targets(on_camera, options.target_sigma_m), *pose, pose_cov)
     rows = [on_receiver.index(name) for name in used]
-    part = Targets(receiver.targets.position[rows], receiver.targets.cov[rows])
-    receiver = replace(receiver, targets=part)
+    on_both = Targets(receiver.targets.position[rows], receiver.targets.cov[rows])
+    receiver = replace(receiver, targets=on_both)
     results = [_estimated(targets, receiver, block, on_camera, used, options) for block in blocks]
     inputs = [camera, mounted, *options.receiver]
     inputs += [path for path in (options.pose, options.after) if path is not None]
-    known = provenance(inputs, _cameras(own), options.photo, options.date)
+    origin = provenance(inputs, _cameras(own), options.photo, options.date)
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
-    return _calibrated(results, receiver, moved, notes, known.given, inputs)
+    return _calibrated(results, receiver, moved, notes, origin.given, inputs)
 
 
 def _cameras(own: _Points) -> Any:
@@ -369,7 +369,7 @@ def _calibrated(
     receiver: ReceiverTargets,
     moved: bool,
     notes: Iterable[str],
-    known: dict[str, Any],
+    origin: dict[str, Any],
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]
@@ -391,7 +391,7 @@ def _calibrated(
         antenna_cov=None if reason else cov,
         verdict=(verdict, *notes),
         not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **known,
+        **origin,
     )
     line = metashape_line(mounting)
     return CalibratedMounting(

@@ -219,9 +219,9 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
     cov = None
     if poses.cov_position is not None and poses.cov_attitude is not None:
         cov = np.zeros((poses.n, 6, 6))
-        for k, part in enumerate((poses.cov_position, poses.cov_attitude)):
+        for k, block in enumerate((poses.cov_position, poses.cov_attitude)):
             own = slice(3 * k, 3 * k + 3)
-            cov[:, own, own] = R @ part @ R.transpose(0, 2, 1)
+            cov[:, own, own] = R @ block @ R.transpose(0, 2, 1)
     return CameraPoses(
         path,
         poses.images,

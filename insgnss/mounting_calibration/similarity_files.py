@@ -141,8 +141,8 @@ def calibrate_similarity(
     notes += _as_they_stand(camera, position, fixes.plane)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     sensors = () if camera.block is None else camera.block.cameras
-    known = provenance(inputs, sensors, options.photo, options.date or camera.date)
-    return _calibrated(result, direction, poses, notes, known.given, camera.images, inputs)
+    origin = provenance(inputs, sensors, options.photo, options.date or camera.date)
+    return _calibrated(result, direction, poses, notes, origin.given, camera.images, inputs)
 
 
 def _antenna_cov(
@@ -265,15 +265,15 @@ def _estimated(
             raise InputError(f"{cameras}, {antenna}: {refusal}") from None
 
         def misfit(value: Array) -> float:
-            tried = similarity_lever_arm(replace(poses, antenna_m=value), ground)
-            return float(np.sqrt((tried.residual_m**2).mean()))
+            result = similarity_lever_arm(replace(poses, antenna_m=value), ground)
+            return float(np.sqrt((result.residual_m**2).mean()))
 
         def misfit_of_both(value: Array) -> float:
             n = len(poses.antenna_m)
-            tried = similarity_lever_arm(
+            result = similarity_lever_arm(
                 replace(poses, antenna_m=value[:n]), replace(ground, surveyed_m=value[n:])
             )
-            return float(np.sqrt((tried.residual_m**2).mean()))
+            return float(np.sqrt((result.residual_m**2).mean()))
 
         first = similarity(poses.position, poses.antenna_m)
         as_it_is = np.inf
@@ -405,7 +405,7 @@ def _calibrated(
     direction: FlightDirection | None,
     poses: FlightPoses,
     notes: tuple[str, ...],
-    known: dict[str, Any],
+    origin: dict[str, Any],
     images: Sequence[str],
     inputs: list[Path],
 ) -> CalibratedMounting:
@@ -435,7 +435,7 @@ def _calibrated(
         antenna_cov=None if reasons else result.cov[ARM, ARM],
         verdict=(headline, *(f"{name} {word}: {text}" for name, word, text in components)),
         not_determined=undetermined,
-        **known,
+        **origin,
     )
     line = metashape_line(mounting)
     return CalibratedMounting(

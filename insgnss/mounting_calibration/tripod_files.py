@@ -98,7 +98,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
     result = _estimated(setups, poses, pins, camera.opk)
     inputs = (poses, pins)
     cameras = () if camera.block is None else camera.block.cameras
-    known = provenance(inputs, cameras, options.photo, options.date or camera.date)
+    origin = provenance(inputs, cameras, options.photo, options.date or camera.date)
     reason = _undetermined(result)
     value = f"{millimetres(result.lever_arm_m)} +- {millimetres(result.sigma_m, '')}"
     verdict = result.summary().split("; ")
@@ -108,7 +108,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         antenna_cov=None if reason else result.cov,
         verdict=tuple(verdict),
         not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **known.given,
+        **origin.given,
     )
     line = metashape_line(mounting)
     return CalibratedMounting(
