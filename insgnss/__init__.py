@@ -12,9 +12,10 @@ Run
     `estimate` (arrays in, result out), `process` (a flight file), `adjust_block` (an image block
     with aerial control), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
     `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
+    `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`: lever arms with verdicts.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
-    `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`.
+    `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`, `read_mounting`.
 Records
     `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
@@ -61,6 +62,12 @@ from typing import Any as _Any
 from .base.caches import settle as _settle
 
 if _TYPE_CHECKING:
+    from .api.calibration import (
+        calibrate_materialise,
+        calibrate_similarity,
+        calibrate_tripod,
+        read_mounting,
+    )
     from .api.estimation import estimate
     from .api.products import compare, export, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
@@ -105,6 +112,9 @@ _settle()
 __version__ = "0.1.0"
 
 _ROOMS = {  # where each public name is defined; loaded when it is first used
+    "api.calibration": (
+        *("calibrate_materialise", "calibrate_similarity", "calibrate_tripod", "read_mounting"),
+    ),
     "api.estimation": ("estimate",),
     "api.products": ("compare", "export", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
@@ -169,6 +179,9 @@ __all__ = [
     "adjust_block",
     "boresight_from_angles",
     "calibrate_imu",
+    "calibrate_materialise",
+    "calibrate_similarity",
+    "calibrate_tripod",
     "compare",
     "estimate",
     "export",
@@ -184,6 +197,7 @@ __all__ = [
     "read_events",
     "read_gnss",
     "read_imu",
+    "read_mounting",
     "read_trajectory",
     "relative_control",
     "simulate",

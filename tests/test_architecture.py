@@ -52,6 +52,8 @@ STANDS_ON |= {
     "proof": ROOMS | {"exporting"},
     # exporting: formats of the adjusted orientation; processing: files that appear whole
     "block_adjustment": ROOMS | {"exporting", "processing"},
+    # comparison: its readers of poses
+    "mounting_calibration": ROOMS | {"comparison"},
     "processing": ROOMS | {"exporting"},
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
@@ -59,12 +61,13 @@ STANDS_ON |= {
     "cli": (
         (ROOMS - {"adjust"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
-        | {"block_adjustment"}
+        | {"block_adjustment", "mounting_calibration"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
     "api": ROOMS
-    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"},
+    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
+    | {"mounting_calibration"},
     # loaded when a public name is first used
     "__init__": ROOMS | {"api", "processing", "tuning"},
     "__main__": {"cli"},

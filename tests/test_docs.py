@@ -48,16 +48,17 @@ def test_everything_public_says_what_it_is(path: Path) -> None:
     assert silent == []
 
 
+def _kinds(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Parsers below another one, with all their arguments."""
+    kinds = [a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    for choices in kinds:
+        for verb in choices.values():
+            verb.complete()
+    return dict(kinds[0]) if kinds else {}
+
+
 def _verbs() -> dict[str, argparse.ArgumentParser]:
-    parser = build_parser()
-    choices = next(
-        action.choices
-        for action in parser._actions
-        if isinstance(action, argparse._SubParsersAction)
-    )
-    for verb in choices.values():
-        verb.complete()
-    return dict(choices)
+    return _kinds(build_parser())
 
 
 def _code(text: str) -> str:
@@ -73,7 +74,7 @@ def _code(text: str) -> str:
 
 @pytest.mark.parametrize("page", ["README.md", "benchmarks/README.md", "CHANGELOG.md"])
 def test_commands_in_the_texts_exist(page: str) -> None:
-    """Oracle: the parser of the command line."""
+    """Oracle: the parser of the command line; of a verb with kinds, that of the kind."""
     verbs = _verbs()
     for verb, rest in re.findall(
         r"(?:^|[ /])insgnss +([a-z]\w*)(.*)$",
@@ -81,8 +82,9 @@ def test_commands_in_the_texts_exist(page: str) -> None:
         re.MULTILINE,
     ):
         assert verb in verbs, f"{page}: insgnss {verb} does not exist"
+        parser = _kinds(verbs[verb]).get(rest.split()[0] if rest.split() else "", verbs[verb])
         for option in re.findall(r"--[a-z][\w-]*", rest):
-            assert option in verbs[verb]._option_string_actions, (
+            assert option in parser._option_string_actions, (
                 f"{page}: insgnss {verb} has no {option}"
             )
 
@@ -124,7 +126,14 @@ def test_every_format_has_a_page() -> None:
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
     others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
     others |= {"eo_covariance", "block_file", "adjust_json"}
-    others |= {"README", "flight_file", "imu_calibration", "mounting_file", "noise_model"}
+    others |= {
+        "README",
+        "flight_file",
+        "imu_calibration",
+        "mounting_file",
+        "noise_model",
+        "pose_table",
+    }
     others |= {"rinex"}
     assert pages == formats | others
 

@@ -173,6 +173,9 @@ class MaterialisedLeverArm:
     cov : ndarray, (3, 3)
         Its covariance, m^2; the share of the targets by the variance factor where residuals are
         above chance.
+    block_cov : ndarray, (3, 3)
+        The share of the block of the mounted sensors and of the targets in it, m^2: without that of
+        the phase centre and of the camera's own pose, which other blocks of the same sensors share.
     two_step_m : ndarray, (3,)
         O by the two unweighted fits of the paper, one after the other.
     scale : float
@@ -185,6 +188,7 @@ class MaterialisedLeverArm:
 
     lever_arm_m: Array
     cov: Array
+    block_cov: Array
     two_step_m: Array
     scale: float
     residual_m: Array
@@ -491,12 +495,10 @@ def materialised_lever_arm(
             " taken apart or a mirrored frame"
         )
     J = np.concatenate([-np.eye(3), skew(arm)], axis=1)
-    arm_cov = (
-        np.linalg.inv(normal)[7:10, 7:10] * (factor if factor > limit else 1.0)
-        + R2 @ receiver.antenna_cov @ R2.T
-        + J @ camera.frame_cov @ J.T
-    )
-    return MaterialisedLeverArm(arm, arm_cov, two_step, s, residual, factor, limit)
+    block_cov: Array = np.asarray(np.linalg.inv(normal)[7:10, 7:10], dtype=np.float64)
+    block_cov = block_cov * (factor if factor > limit else 1.0)
+    arm_cov = block_cov + R2 @ receiver.antenna_cov @ R2.T + J @ camera.frame_cov @ J.T
+    return MaterialisedLeverArm(arm, arm_cov, block_cov, two_step, s, residual, factor, limit)
 
 
 def _two_steps(

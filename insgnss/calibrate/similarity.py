@@ -212,7 +212,10 @@ class SimilarityLeverArm:
             if rho > CORRELATED
             else f"limit {RULER_M:g} m"
         )
-        if abs(self.vertical[axis]) > 0.7:
+        rms = float(np.sqrt((self.residual_m**2).mean()))
+        if rho <= CORRELATED and rms > RULER_M:
+            cure = f"antenna positions scatter by {rms:.2f} m; solve them with carrier phases (PPK)"
+        elif abs(self.vertical[axis]) > 0.7:
             cure = f"the camera tilted by {self.tilt_deg:.1f} deg rms; tilt it more"
         elif self.heading_length > ONE_HEADING:
             cure = "all images have one heading; fly opposite or perpendicular strips"
@@ -335,7 +338,7 @@ class _State:
         return _State(
             self.T + step[T],
             rotation_from_vector(step[TURN]) @ self.R,
-            self.s * float(np.exp(step[SCALE])),
+            self.s * float(np.exp(np.clip(step[SCALE], -1.0, 1.0))),
             self.arm + step[ARM],
             psi,
         )

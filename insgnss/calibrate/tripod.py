@@ -186,7 +186,7 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
     """
     from scipy.stats import chi2
 
-    each, cov = _each(setups)
+    each, cov = setup_lever_arms(setups)
     used = np.ones(len(each), dtype=np.bool_)
     for _ in range(len(each) // 3):
         worst = _outlier(each, cov, used)
@@ -210,8 +210,26 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
     )
 
 
-def _each(setups: TripodSetups) -> tuple[Array, Array]:
-    """Return lever arms (Q.1) and their covariances (Q.2) of each setup."""
+def setup_lever_arms(setups: TripodSetups) -> tuple[Array, Array]:
+    """Return the lever arm of each setup.
+
+    Parameters
+    ----------
+    setups : TripodSetups
+        Poses and pins with their covariances.
+
+    Returns
+    -------
+    each : ndarray, (n, 3)
+        Lever arms (Q.1), m.
+    cov : ndarray, (n, 3, 3)
+        Their covariances (Q.2), m^2.
+
+    Raises
+    ------
+    DataError
+        Where a covariance is not positive definite.
+    """
     d = setups.pin_m - setups.position_m
     C = setups.C_mc
     J = np.concatenate([np.broadcast_to(-np.eye(3), C.shape), skew(d)], axis=2)

@@ -1,126 +1,57 @@
-"""The verb `calibrate`: the deterministic calibration of an IMU from static positions."""
+"""The verb `calibrate`: constants of the mounting and of the IMU, one kind a word.
+
+`KINDS` lists the words; each is a verb of its own in `calibration/`.
+"""
 
 import argparse
-import math
-from pathlib import Path
+import warnings
 from typing import Any
 
-from ..base.errors import UsageError
-from .console import Progress
-from .verb import Verb, show
+from .calibration import imu, materialise, mounting, similarity, tripod
+from .console import Parser, Progress
+from .verb import Verb
+
+KINDS: tuple[Verb, ...] = (imu.VERB, tripod.VERB, similarity.VERB, materialise.VERB, mounting.VERB)
+NAMES = tuple(kind.name for kind in KINDS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "imu",
-        type=Path,
-        metavar="IMU_FILE",
-        help="samples of an IMU that rests 5 s and more in each position",
-    )
-    parser.add_argument(
-        "--flight",
-        type=Path,
-        metavar="FLIGHT",
-        help="a flight file whose [imu] says columns, units and quantity",
-    )
-    parser.add_argument(
-        "--columns", metavar="NAMES", help="such as tow,gx,gy,gz,ax,ay,az (default: by header)"
-    )
-    parser.add_argument(
-        "--gyro-unit", metavar="UNIT", help="rad/s, deg/s or deg/h (default: by header, else rad/s)"
-    )
-    parser.add_argument(
-        "--accel-unit", metavar="UNIT", help="m/s^2, g or mg (default: by header, else m/s^2)"
-    )
-    parser.add_argument(
-        "--quantity",
-        choices=("mean_rate", "increments", "instant_rate"),
-        help="what a sample is (default: mean_rate)",
-    )
-    parser.add_argument(
-        "--latitude",
-        type=float,
-        metavar="DEG",
-        help="of the place, for its gravity (default: 9.80665 +- 0.02 m/s^2)",
-    )
-    parser.add_argument(
-        "--height",
-        type=float,
-        default=0.0,
-        metavar="M",
-        help="of the place above the ellipsoid (default: 0)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="what to write (default: calibration.toml beside IMU_FILE)",
-    )
+    """Add the kinds of calibration."""
+    if isinstance(parser, Parser):
+        parser.rearranged = _with_kind
+    kinds = parser.add_subparsers(metavar="WHAT", required=True, dest="what", parser_class=Parser)
+    for kind in KINDS:
+        kind.add_to(kinds, below=True)
+
+
+def _with_kind(parse: Any, words: Any, namespace: Any) -> Any:
+    """Parse the words, which before there were kinds named the recording of an IMU at once."""
+    words = list(words)
+    values = [word for word in words if not word.startswith("-")]
+    if values and not set(NAMES) & set(values) and not {"-h", "--help"} & set(words):
+        warnings.warn(
+            "insgnss calibrate IMU_FILE is called insgnss calibrate imu IMU_FILE now; the next"
+            " release will refuse the old form",
+            FutureWarning,
+            stacklevel=2,
+        )
+        words = ["imu", *words]
+    return parse(words, namespace)
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code."""
-    if options.latitude is not None and not abs(options.latitude) <= 90.0:
-        raise UsageError(
-            f"calibrate: latitude {options.latitude} deg is beyond 90; give degrees, north positive"
-        )
-    from ..calibrate.multi_position import calibrate_multi_position
-    from ..formats import read_imu
-    from ..prepare.calibration import write_calibration
-    from ..processing.checks import sentence
-
-    spec = _imu_spec(options)
-    progress("reading")
-    imu = read_imu(options.imu, **spec)
-    progress("calibrating")
-    result = calibrate_multi_position(
-        imu, None if options.latitude is None else math.radians(options.latitude), options.height
-    )
-    out = options.out or options.imu.parent / "calibration.toml"
-    notes = [f"note: {sentence(note)}" for note in imu.notes]
-    summary = "\n".join([*notes, result.summary()])
-    write_calibration(result.calibration, out, tuple(summary.splitlines()))
-    return show(
-        options,
-        progress,
-        lambda: f"{summary}\n{out}",
-        lambda: result.as_dict() | {"file": out, "notes": notes},
-    )
-
-
-def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
-    """How to read the IMU file: of a flight file, of the options beside it."""
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
-    units = {sensor: unit for sensor, unit in given.items() if unit}
-    columns = (
-        tuple(name.strip() for name in options.columns.split(",")) if options.columns else None
-    )
-    spec = {"columns": columns, "units": units or None, "quantity": options.quantity}
-    if options.flight is None:
-        return spec
-    if any(spec.values()):
-        raise UsageError(
-            "calibrate: --flight says columns, units and quantity; leave the other options out"
-        )
-    from ..config.load import load_flight
-
-    flight = load_flight(options.flight)
-    imu = flight.imu
-    return {
-        "columns": imu.columns,
-        "units": imu.units or None,
-        "quantity": imu.quantity,
-        "variable": imu.variable,
-        "gps_week": flight.gps_week,
-    }
+    """Not reached: each kind has its own."""
+    raise NotImplementedError(options.what)
 
 
 VERB = Verb(
     "calibrate",
-    "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine positions"
-    " and more",
-    "  insgnss calibrate turned_by_hand.csv --latitude 46.57 --height 420 --out navchip1.toml",
+    "estimate constants of the mounting (lever arm, each component with a verdict) and of the IMU",
+    "  insgnss calibrate imu turned_by_hand.csv --latitude 46.57 --height 420\n"
+    "  insgnss calibrate tripod poses.csv pin.csv --out mounting.toml\n"
+    "  insgnss calibrate similarity cameras.xml antenna.csv --ground gcp.csv\n"
+    "  insgnss calibrate materialise camera.csv before.csv --pose poses.csv --image s.jpg"
+    " --receiver r0.csv r90.csv",
     add_arguments,
     run,
 )

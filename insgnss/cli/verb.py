@@ -50,8 +50,11 @@ class Verb:
     run: Callable[[argparse.Namespace, Progress], int]
     more_help: Callable[[], str] | None = None
 
-    def add_to(self, verbs: Any) -> None:
-        """Add the parser of this verb to the sub-parsers `verbs`."""
+    def add_to(self, verbs: Any, below: bool = False) -> None:
+        """Add the parser of this verb to the sub-parsers `verbs`.
+
+        Of a verb `below` another one, common options may stand before its name as well.
+        """
         parser: Parser = verbs.add_parser(
             self.name,
             help=self.what,
@@ -60,11 +63,13 @@ class Verb:
             more_help=self.more_help,
             later=self.add_arguments,
         )
-        parser.add_argument("--json", action="store_true", help="print the result as JSON")
-        parser.add_argument(
-            "-q", "--quiet", action="store_true", help="do not print the steps while it runs"
-        )
-        parser.add_argument("--debug", action="store_true", help="print the traceback of an error")
+        default = argparse.SUPPRESS if below else False
+        for names, meaning in (
+            (("--json",), "print the result as JSON"),
+            (("-q", "--quiet"), "do not print the steps while it runs"),
+            (("--debug",), "print the traceback of an error"),
+        ):
+            parser.add_argument(*names, action="store_true", default=default, help=meaning)
         parser.set_defaults(run=self.run)
 
 

@@ -1,8 +1,14 @@
-"""`insgnss calibrate mounting`: lever arm, bore-sight and camera delay from one ordinary flight.
+"""What stands behind `insgnss calibrate tripod | similarity | materialise | mounting`: files in, a
+verdict on each component of the mounting, `mounting.toml` and a page out.
 
-    records.py     what goes in: poses of a block, and of the flight with its whole covariance
-    solution.py    the joint adjustment (L.1 to L.7)
-    judgement.py   a verdict for each component, and which further flight line would determine it
-    plausibility.py  poses that cannot be of this flight, and why
-    run.py         flight file and poses in, mounting.toml and page out
+The formulas of the first three stand in `insgnss.calibrate`; here files are read and joined by
+names (`poses`), what does not belong together is named (`readings`), and results become products
+(`products`). `calibrate mounting` has its adjustment here, since it processes the flight:
+
+    records, block_poses    poses of a block, and of the flight with its whole covariance
+    solution                the joint adjustment (L.1 to L.5)
+    judgement               a verdict each, and which further flight line would determine it
+    plausibility            poses that are not of this flight, and why
+    in_flight               flight file and poses in, mounting out, which was tried
+    flight_products         the same for file, page and terminal
 """

@@ -83,20 +83,25 @@ class Component:
         return self.verdict != UNDETERMINED
 
     @property
-    def sentence(self) -> str:
-        """The verdict for people."""
+    def word(self) -> str:
+        """The verdict."""
+        return "contradicts the flight file" if self.verdict == CONTRADICTING else self.verdict
+
+    @property
+    def text(self) -> str:
+        """Value, or why there is none."""
         factor, unit, digits = UNITS.get(self.group, METRES)
         sigma = f"{factor * self.sigma:.{digits}f} {unit}"
         if not self.determined:
-            words = f"{self.name}: not determined by this flight (sigma {sigma}, limit"
-            words += f" {factor * self.limit:g} {unit})"
-            words += f"; {self.why}" if self.why else ""
-            return words + "".join(f"; {remedy}" for remedy in self.remedies)
+            words = f"sigma {sigma} (limit {factor * self.limit:g} {unit})"
+            return "; ".join([words, self.why, *self.remedies])
         value = f"{factor * self.value:+.{digits}f} +- {sigma}"
-        words = f"{self.name}: {value}"
-        if self.verdict == CONTRADICTING:
-            words += f", contradicts the flight file: {self.why}"
-        return words
+        return f"{value}; {self.why}" if self.why else value
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{self.name}, {self.word}: {self.text}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from ..geodesy.gpstime import calendar_from_gps, leap_seconds
 from ..geodesy.rotation import nearest_rotation, vector_from_rotation
 from ..geodesy.similarity import similarity
 from ..records.block import Array
+from .readings import attitude_readings, position_readings
 from .records import BlockPoses, FlightPoses, Rows
 from .solution import SCALE, Solved
 
@@ -32,7 +33,6 @@ FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
 FEWEST = 4
 TURNED = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
-MIRROR = np.diag([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,15 +184,11 @@ def _readings(
             yield misfit(X[own], C[own], X_o[other], C_o[other]), text
     text = "in the reversed order of images: check how names and poses were joined"
     yield misfit(X[::-1], C[::-1], X_o, C_o), text
-    mirrored = "with the third axis mirrored: the coordinates are of a left-handed frame"
-    mirrored += " (north before east, or heights counted down)"
-    for turned, words in ((C, ""), (MIRROR @ C @ MIRROR, ""), (C.swapaxes(1, 2), ", transposed")):
-        text = mirrored + (f"; attitudes{words}" if words else "")
-        yield misfit(X @ MIRROR, turned, X_o, C_o), text
-    text = "with the first two coordinates exchanged: they are north before east"
-    yield misfit(X[:, [1, 0, 2]], C, X_o, C_o), text
-    text = "with attitudes transposed: they take the frame to the camera, not the camera to it"
-    yield misfit(X, C.swapaxes(1, 2), X_o, C_o), text
+    for words, other in position_readings(X).items():
+        if not any(word in words for word in ("metres", "feet", "rows")):
+            yield misfit(other, C, X_o, C_o), f"where {words}: the coordinates are of other axes"
+    for words, turned in attitude_readings(C, None).items():
+        yield misfit(X, turned, X_o, C_o), f"where {words}"
     if path is not None:
         yield from _other_times(block, flight, rows, path)
 

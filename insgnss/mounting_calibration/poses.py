@@ -1,56 +1,183 @@
-"""Poses of an adjustment of any program, as `BlockPoses` in the tangent plane or a frame of theirs.
+"""Camera poses of any format, and positions that belong to them, in one Cartesian frame."""
 
-    eo.json, tables with a header, exports of insgnss     read by `comparison.reading`
-    Metashape, COLMAP, OpenSfM                            read by `formats.blocks.reading`
-    MicMac Ori-*, poses.csv of insgnss adjust             readers of their own
-
-A block whose axes the file ties to the Earth, or which stands in the tangent plane of the flight, is
-georeferenced; any other is tied by a similarity.
-"""
-
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base.errors import InputError, InsgnssError
-from ..base.files import first_bytes
-from ..comparison.hints import HEAD, Hints
-from ..comparison.poses import NoOriginError, Poses
-from ..comparison.reading import read_poses
-from ..formats.blocks.joined import matched
-from ..formats.blocks.reading import read_measured_block
+from ..base.errors import InputError, UsageError
+from ..formats.blocks.ground_points import GroundAxes, GroundTable
+from ..formats.blocks.measured_block import MeasuredBlock
+from ..formats.blocks.metashape_block import read_metashape_references
+from ..formats.blocks.pose_table import (
+    NamedPositions,
+    is_pose_table,
+    read_pose_table,
+    read_position_table,
+)
+from ..formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
 from ..formats.bundle.micmac import read_micmac_xml
-from ..formats.orientation.adjusted_poses import is_adjusted_poses, read_adjusted_poses
-from ..geodesy.frames import TangentPlane, rotation_em
-from ..geodesy.projection import MapProjection
+from ..formats.detect import head_of
+from ..formats.text.layout import decode, shown
+from ..geodesy.frames import TangentPlane, ecef_to_geodetic
+from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import NED_ENU
-from ..records import ExteriorOrientation
-from ..records.block import Array
-from .records import BlockPoses, Rows
+from ..records import Array
 
-PROGRAMS = (".xml", ".psx", ".psz")
+MOST_NAMED = 3
+GEOCENTRIC_M = 6.0e6
 
 
-def read_block_poses(
-    path: Path, eo: ExteriorOrientation, crs: str | None = None, form: str | None = None
-) -> BlockPoses:
-    """Read the poses of an adjusted block.
+@dataclass(frozen=True)
+class PoseSigma:
+    """Standard deviations of poses whose file has none.
+
+    Parameters
+    ----------
+    position_m : float
+        Of each coordinate of a projection centre, m.
+    angle_deg : float
+        Of the attitude about each axis, deg.
+    """
+
+    position_m: float = 0.01
+    angle_deg: float = 0.01
+
+    def __str__(self) -> str:
+        """Return both in words."""
+        return f"{1e3 * self.position_m:g} mm and {self.angle_deg:g} deg"
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPoses:
+    """Poses of the images of one file, in its own Cartesian frame.
 
     Parameters
     ----------
     path : Path
-        File or directory.
-    eo : ExteriorOrientation
-        Whose tangent plane has the axes of what is georeferenced.
-    crs : str, optional
-        CRS of the coordinates, where the file does not name it.
-    form : str, optional
-        Format of a table that does not show it.
+        The file.
+    images : tuple of str
+        (n,) names.
+    position : ndarray, (n, 3)
+        Projection centres.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to the frame.
+    cov : ndarray, (n, 6, 6), or None
+        Of position and attitude error psi; None where the file has none.
+    frame : str
+        "own" axes, "geocentric", or a "plane".
+    plane : TangentPlane or None
+        That plane.
+    block : MeasuredBlock or None
+        What else the program of the file knows.
+    date : str
+        Of the exposures, ISO; empty where the file has no week.
+    notes : tuple of str
+        What was left out.
+    opk : ndarray, (n, 3), or None
+        Angles of a table as they stand there, rad.
+    """
+
+    path: Path
+    images: tuple[str, ...]
+    position: Array
+    C: Array
+    cov: Array | None = None
+    frame: str = "own"
+    plane: TangentPlane | None = None
+    block: MeasuredBlock | None = None
+    date: str = ""
+    notes: tuple[str, ...] = ()
+    opk: Array | None = None
+
+    def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
+        """Return only these rows."""
+        cov = None if self.cov is None else self.cov[rows]
+        images = tuple(self.images[k] for k in rows)
+        opk = None if self.opk is None else self.opk[rows]
+        return replace(
+            self, images=images, position=self.position[rows], C=self.C[rows], cov=cov, opk=opk
+        )
+
+    def with_sigma(self, sigma: PoseSigma, scale: float = 1.0) -> Array:
+        """Return the covariances of the file, those of `sigma` where it has none.
+
+        Parameters
+        ----------
+        sigma : PoseSigma
+            Standard deviations.
+        scale : float
+            Metres for each unit of the frame.
+
+        Returns
+        -------
+        ndarray, (n, 6, 6)
+            In the unit of the frame.
+        """
+        if self.cov is not None:
+            return self.cov
+        each = np.repeat([sigma.position_m / scale, np.radians(sigma.angle_deg)], 3)
+        return np.broadcast_to(np.diag(np.square(each)), (len(self.images), 6, 6)).copy()
+
+    def in_plane(self, plane: TangentPlane) -> "CameraPoses":
+        """Return poses on the Earth in another tangent plane.
+
+        Parameters
+        ----------
+        plane : TangentPlane
+            Its axes.
+
+        Returns
+        -------
+        CameraPoses
+            The same otherwise.
+
+        Raises
+        ------
+        InputError
+            The poses stand in axes of their own.
+        """
+        if self.frame == "own":
+            raise InputError.at_line(
+                self.path, None, "poses stand in axes of their own, with no place on the Earth"
+            )
+        x, R = self.position, np.eye(3)
+        if self.plane is not None:
+            lat, lon, h = self.plane.geodetic_from_position(x)
+            R = plane.C_em.T @ self.plane.C_em
+        else:
+            lat, lon, h = ecef_to_geodetic(x)
+            R = plane.C_em.T
+        turn = np.kron(np.eye(2), R)
+        cov = None if self.cov is None else turn @ self.cov @ turn.T
+        return replace(
+            self,
+            position=plane.position_from_geodetic(lat, lon, h),
+            C=R @ self.C,
+            cov=cov,
+            frame="plane",
+            plane=plane,
+        )
+
+
+def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
+    """Read camera poses of any format.
+
+    Parameters
+    ----------
+    path : Path
+        `eo.json`, a table of poses (`poses.csv` of insgnss adjust), a block of Metashape, COLMAP,
+        OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a table that `insgnss compare` reads.
+    chunk : str, optional
+        Of Metashape.
 
     Returns
     -------
-    BlockPoses
-        All images with a pose.
+    CameraPoses
+        The images with a pose.
 
     Raises
     ------
@@ -58,132 +185,298 @@ def read_block_poses(
         With file and line.
     """
     if not path.exists():
-        raise InputError.at_line(path, None, "does not exist; give poses of an adjusted block")
-    plane = TangentPlane(*(float(x) for x in eo.origin))
+        raise InputError.at_line(path, None, "does not exist; check the path")
     if path.is_dir() and any(path.glob("Orientation-*.xml")):
         images, X, C = read_micmac_xml(path)
-        if np.linalg.norm(X.mean(axis=0)) > GEOCENTRIC_M:
-            X, C = _from_ecef(X, C, plane)
-            return BlockPoses(images, X, C, None, True, str(path))
-        return BlockPoses(images, X, C, None, _near(X, eo), str(path))
-    if path.is_dir() or path.suffix.lower() in PROGRAMS or path.name == "reconstruction.json":
-        return _of_program(path, eo, plane, crs)
-    if form is None and is_adjusted_poses(first_bytes(path, HEAD).decode("latin-1")):
-        table = read_adjusted_poses(path)
-        near = _near(table.position_m, eo)
-        return BlockPoses(table.images, table.position_m, table.C_mc, table.cov, near, str(path))
-    origin = (float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), float(plane.height))
-    hints = Hints(crs=crs, gps_week=eo.gps_week, datum=eo.datum, epoch=eo.epoch)
-    try:
-        return _of_poses(read_poses(path, form, hints), plane)
-    except NoOriginError:
-        hints = Hints(origin, crs, eo.gps_week, datum=eo.datum, epoch=eo.epoch)
-        block = _of_poses(read_poses(path, form, hints), plane)
-        note = f"{path.name} names no origin; that of the flight's tangent plane is taken"
-        return BlockPoses(
-            block.images, block.position, block.C_rc, block.cov, True, str(path), (note,)
+        geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
+        return CameraPoses(path, images, X, C, frame="geocentric" if geocentric else "own")
+    if is_block(path):
+        return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
+    text = decode(head_of(path)).lstrip("\ufeff \r\n\t")
+    if text.startswith("{") and "exterior orientation" in text.lower():
+        from ..formats.orientation.eo_json import read_eo_json
+
+        eo = read_eo_json(path)
+        lat, lon, h = (float(v) for v in eo.origin)
+        date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
+        plane = TangentPlane(lat, lon, h)
+        return CameraPoses(
+            path, eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", plane, date=date
         )
+    if is_pose_table(path):
+        table = read_pose_table(path)
+        return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
+    from ..comparison.reading import read_poses, sniff_poses
 
-
-GEOCENTRIC_M = 6.0e6
-NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
-
-
-def _near(X: Array, eo: ExteriorOrientation) -> bool:
-    """Whether coordinates look like those of the flight's tangent plane."""
-    apart = X.mean(axis=0) - eo.position_m.mean(axis=0)
-    size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
-    return bool(np.linalg.norm(apart) < NEAR_M and 0.5 < size / max(own, 1e-9) < 2.0)
-
-
-def _of_program(
-    path: Path, eo: ExteriorOrientation, plane: TangentPlane, crs: str | None
-) -> BlockPoses:
-    measured = read_measured_block(path)
-    good = np.isfinite(measured.position_m).all(axis=1)
-    if not good.any():
-        raise InputError.at_line(path, None, "no image has a pose; align and adjust the block")
-    images = tuple(np.array(measured.measured.images, dtype=object)[good].tolist())
-    X, C = measured.position_m[good], measured.C_mc[good]
-    notes = tuple(measured.notes)
-    if measured.geocentric:
-        X, C = _from_ecef(X, C, plane)
-        return BlockPoses(images, X, C, None, True, str(path), notes)
-    named = crs or measured.crs
-    if not measured.local and named is not None:
-        try:
-            lat, lon, h = MapProjection(named, None, eo.datum, eo.epoch).inverse(X)
-            axes = MapProjection(named, None, eo.datum, eo.epoch).axes(lat, lon, h)
-        except InsgnssError as error:
-            raise InputError.at_line(path, None, f"CRS {named}: {error}") from None
-        X_m = plane.position_from_geodetic(lat, lon, h)
-        C_mE = plane.C_mn(lat, lon) @ NED_ENU
-        return BlockPoses(
-            images, X_m, C_mE @ axes.swapaxes(1, 2) @ C, None, True, str(path), notes
-        )
-    return BlockPoses(images, X, C, None, not measured.local and _near(X, eo), str(path), notes)
-
-
-def _from_ecef(X: Array, C: Array, plane: TangentPlane) -> tuple[Array, Array]:
-    """Take geocentric poses to the tangent plane, rigidly."""
-    from ..geodesy.frames import ecef_to_geodetic
-
-    lat, lon, h = ecef_to_geodetic(X)
-    C_em = rotation_em(np.array([plane.lat]), np.array([plane.lon]))[0]
-    return plane.position_from_geodetic(lat, lon, h), C_em.T @ C
-
-
-def _of_poses(poses: Poses, plane: TangentPlane) -> BlockPoses:
-    """Take poses of the comparison to the tangent plane."""
-    if poses.C_Ex is None or not poses.images:
+    if sniff_poses(path) == "gnss":
         raise InputError.at_line(
-            poses.source, None, "has no attitudes of named images; give poses of an adjusted block"
+            path,
+            None,
+            "no camera poses are known here; read are eo.json, a table image, x, y, z, omega, phi,"
+            " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
-    if poses.x != "camera":
-        raise InputError.at_line(
-            poses.source, None, "has attitudes of the body; give those of the camera"
-        )
-    X = plane.position_from_geodetic(poses.lat, poses.lon, poses.height)
-    C_mE = plane.C_mn(poses.lat, poses.lon) @ NED_ENU
+    poses = read_poses(path)
+    if poses.C_Ex is None or poses.x != "camera" or not poses.images:
+        raise InputError.at_line(path, None, f"{poses.form} has no attitudes of named images")
+    plane = poses.plane or TangentPlane(
+        *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
+    )
+    R = plane.C_em.T @ poses.C_eE
     cov = None
     if poses.cov_position is not None and poses.cov_attitude is not None:
         cov = np.zeros((poses.n, 6, 6))
-        for where, part in ((slice(0, 3), poses.cov_position), (slice(3, 6), poses.cov_attitude)):
-            cov[:, where, where] = C_mE @ part @ C_mE.swapaxes(1, 2)
-    return BlockPoses(
-        poses.images, X, C_mE @ poses.C_Ex, cov, True, poses.source, tuple(poses.notes)
+        for k, block in enumerate((poses.cov_position, poses.cov_attitude)):
+            own = slice(3 * k, 3 * k + 3)
+            cov[:, own, own] = R @ block @ R.transpose(0, 2, 1)
+    return CameraPoses(
+        path,
+        poses.images,
+        plane.position_from_geodetic(poses.lat, poses.lon, poses.height),
+        R @ poses.C_Ex,
+        cov,
+        "plane",
+        plane,
+        notes=poses.notes,
     )
 
 
-def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:
-    """Return the images that both know.
+def is_block(path: Path) -> bool:
+    """Whether a file is that of a photogrammetry program, and no table.
 
     Parameters
     ----------
-    block : BlockPoses
-        The block.
-    eo : ExteriorOrientation
-        The flight.
+    path : Path
+        The file or directory.
 
     Returns
     -------
-    block : BlockPoses
-        These images, in the order of the flight.
-    rows : ndarray
-        Their rows in the flight's orientation, increasing.
+    bool
+        By its name and first bytes.
 
     Raises
     ------
     InputError
-        None is common.
+        It is empty.
     """
-    row = matched(block.images, eo.images)
-    own = np.flatnonzero(row >= 0)
-    if not own.size:
+    if path.is_dir() or path.suffix.lower() in (".psx", ".psz") or COLMAP_FILE.fullmatch(path.name):
+        return True
+    head = head_of(path)
+    if not head:
+        raise InputError.at_line(path, None, "is empty; export the poses again")
+    text = decode(head).lstrip("\ufeff \r\n\t")
+    if head.startswith(b"PK\x03\x04") or text.startswith("<"):
+        return True
+    if text.startswith(("{", "[")):
+        return "exterior orientation" not in text.lower()
+    return bool(re.search(r"^\s*-99\b", text, re.MULTILINE))
+
+
+def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
+    if block is None:
+        block = read_measured_block(path, recognised(path))
+    rows = np.flatnonzero(block.oriented)
+    if not rows.size:
+        raise InputError.at_line(path, None, "no image has a pose; align the images and export")
+    return CameraPoses(
+        path,
+        tuple(block.measured.images[k] for k in rows),
+        block.position_m[rows],
+        block.C_mc[rows],
+        frame="geocentric" if block.geocentric else "own",
+        block=block,
+        notes=block.notes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions by names in a Cartesian frame.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        (n,) names.
+    position : ndarray, (n, 3)
+        m.
+    cov : ndarray, (n, 3, 3), or None
+        m^2; None where the file has none.
+    plane : TangentPlane or None
+        Where the positions stand on the Earth; None: in axes of their own.
+    time : ndarray, (n,), or None
+        Seconds of the GPS week.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    position: Array
+    cov: Array | None
+    plane: TangentPlane | None = None
+    time: Array | None = None
+
+
+@dataclass(frozen=True)
+class PlaceOptions:
+    """How the positions of tables are to be understood.
+
+    Parameters
+    ----------
+    crs : str or None
+        Of tables that are neither geodetic nor in the frame of the poses.
+    geoid : Path or None
+        For heights above sea level.
+    """
+
+    crs: str | None = None
+    geoid: Path | None = None
+
+
+def read_positions(
+    path: Path, options: PlaceOptions, plane: TangentPlane | None = None
+) -> Positions:
+    """Read positions by names into east, north, up of a tangent plane where they have a place.
+
+    Parameters
+    ----------
+    path : Path
+        A table (`data_specs/pose_table.md`), or a file of Metashape, of which the references of its
+        images are taken.
+    options : PlaceOptions
+        The CRS of a table.
+    plane : TangentPlane, optional
+        By default at the mean of the positions.
+
+    Returns
+    -------
+    Positions
+        Local coordinates as they are where neither file nor options say a place.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    if not path.is_file():
+        raise InputError.at_line(path, None, "does not exist; check the path")
+    if is_block(path):
+        ground, crs = read_metashape_references(path)
+        return _of_crs(path, ground, options.crs or crs, options.geoid, plane)
+    table = read_position_table(path)
+    return positions_of(path, table, options, plane)
+
+
+def positions_of(
+    path: Path, table: NamedPositions, options: PlaceOptions, plane: TangentPlane | None = None
+) -> Positions:
+    """Return the positions of a table, as `read_positions` does.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    table : NamedPositions
+        The table.
+    options : PlaceOptions
+        Its CRS.
+    plane : TangentPlane, optional
+        By default at the mean.
+
+    Returns
+    -------
+    Positions
+        In a tangent plane where they have a place.
+
+    Raises
+    ------
+    UsageError
+        A CRS beside latitude and longitude.
+    """
+    if table.geodetic:
+        if options.crs is not None:
+            raise UsageError(f"{path}: has latitude and longitude; leave --crs out")
+        lat, lon, h = table.position.T
+        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+        cov = table.cov
+        if cov is not None:
+            R = plane.C_mn(lat, lon) @ NED_ENU.T
+            cov = R @ cov @ R.transpose(0, 2, 1)
+        position = plane.position_from_geodetic(lat, lon, h)
+        return Positions(path, table.names, position, cov, plane, table.time)
+    if options.crs is None:
+        return Positions(path, table.names, table.position, table.cov, None, table.time)
+    cov = np.broadcast_to(np.eye(3), (len(table.names), 3, 3)) if table.cov is None else table.cov
+    ground = GroundTable(
+        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_)
+    )
+    placed = _of_crs(path, ground, options.crs, options.geoid, plane)
+    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
+
+
+def _of_crs(
+    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
+) -> Positions:
+    if not crs or "LOCAL_CS" in crs or "ENGCRS" in crs:
+        return Positions(path, ground.points, ground.position_m, ground.cov)
+    axes = GroundAxes(crs, geoid)
+    if plane is None:
+        lat, lon, h = axes.geodetic(ground.position_m)
+        plane = TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+    placed = ground.in_plane(axes, plane)
+    return Positions(path, placed.points, placed.position_m, placed.cov, plane)
+
+
+def joined(
+    images: Sequence[str], names: Sequence[str], first: Path, second: Path, fewest: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+    """Join two files by names; endings and folders of images need not be the same.
+
+    Parameters
+    ----------
+    images, names : sequence of str
+        Names of both.
+    first, second : Path
+        Their files, for messages.
+    fewest : int
+        How many pairs are needed.
+
+    Returns
+    -------
+    rows_first, rows_second : ndarray of int
+        Rows that belong together, in the order of the first.
+    notes : tuple of str
+        What has no partner.
+
+    Raises
+    ------
+    InputError
+        Too few pairs.
+    """
+    row_by_name = {name: k for k, name in enumerate(names)}
+    if not any(name in row_by_name for name in images):
+        row_by_name = {_bare(name): k for k, name in enumerate(names)}
+        images = [_bare(name) for name in images]
+    pairs = [(k, row_by_name[name]) for k, name in enumerate(images) if name in row_by_name]
+    if len(pairs) < fewest:
         raise InputError(
-            f"{block.source}: none of its {len(block.images)} images ({block.images[0]}, ...) is of"
-            f" this flight ({eo.images[0]}, ...); names are compared without directory, ending and"
-            " case"
+            f"{second}: {len(pairs)} of its {len(names)} names, such as {shown(names[0])}, are"
+            f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
+            " needed); are the files of one flight, and are images named alike?"
         )
-    own = own[np.argsort(row[own])]
-    return block.taken(own), row[own]
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    notes = []
+    for count, path, own, taken in (
+        (len(images), first, images, rows[:, 0]),
+        (len(names), second, names, rows[:, 1]),
+    ):
+        if missing := sorted(set(range(count)) - set(taken.tolist())):
+            some = ", ".join(own[k] for k in missing[:MOST_NAMED])
+            more = " ..." if len(missing) > MOST_NAMED else ""
+            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}{more}")
+    return rows[:, 0], rows[:, 1], tuple(notes)
+
+
+def _bare(name: str) -> str:
+    """Return the name of an image without folder and ending."""
+    base = name.replace("\\", "/").rpartition("/")[2]
+    return re.sub(r"\.[A-Za-z][A-Za-z0-9]{1,4}$", "", base)

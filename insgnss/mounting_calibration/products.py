@@ -1,221 +1,318 @@
-"""Products of a calibrated mounting: mounting.toml, calibrate_mounting.json and a page."""
+"""What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
-import json
-import os
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from ..base.files import atomic_write, json_ready
-from ..config.flight_file import Flight
-from ..geodesy.rotation import opk_from_rotation
-from ..orient.mounting_file import DELAY, VECTORS, MountingFile, mounting_text
-from ..processing.checks import camera_of
-from ..processing.staging import Staging
-from ..records.block import Array
-from ..report.figures.mounting import residual_pictures
-from ..report.markup import document as page
-from ..report.markup import escape, folded, pictured, sentence, table
-from .judgement import CONTRADICTING, METRES, UNITS, Component, facts_of, linear_functions
-from .run import MountingResult
+from ..base.errors import DataError, InputError, UsageError
+from ..base.files import atomic_write, sha256
+from ..calibrate.materialisation import lever_arm_difference
+from ..formats.images.exif import camera_tags, time_taken
+from ..orient.mounting import metashape_offset
+from ..orient.mounting_file import MountingFile, read_mounting_file, write_mounting_file
+from ..records.block import Array, BrownCamera
+from ..report.markup import Picture, document, escape, pictured, sentence, table
 
-TOML, DOCUMENT, PAGE = "mounting.toml", "calibrate_mounting.json", "calibrate_mounting.html"
-GROUPS = {"antenna_m": "antenna_m", "imu_m": "imu_m", "boresight": "boresight", "delay": DELAY}
+NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
 
 
-def mounting_file(result: MountingResult, flight: Flight) -> MountingFile:
-    """Return what goes into mounting.toml.
-
-    Of a vector or bore-sight of which some components are determined the others are the flight
-    file's, and a remark says which.
+@dataclass(frozen=True)
+class Provenance:
+    """Where a calibration comes from, as far as it is known.
 
     Parameters
     ----------
-    result : MountingResult
-        The calibration.
-    flight : Flight
-        The flight file, for its camera.
-
-    Returns
-    -------
-    MountingFile
-        Values, covariances, reasons.
-    """
-    solved = result.solved
-    names, J, _, _ = linear_functions(solved, result.stated)
-    V = J @ solved.cov @ J.T
-    given: dict[str, Any] = {}
-    missing: dict[str, str] = {}
-    remarks: list[str] = []
-    for group, key in GROUPS.items():
-        own = [c for c in result.components if c.group == group]
-        weak = [c for c in own if not c.determined]
-        if len(weak) == len(own):
-            missing[key] = "; ".join(dict.fromkeys(c.sentence for c in weak))
-            continue
-        for c in weak:
-            remarks.append(f"{key}: the flight file's value about this axis: {c.sentence}")
-        rows = [k for k, name in enumerate(names) if name[0] == group]
-        cov = V[np.ix_(rows, rows)]
-        if group == "delay":
-            given |= {DELAY: result.delay_s, "time_offset_sigma_s": float(np.sqrt(cov[0, 0]))}
-        elif group == "boresight":
-            T = result.mounting.camera_from_body
-            given |= {"boresight": result.mounting.boresight, "camera_from_body": T}
-            given["boresight_cov"] = 0.5 * (cov + cov.T)
-        else:
-            given[key] = getattr(result.mounting, key)
-            given[f"{key.removesuffix('_m')}_cov"] = 0.5 * (cov + cov.T)
-    tags = camera_of(flight)
-    if tags is not None:
-        given |= {"camera": tags.model, "image_size": tags.image_size, "focal_px": tags.focal_px}
-    return MountingFile(
-        verb="calibrate mounting",
-        date=result.date,
-        inputs=result.inputs,
-        verdict=tuple(c.sentence for c in result.components),
-        not_determined=missing,
-        remarks=tuple(remarks),
-        **given,
-    )
-
-
-def document(result: MountingResult) -> dict[str, Any]:
-    """Return everything that was found, for machines.
-
-    Parameters
-    ----------
-    result : MountingResult
-        The calibration.
-
-    Returns
-    -------
-    dict
-        What the JSON file holds.
-    """
-    solved, facts = result.solved, facts_of(result.solved)
-    B = result.mounting.boresight
-    return {
-        "headline": result.headline,
-        "components": [
-            {
-                "name": c.name,
-                "group": c.group,
-                "axis": c.axis,
-                "verdict": c.verdict,
-                "value": c.value if c.determined else None,
-                "sigma": c.sigma,
-                "limit": c.limit,
-                "flight_file": c.stated,
-                "why": c.why,
-                "remedies": list(c.remedies),
-            }
-            for c in result.components
-        ],
-        "mounting": {
-            **{key: getattr(result.mounting, key).tolist() for key in VECTORS},
-            "boresight": B.tolist(),
-            "boresight_opk_deg": np.degrees(opk_from_rotation(B)).tolist(),
-            DELAY: result.delay_s,
-        },
-        "images": int(solved.rows.size),
-        "speed_mps": list(facts.speed),
-        "mean_heading_length": facts.headings,
-        "tilt_deg": facts.tilt_deg,
-        "factors_of_poses": [float(f) for f in solved.factors],
-        "factor_of_flight": list(solved.flight_factor),
-        "corrections_sigma": list(result.corrections),
-        "frame": {
-            "turn": solved.values["turn of the block"].tolist(),
-            "scale": float(solved.values["scale of the block"][0]),
-            "scale_sigma": float(solved.sigma("scale of the block")[0]),
-        },
-        "date": result.date,
-        "inputs_sha256": dict(result.inputs),
-        "notes": list(result.notes),
-    }
-
-
-def written(result: MountingResult, directory: Path, flight: Flight) -> tuple[Path, ...]:
-    """Write every product, or none.
-
-    Parameters
-    ----------
-    result : MountingResult
-        The calibration.
-    directory : Path
-        Where they go.
-    flight : Flight
-        The flight file.
-
-    Returns
-    -------
-    tuple of Path
+    inputs : tuple of Path
         The files.
+    camera : str
+        Name of the camera.
+    image_size : tuple of int or None
+        Columns and rows of its images.
+    focal_px : float or None
+        Focal length, pixels.
+    date : str
+        Of the data, ISO.
     """
-    text = json.dumps(json_ready(document(result)), indent=1, allow_nan=False, ensure_ascii=False)
-    with Staging(directory) as staging:
-        into = staging.directory
-        atomic_write(into / TOML, mounting_text(mounting_file(result, flight)))
-        atomic_write(into / DOCUMENT, text + "\n")
-        against = any(c.verdict == CONTRADICTING for c in result.components)
-        mood = "doubtful" if against or not all(c.determined for c in result.components) else "good"
-        title = f"{flight.name}: mounting"
-        atomic_write(into / PAGE, page(title, result.headline, mood, _body(result)))
-        moves = staging.moves()
-        for source, goal in moves:
-            os.replace(source, goal)
-    return tuple(goal for _, goal in moves)
+
+    inputs: tuple[Path, ...]
+    camera: str = ""
+    image_size: tuple[int, int] | None = None
+    focal_px: float | None = None
+    date: str = ""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Fields of a `MountingFile`."""
+        return {
+            "camera": self.camera,
+            "image_size": self.image_size,
+            "focal_px": self.focal_px,
+            "date": self.date,
+            "inputs": tuple((p.name, sha256(p)) for p in self.inputs if p.is_file()),
+        }
 
 
-def _body(result: MountingResult) -> Iterator[str]:
-    yield "<h2>Components</h2>\n"
-    yield table(
-        [_row(c) for c in result.components],
-        ("component", "value", "sigma", "flight file", "verdict"),
+def provenance(
+    inputs: Sequence[Path],
+    cameras: Sequence[BrownCamera] = (),
+    photo: Path | None = None,
+    date: str = "",
+) -> Provenance:
+    """Gather where a calibration comes from.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        The files.
+    cameras : sequence of BrownCamera
+        Of the block; of several none is named.
+    photo : Path, optional
+        An image of the camera; its Exif names camera, size, focal length and, without `date`, the
+        day.
+    date : str
+        Of the data, ISO.
+
+    Returns
+    -------
+    Provenance
+        What is known.
+
+    Raises
+    ------
+    InputError
+        The image is not there or is damaged.
+    """
+    own = Provenance(tuple(dict.fromkeys(inputs)), date=date)
+    if len(cameras) == 1:
+        (camera,) = cameras
+        size = (camera.width, camera.height)
+        own = replace(own, camera=camera.name, image_size=size, focal_px=camera.of("f"))
+    if photo is None:
+        return own
+    if not photo.is_file():
+        raise InputError.at_line(photo, None, "does not exist; give an image of the camera")
+    with photo.open("rb") as stream:
+        tags = camera_tags(stream, photo.name)
+        try:
+            day = time_taken(stream, photo.name).date().isoformat()
+        except ValueError:
+            day = ""
+    return replace(
+        own,
+        camera=tags.model or own.camera,
+        image_size=own.image_size or tags.image_size,
+        focal_px=own.focal_px or tags.focal_px,
+        date=date or day,
     )
-    reasons = [c for c in result.components if not c.determined or c.why]
-    if reasons:
-        items = "".join(f"<li>{escape(sentence(c.sentence))}</li>\n" for c in reasons)
-        yield f"<h2>Why, and what would help</h2>\n<ul>\n{items}</ul>\n"
-    residual, against = _residuals(result)
-    yield from map(pictured, residual_pictures(residual, against))
-    if result.notes:
-        items = "".join(f"<li>{escape(sentence(note))}</li>\n" for note in result.notes)
-        yield f"<h2>Notes</h2>\n<ul>\n{items}</ul>\n"
-    rows = [(escape(name), f"<code>{escape(digest)}</code>") for name, digest in result.inputs]
-    yield folded("Inputs", table(rows, ("file", "SHA-256")))
 
 
-def _row(c: Component) -> tuple[str, ...]:
-    factor, unit, digits = UNITS.get(c.group, METRES)
-    mark = {"determined": "ok", "not determined": "note"}.get(c.verdict, "contradiction")
-    value = f"{factor * c.value:+.{digits}f} {unit}" if c.determined else "–"
-    words = "contradicts the flight file" if c.verdict == CONTRADICTING else c.verdict
-    return (
-        escape(c.name),
-        value,
-        f"{factor * c.sigma:.{digits}f} {unit}",
-        f"{factor * c.stated:+.{digits}f} {unit}" if c.group != "shift" else "",
-        f'<span class="{mark}">{words}</span>',
+class Estimate(Protocol):
+    """A lever arm that a core estimated."""
+
+    @property
+    def lever_arm_m(self) -> Array:
+        """The lever arm (3,), camera axes, m."""
+
+    @property
+    def sigma_m(self) -> Array:
+        """Its standard errors (3,), m."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedMounting:
+    """The result of a verb.
+
+    Parameters
+    ----------
+    mounting : MountingFile
+        What goes into the file.
+    title : str
+        Of the page.
+    headline : str
+        What was found, in one line.
+    components : tuple of (str, str, str)
+        Component, verdict ("determined" or "not determined"), value or reason.
+    details : tuple of str
+        Further sentences.
+    document : dict
+        Figures for machines.
+    draw : callable
+        Draws the pictures of the page.
+    files : tuple of Path
+        What was written.
+    """
+
+    mounting: MountingFile
+    title: str
+    headline: str
+    components: tuple[tuple[str, str, str], ...]
+    details: tuple[str, ...]
+    document: dict[str, Any]
+    draw: Callable[[], Sequence[Picture]]
+    files: tuple[Path, ...] = field(default=())
+
+    @property
+    def refusal(self) -> DataError | None:
+        """Why the data support no answer; None where anything was determined."""
+        if self.mounting.values():
+            return None
+        reason = self.mounting.not_determined.get("antenna_m", "")
+        return DataError(f"nothing was determined: {reason}")
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        width = max(len(name) for name, _, _ in self.components)
+        lines = [self.headline]
+        lines += [f"  {name:<{width}}  {word}: {text}" for name, word, text in self.components]
+        lines += self.details
+        lines += [f"wrote {path}" for path in self.files]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return {
+            "verb": self.mounting.verb,
+            "headline": self.headline,
+            "components": [
+                {"component": name, "verdict": word, "text": text}
+                for name, word, text in self.components
+            ],
+            "mounting": self.mounting.values(),
+            "not_determined": dict(self.mounting.not_determined),
+            "details": list(self.details),
+            "files": list(self.files),
+            **self.document,
+        }
+
+
+def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
+    """Write mounting.toml and, beside it, the page.
+
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
+    out : Path
+        The file; the page has its name with the ending .html.
+
+    Returns
+    -------
+    CalibratedMounting
+        With the names of its files.
+
+    Raises
+    ------
+    UsageError
+        A file would overwrite an input.
+    """
+    page = out.with_suffix(".html")
+    inputs = {path.resolve() for path in result.document.get("inputs", ())}
+    for path in (out, page):
+        if path.resolve() in inputs:
+            raise UsageError(f"--out {out}: {path.name} would overwrite an input; give another")
+    write_mounting_file(result.mounting, out)
+    atomic_write(page, document(result.title, result.headline, _mood(result), _body(result)))
+    return replace(result, files=(out, page))
+
+
+def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
+    """Return a result with its difference to another lever arm.
+
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
+    other : Path
+        A mounting.toml.
+
+    Returns
+    -------
+    CalibratedMounting
+        With a sentence more.
+
+    Raises
+    ------
+    InputError
+        The file is wrong, or has no lever arm with standard errors.
+    """
+    file, _ = read_mounting_file(other)
+    if file.antenna_m is None or file.antenna_cov is None:
+        problem = "has no antenna_m with standard errors in [calibration.sigma] to compare with"
+        raise InputError.at_line(other, None, problem)
+    mounting = result.mounting
+    if mounting.antenna_m is None or mounting.antenna_cov is None:
+        return result
+    difference = lever_arm_difference(
+        file.antenna_m, file.antenna_cov, mounting.antenna_m, mounting.antenna_cov
     )
-
-
-def _residuals(result: MountingResult) -> tuple[Array, dict[str, Array]]:
-    """Return residuals in body axes, and what they are drawn over."""
-    solved = result.solved
-    eo, rows = solved.flight.eo, solved.rows
-    assert eo.velocity_mps is not None and eo.rate_radps is not None
-    C_mb = eo.C_mc[rows] @ solved.flight.mounting.C_cb
-    e = solved.residuals
-    body = np.hstack([np.einsum("nji,nj->ni", C_mb, part) for part in (e[:, :3], e[:, 3:])])
-    heading = np.degrees(np.arctan2(C_mb[:, 0, 0], C_mb[:, 1, 0])) % 360.0
-    rate = np.linalg.norm(eo.rate_radps[rows], axis=1)
-    return body, {
-        "time of week, s": eo.time[rows],
-        "speed, m/s": np.linalg.norm(eo.velocity_mps[rows], axis=1),
-        "heading, deg": heading,
-        "turn rate, deg/s": np.degrees(rate),
+    line = f"against {other.name} ({file.verb or 'by hand'}): {difference.summary()}"
+    document = result.document | {
+        "difference_m": difference.difference_m,
+        "difference_agrees": difference.agrees,
+        "inputs": (*result.document.get("inputs", ()), other),
     }
+    made = replace(mounting, verdict=(*mounting.verdict, line))
+    return replace(result, mounting=made, details=(line, *result.details), document=document)
+
+
+def _mood(result: CalibratedMounting) -> str:
+    if not result.mounting.values():
+        return "bad"
+    lacking = any(word != "determined" for name, word, _ in result.components if name != "imu_m")
+    return "doubtful" if lacking else "good"
+
+
+def _body(result: CalibratedMounting) -> list[str]:
+    rows = [(escape(a), escape(b), escape(c)) for a, b, c in result.components]
+    parts = ["<h2>What was determined</h2>\n", table(rows, ("component", "verdict", "value"))]
+    parts += [pictured(picture) for picture in result.draw()]
+    items = "".join(f"<li>{escape(sentence(line))}</li>\n" for line in result.details)
+    parts.append(f"<h2>Notes</h2>\n<ul>\n{items}</ul>\n")
+    given = [(escape(name), f"<code>{digest}</code>") for name, digest in result.mounting.inputs]
+    parts.append("<h2>Inputs (SHA-256)</h2>\n" + table(given))
+    return parts
+
+
+def metashape_line(mounting: MountingFile) -> str:
+    """Return what Metashape takes of a mounting, in words; empty where it takes nothing.
+
+    Parameters
+    ----------
+    mounting : MountingFile
+        The mounting.
+
+    Returns
+    -------
+    str
+        Of the tab "GPS/INS Offset".
+    """
+    location, angles = metashape_offset(
+        mounting.antenna_m, mounting.boresight, mounting.camera_from_body
+    )
+    parts = []
+    if location is not None:
+        parts.append("X Y Z " + " ".join(f"{v:.4f}" for v in location) + " m")
+    if angles is not None:
+        parts.append("yaw pitch roll " + " ".join(f"{v:.4f}" for v in np.degrees(angles)) + " deg")
+    return f"Metashape, GPS/INS Offset: {', '.join(parts)}" if parts else ""
+
+
+def millimetres(values: Array, sign: str = "+") -> str:
+    """Return three lengths in words.
+
+    Parameters
+    ----------
+    values : ndarray, (3,)
+        m.
+    sign : str
+        "+" of values, empty of standard errors.
+
+    Returns
+    -------
+    str
+        Such as "[+462.0, -1.0, -65.0] mm".
+    """
+    return "[" + ", ".join(f"{1e3 * v:{sign}.1f}" for v in values) + "] mm"

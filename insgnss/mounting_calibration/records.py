@@ -9,7 +9,7 @@ from ..base.errors import InputError
 from ..geodesy.rotation import is_rotation
 from ..orient.mounting import Mounting
 from ..records import ExteriorOrientation
-from ..records.block import Array
+from ..records.block import Array, BrownCamera
 from ..records.strips import CommonErrors, StripCovariance
 
 Rows = NDArray[np.int64]
@@ -36,6 +36,8 @@ class BlockPoses:
         File, for messages.
     notes : tuple of str
         What was taken on trust.
+    cameras : tuple of BrownCamera
+        Those of the block, as far as it names them.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class BlockPoses:
     georeferenced: bool = False
     source: str = "poses"
     notes: tuple[str, ...] = ()
+    cameras: tuple[BrownCamera, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.images)
@@ -98,6 +101,7 @@ class BlockPoses:
             self.georeferenced,
             self.source,
             self.notes,
+            self.cameras,
         )
 
 

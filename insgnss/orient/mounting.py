@@ -38,6 +38,7 @@ from ..geodesy.rotation import (
     rotation_from_opk,
     rotation_from_rpy,
     rotation_from_ypr,
+    ypr_from_rotation,
 )
 from ..records import Array
 from ..records._checked import float_array
@@ -106,6 +107,40 @@ def boresight_from_angles(
     return _ANGLE_SETS[angle_set](
         np.deg2rad(angles), _as_rotation("camera_from_body", camera_from_body)
     )
+
+
+def metashape_offset(
+    antenna_m: Array | None,
+    boresight: Array | None,
+    camera_from_body: ArrayLike | None = None,
+) -> tuple[Array | None, Array | None]:
+    """Return the GPS/INS offset of Metashape that means the same mounting.
+
+    It belongs to references that are antenna positions and attitudes of the nominal camera (before
+    the bore-sight); beside projection centres and attitudes with the bore-sight it is zero.
+
+    Parameters
+    ----------
+    antenna_m : ndarray, (3,), or None
+        Camera to antenna, camera axes, m.
+    boresight : ndarray, (3, 3), or None
+        B.
+    camera_from_body : array-like, (3, 3), optional
+        T; by default that of paper 000.
+
+    Returns
+    -------
+    location : ndarray, (3,), or None
+        Camera to antenna, x right, y up, z backward, m.
+    angles : ndarray, (3,), or None
+        Yaw, pitch, roll, rad, that `boresight_from_angles` turns back by (M.6).
+    """
+    location = None if antenna_m is None else CV_RUB.T @ np.asarray(antenna_m)
+    if boresight is None:
+        return location, None
+    T = PAPER_CAMERA_FROM_BODY if camera_from_body is None else camera_from_body
+    G = CV_RUB @ _as_rotation("camera_from_body", T)
+    return location, ypr_from_rotation(G @ np.asarray(boresight) @ G.T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from .mounting import (
     PAPER_CAMERA_FROM_BODY,
     Mounting,
     boresight_from_angles,
+    metashape_offset,
 )
 
 VECTORS = ("antenna_m", "imu_m")
@@ -255,7 +256,25 @@ def mounting_text(mounting: MountingFile) -> str:
             behind = "" if sigma_s is None else f"  # {sigma_s:.6f} s"
             lines.append(f"time_offset_s = {m.time_offset_s:.7f}{behind}")
         lines += _not_determined(m, only=DELAY)
-    return "\n".join([*lines, *_provenance(m)]) + "\n"
+    return "\n".join([*lines, *_provenance(m), *_of_metashape(m)]) + "\n"
+
+
+def _of_metashape(m: MountingFile) -> list[str]:
+    """Comments with the same mounting as Metashape takes it."""
+    location, angles = metashape_offset(m.antenna_m, m.boresight, m.camera_from_body)
+    lines = []
+    if location is not None:
+        lines.append(f"# X Y Z {_words(location, '.5f')} m, from the camera to the antenna")
+    if angles is not None:
+        lines.append(f"# yaw pitch roll {_words(DEG * angles, '.5f')} deg")
+    if not lines:
+        return []
+    head = [
+        "# Metashape, Camera Calibration, GPS/INS Offset, for references that are positions of the",
+        "# antenna and attitudes of the IMU's nominal camera (zero for exports of insgnss, which",
+        "# are of the projection centre and contain the bore-sight):",
+    ]
+    return ["", *head, *lines]
 
 
 def _not_determined(m: MountingFile, without: str = "", only: str = "") -> list[str]:

@@ -1,4 +1,4 @@
-"""The verb `calibrate`: from a file to a file."""
+"""`insgnss calibrate imu`: from a file to a file."""
 
 import json
 from pathlib import Path
@@ -33,6 +33,7 @@ def test_from_a_recording_to_a_file_and_back(
         main(
             [
                 "calibrate",
+                "imu",
                 str(tmp_path / "hand.csv"),
                 "--latitude",
                 "46.5",
@@ -60,7 +61,7 @@ def test_json_has_every_parameter(tmp_path: Path, capsys: pytest.CaptureFixture[
     """Oracle: the list of the model's parameters, nine and twelve."""
     recording(tmp_path / "hand.csv", 12)
     out = tmp_path / "c.toml"
-    assert main(["calibrate", str(tmp_path / "hand.csv"), "--json", "--out", str(out)]) == 0
+    assert main(["calibrate", "imu", str(tmp_path / "hand.csv"), "--json", "--out", str(out)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert len(document["accel"]["parameters"]) == 9
     assert len(document["gyro"]["parameters"]) == 12
@@ -73,7 +74,7 @@ def test_too_few_positions_end_with_four(
 ) -> None:
     """Oracle: the design's exit codes; nothing is written."""
     recording(tmp_path / "hand.csv", 5)
-    assert main(["calibrate", str(tmp_path / "hand.csv"), "--quiet"]) == 4
+    assert main(["calibrate", "imu", str(tmp_path / "hand.csv"), "--quiet"]) == 4
     assert "5 positions found in 5 stationary periods, 9 needed" in capsys.readouterr().err
     assert not (tmp_path / "calibration.toml").exists()
 
@@ -98,7 +99,14 @@ def test_columns_and_units_are_said_on_the_line(
     for name, more in (("hand.csv", ["--quiet"]), ("other.csv", options)):
         assert (
             main(
-                ["calibrate", str(tmp_path / name), "--out", str(tmp_path / f"{name}.toml"), *more]
+                [
+                    "calibrate",
+                    "imu",
+                    str(tmp_path / name),
+                    "--out",
+                    str(tmp_path / f"{name}.toml"),
+                    *more,
+                ]
             )
             == 0
         )
@@ -130,7 +138,7 @@ def test_a_unit_against_the_header_is_reported(
         comments="",
     )
     told = "IMU units: the header says m/s^2, and units accel = mg was taken"
-    assert main(["calibrate", str(tmp_path / "mg.csv"), "--accel-unit", "mg", "--json"]) == 0
+    assert main(["calibrate", "imu", str(tmp_path / "mg.csv"), "--accel-unit", "mg", "--json"]) == 0
     assert any(told in note for note in json.loads(capsys.readouterr().out)["notes"])
     assert told in (tmp_path / "calibration.toml").read_text()
 
@@ -139,12 +147,12 @@ def test_wrong_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     """Oracle: the design's exit codes."""
     recording(tmp_path / "hand.csv", 5)
     file = str(tmp_path / "hand.csv")
-    assert main(["calibrate", file, "--latitude", "465"]) == 2
+    assert main(["calibrate", "imu", file, "--latitude", "465"]) == 2
     assert "beyond 90" in capsys.readouterr().err
-    assert main(["calibrate", file, "--flight", file, "--gyro-unit", "deg/s"]) == 2
+    assert main(["calibrate", "imu", file, "--flight", file, "--gyro-unit", "deg/s"]) == 2
     assert "leave the other options out" in capsys.readouterr().err
-    assert main(["calibrate", file, "--gyro-unit", "furlong"]) in (2, 3)
-    assert main(["calibrate", str(tmp_path / "none.csv")]) == 3
+    assert main(["calibrate", "imu", file, "--gyro-unit", "furlong"]) in (2, 3)
+    assert main(["calibrate", "imu", str(tmp_path / "none.csv")]) == 3
 
 
 def test_the_flight_file_says_how_to_read(
@@ -165,6 +173,7 @@ def test_the_flight_file_says_how_to_read(
         main(
             [
                 "calibrate",
+                "imu",
                 str(tmp_path / "summed.csv"),
                 "--flight",
                 str(tmp_path / "flight.toml"),
@@ -175,3 +184,20 @@ def test_the_flight_file_says_how_to_read(
     )
     got = load_calibration(tmp_path / "calibration.toml")
     assert (np.abs(got.gyro.bias - GYRO.bias) < 4.0 * got.gyro.bias_sigma).all()
+
+
+@pytest.mark.filterwarnings("always::FutureWarning")
+def test_the_form_without_a_kind_still_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the same file by the present form."""
+    recording(tmp_path / "hand.csv", 12)
+    out = [tmp_path / "old.toml", tmp_path / "new.toml"]
+    hand = str(tmp_path / "hand.csv")
+    assert main(["calibrate", "--quiet", hand, "--out", str(out[0])]) == 0
+    assert "calibrate IMU_FILE is called insgnss calibrate imu IMU_FILE" in capsys.readouterr().err
+    assert main(["calibrate", "imu", hand, "--out", str(out[1]), "-q"]) == 0
+    assert "is called" not in capsys.readouterr().err
+    assert out[0].read_bytes() == out[1].read_bytes()
+    assert main(["calibrate", "--help"]) == 0
+    assert "similarity" in capsys.readouterr().out

@@ -17,6 +17,7 @@ from insgnss.formats.blocks.dbat import read_dbat
 from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.ground_points import read_ground_points
 from insgnss.formats.blocks.image_points import read_image_points
+from insgnss.formats.blocks.pose_table import read_pose_table
 from insgnss.formats.blocks.reading import read_measured_block
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.experimental.bingo import read_bingo
@@ -54,6 +55,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "ground_points": read_ground_points,
     "camera_toml": read_camera_toml,
     "gcp_list": read_gcp_list,
+    "pose_table": read_pose_table,
     "bingo": lambda path: read_bingo(path, pixel_um=1.55, width=5456, height=3632),
 }
 

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError
 from insgnss.config.load import load_flight, remounted
-from insgnss.orient.mounting import boresight_from_angles
+from insgnss.orient.mounting import Mounting, boresight_from_angles
 from insgnss.orient.mounting_file import (
     MountingFile,
     mounting_text,
@@ -170,3 +171,39 @@ def test_a_value_is_determined_or_not() -> None:
     only = replace(MADE, antenna_m=None, antenna_cov=None, not_determined={"antenna_m": "level"})
     assert re.search("^# antenna_m: level$", mounting_text(only), re.MULTILINE)
     assert "antenna_m" not in tomllib.loads(mounting_text(only))["mounting"]
+
+
+def test_what_metashape_takes_means_the_same_mounting() -> None:
+    """Oracle: Metashape's chain of its antenna transform (its scripts: position C + R D location,
+    rotation R D ypr2mat(rotation)), scipy's rotations, and pixels of ground points by hand.
+    """
+    text = mounting_text(MADE)
+    location = np.array(re.search(r"X Y Z (\S+) (\S+) (\S+) m", text).groups(), dtype=float)
+    ypr = np.array(re.search(r"roll (\S+) (\S+) (\S+) deg", text).groups(), dtype=float)
+    paper = [-0.5130, 0.6621, 0.5681]  # formats.md: what means the rotation of Table 2 of paper 000
+    assert_allclose(ypr, paper, rtol=0, atol=6e-5)
+    assert_allclose(location, [0.4621, 0.0013, 0.0654], rtol=0, atol=1e-9)
+    D, T = np.diag([1.0, -1.0, -1.0]), MADE.camera_from_body
+    offset = Rotation.from_euler("ZXY", ypr * [-1.0, 1.0, 1.0], degrees=True).as_matrix()
+    mounting = Mounting(MADE.antenna_m, np.zeros(3), T, MADE.boresight)
+    # an IMU in flight, its antenna, and the camera on it, by the mounting
+    C_mb = Rotation.from_euler("ZYX", [40.0, -3.0, 5.0], degrees=True).as_matrix() @ D
+    antenna = np.array([10.0, 20.0, 120.0])
+    C_mc = C_mb @ mounting.C_cb.T
+    centre = antenna - C_mc @ MADE.antenna_m
+    # the same by Metashape: the reference has the antenna and the nominal camera's attitude
+    nominal = C_mb @ T.T @ D
+    R_cam = nominal @ offset.T @ D
+    assert_allclose(R_cam, C_mc, rtol=0, atol=1e-6)
+    own = antenna - R_cam @ D @ location
+    assert_allclose(own, centre, rtol=0, atol=1e-6)
+
+    def pixels(C, x):
+        u = (np.array([[0.0, 0, 0], [40, 10, 2], [-20, 35, -1]]) - x) @ C
+        return MADE.focal_px * u[:, :2] / u[:, 2:]
+
+    assert np.abs(pixels(R_cam, own) - pixels(C_mc, centre)).max() < 0.02
+    for sign in ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0]):
+        turned = Rotation.from_euler("ZXY", ypr * sign * [-1.0, 1.0, 1.0], degrees=True).as_matrix()
+        wrong = nominal @ turned.T @ D
+        assert np.abs(pixels(wrong, own) - pixels(C_mc, centre)).max() > 10.0

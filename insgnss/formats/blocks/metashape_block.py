@@ -31,6 +31,7 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 from .metashape_project import Element, ProjectFile, opened_project, read_ply
 
 MARKER_M = 0.005  # accuracy of markers where the project states none, as in the program
+CAMERA_M = 10.0  # accuracy of reference coordinates of images, likewise
 TRUE = ("true", "1", "")
 
 
@@ -128,6 +129,57 @@ def read_metashape_block(
         geocentric=on_globe and not local,
         notes=(*notes, *repeated),
     )
+
+
+def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[GroundTable, str]:
+    """Read the reference coordinates of images: GNSS positions as they were imported.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_metashape_block`.
+    chunk : str, optional
+        As there.
+
+    Returns
+    -------
+    references : GroundTable
+        By the labels of images, with the accuracies of each or of the settings (10 m without).
+    crs : str
+        Their CRS; empty where the file has none.
+
+    Raises
+    ------
+    InputError
+        As there, or no image has a reference.
+    """
+    root, source = opened_project(path)
+    of = _chunk(root, source, chunk)
+    names, position, sigma = [], [], []
+    default = of.setting("accuracy_cameras", CAMERA_M)
+    for image in of.all("cameras", "camera"):
+        reference = image.find("reference")
+        if image.get("id") is None or reference is None or None in map(reference.get, "xyz"):
+            continue
+        name = image.get("label") or ""
+        names.append(name)
+        position.append(
+            [_number(of.source, reference.get(k), f"reference of {name}: {k}") for k in "xyz"]
+        )
+        given = [reference.get(f"s{k}") or reference.get("sxyz") for k in "xyz"]
+        sigma.append(
+            [
+                default if text is None else _number(of.source, text, f"accuracy of {name}")
+                for text in given
+            ]
+        )
+    if not names:
+        raise of.source.error("no image has reference coordinates; import them, or give a table")
+    cov = np.array(sigma)[:, :, None] ** 2 * np.eye(3)
+    ground = GroundTable(
+        file_names(names, of.source.path), np.array(position), cov, np.zeros(len(names), dtype=bool)
+    )
+    return ground, _text(of.element.find("reference"))
 
 
 def _text(element: Element | None) -> str:

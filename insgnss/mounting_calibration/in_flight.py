@@ -31,7 +31,7 @@ from ..records.block import Array
 from .judgement import CONTRADICTING, USEFUL, Component, components, linear_functions, misread_boresight
 from .plausibility import Path as FlownPath
 from .plausibility import refuse_frame, refuse_implausible
-from .poses import common_images, read_block_poses
+from .block_poses import block_poses, common_images
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import FIRST_ATTITUDE, FIRST_POSITION, Assumptions, Solved, solve
 
@@ -66,8 +66,8 @@ class MountingResult:
         Name and SHA-256 of the files.
     notes : tuple of str
         What a reader should know.
-    files : tuple of Path
-        The products.
+    input_files : tuple of Path
+        The files.
     """
 
     solved: Solved
@@ -79,7 +79,7 @@ class MountingResult:
     date: str
     inputs: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
-    files: tuple[Path, ...] = ()
+    input_files: tuple[Path, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -94,17 +94,6 @@ class MountingResult:
             words = f"the flight file's {listed} contradict the poses; {words}"
         return words
 
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        lines = [self.headline, *(c.sentence for c in self.components)]
-        lines += [f"note: {note}" for note in self.notes]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the document for machines."""
-        from .products import document
-
-        return document(self)
 
 
 def _group(component: Component) -> str:
@@ -121,11 +110,7 @@ def calibrate_mounting(
     flight: Flight,
     poses: Path | BlockPoses,
     assumptions: Assumptions | None = None,
-    out: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    crs: str | None = None,
-    form: str | None = None,
-    write: bool = True,
 ) -> MountingResult:
     """Calibrate lever arms, bore-sight and camera delay of a flight by poses of its block.
 
@@ -137,14 +122,8 @@ def calibrate_mounting(
         Poses of an adjusted block: a file or directory of any readable program.
     assumptions : Assumptions, optional
         What is known before; by default nothing but the frame of a georeferenced block.
-    out : Path, optional
-        Directory of the products; by default `calibration` beside the flight file.
     progress : callable
         Is called with the name of each step.
-    crs, form : str, optional
-        CRS and format of the poses, where the file does not show them.
-    write : bool
-        Whether to write the products.
 
     Returns
     -------
@@ -173,7 +152,7 @@ def calibrate_mounting(
             given = (
                 poses
                 if isinstance(poses, BlockPoses)
-                else read_block_poses(poses, flown.eo, crs, form)
+                else block_poses(poses, flown.eo)
             )
         block, rows = common_images(given, flown.eo)
         if number == 0:
@@ -202,7 +181,7 @@ def calibrate_mounting(
         if len(corrections) > 1
         else "the flight file's mounting is right within its standard deviations"
     )
-    result_ = MountingResult(
+    return MountingResult(
         solved,
         stated,
         judged,
@@ -212,14 +191,8 @@ def calibrate_mounting(
         calendar_from_gps(flown.eo.gps_week, float(flown.eo.time[0])).date().isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
+        (flight.path, *(() if isinstance(poses, BlockPoses) else (poses,))),
     )
-    if not write:
-        return result_
-    from .products import written
-
-    directory = out or flight.path.parent / "calibration"
-    progress(f"writing {directory}")
-    return replace(result_, files=written(result_, directory, flight))
 
 
 def _stated(flight: Flight) -> Stated:

@@ -1,0 +1,188 @@
+"""Verbs of the mounting calibration: tripod, similarity in flight, targets on both sensors."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..mounting_calibration.products import CalibratedMounting
+    from ..orient.mounting_file import MountingFile
+
+Source = str | os.PathLike[str]
+
+
+def read_mounting(path: Source) -> "MountingFile":
+    """Read a calibrated mounting, mounting.toml.
+
+    Parameters
+    ----------
+    path : the file.
+
+    Returns
+    -------
+    What it determines, with covariances, verdict, date, camera and inputs.
+
+    Raises
+    ------
+    InputError : the file is missing, or a key or a value in it is wrong.
+    """
+    from ..orient.mounting_file import read_mounting_file
+
+    return read_mounting_file(path)[0]
+
+
+def calibrate_tripod(
+    poses: Source,
+    pins: Source,
+    *,
+    out: Source | None = None,
+    pose_sigma: tuple[float, float] = (0.01, 0.01),
+    pin_sigma_m: float = 0.001,
+    crs: str | None = None,
+    photo: Source | None = None,
+    date: str = "",
+) -> "CalibratedMounting":
+    """Estimate the lever arm from camera to antenna of an aircraft on a tripod in several setups.
+
+    Parameters
+    ----------
+    poses : camera poses, one a setup: a table, eo.json, a block of Metashape, COLMAP, ...
+    pins : tips of the pin in the antenna's place, by the names of the poses.
+    out : mounting.toml to write, with a page beside it; None: none.
+    pose_sigma : m and deg, of poses whose file has no standard deviations.
+    pin_sigma_m : of pins whose table has none.
+    crs : of the pins, where they stand in one.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO.
+
+    Returns
+    -------
+    The mounting with verdicts: `mounting`, `summary()`, `as_dict()`.
+
+    Raises
+    ------
+    InputError : a file is wrong, or both do not belong together.
+    """
+    from ..mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..mounting_calibration.products import written
+    from ..mounting_calibration.tripod_files import TripodOptions
+    from ..mounting_calibration.tripod_files import calibrate_tripod as calibrate
+
+    options = TripodOptions(
+        PoseSigma(*pose_sigma), pin_sigma_m, PlaceOptions(crs), _path(photo), date
+    )
+    result = calibrate(Path(poses), Path(pins), options)
+    return result if out is None else written(result, Path(out))
+
+
+def calibrate_similarity(
+    cameras: Source,
+    antenna: Source,
+    *,
+    ground: Source | None = None,
+    points: Source | None = None,
+    camera: Source | None = None,
+    out: Source | None = None,
+    pose_sigma: tuple[float, float] = (0.01, 0.01),
+    antenna_sigma_m: tuple[float, float] | None = None,
+    crs: str | None = None,
+    photo: Source | None = None,
+    date: str = "",
+) -> "CalibratedMounting":
+    """Estimate the lever arm from camera to antenna of adjusted poses and antenna positions.
+
+    Parameters
+    ----------
+    cameras : adjusted poses in any frame: Metashape, COLMAP, OpenSfM, eo.json, a table, ...
+    antenna : antenna positions at exposures, by image, or the file of Metashape that has them.
+    ground : ground points, which are measured in images.
+    points : image observations of them, where `cameras` has none.
+    camera : camera.toml, where `cameras` has no interior orientation.
+    out : mounting.toml to write, with a page beside it; None: none.
+    pose_sigma : m and deg, of poses whose file has no standard deviations.
+    antenna_sigma_m : horizontal and vertical, in the place of the table's.
+    crs : of antenna positions and ground points, where they stand in one.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO.
+
+    Returns
+    -------
+    The mounting with verdicts: `mounting`, `summary()`, `as_dict()`.
+
+    Raises
+    ------
+    InputError : a file is wrong, or they do not belong together.
+    """
+    from ..mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..mounting_calibration.products import written
+    from ..mounting_calibration.similarity_files import SimilarityOptions
+    from ..mounting_calibration.similarity_files import calibrate_similarity as calibrate
+
+    options = SimilarityOptions(
+        PoseSigma(*pose_sigma),
+        antenna_sigma_m,
+        _path(ground),
+        _path(points),
+        _path(camera),
+        PlaceOptions(crs),
+        _path(photo),
+        date,
+    )
+    result = calibrate(Path(cameras), Path(antenna), options)
+    return result if out is None else written(result, Path(out))
+
+
+def calibrate_materialise(
+    camera: Source,
+    mounted: Source,
+    receiver: Sequence[Source],
+    *,
+    pose: Source | None = None,
+    image: str = "",
+    after: Source | None = None,
+    out: Source | None = None,
+    photo: Source | None = None,
+    date: str = "",
+) -> "CalibratedMounting":
+    """Estimate the lever arm from camera to antenna by targets on camera and receiver.
+
+    Parameters
+    ----------
+    camera : targets on the camera in a scaled frame, a table or a block.
+    mounted : targets on camera and receiver in one block of the aircraft, before the flight.
+    receiver : targets on the receiver and its phase centre (row `antenna`), a table a session.
+    pose : pose of an image that the camera itself took, in the frame of `camera`.
+    image : name of that image.
+    after : as `mounted`, after the flight.
+    out : mounting.toml to write, with a page beside it; None: none.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO.
+
+    Returns
+    -------
+    The mounting with verdicts: `mounting`, `summary()`, `as_dict()`.
+
+    Raises
+    ------
+    InputError : a file is wrong, or they do not belong together.
+    UsageError : the pose of the camera's own image is missing.
+    """
+    from ..mounting_calibration.materialise_files import MaterialiseOptions
+    from ..mounting_calibration.materialise_files import calibrate_materialise as calibrate
+    from ..mounting_calibration.products import written
+
+    options = MaterialiseOptions(
+        receiver=tuple(Path(path) for path in receiver),
+        pose=_path(pose),
+        image=image,
+        after=_path(after),
+        photo=_path(photo),
+        date=date,
+    )
+    result = calibrate(Path(camera), Path(mounted), options)
+    return result if out is None else written(result, Path(out))
+
+
+def _path(source: Source | None) -> Path | None:
+    return None if source is None else Path(source)

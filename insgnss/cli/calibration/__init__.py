@@ -1,0 +1,1 @@
+"""What `insgnss calibrate` does, one module a kind of calibration."""

@@ -1,0 +1,121 @@
+"""Poses of an adjusted block of any readable program, beside those of a flight.
+
+Poses with a place on the Earth are taken to the tangent plane of the flight, rigidly; so are those
+of axes of their own that lie where the flight's do. Others are tied by a similarity.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..formats.blocks.joined import matched
+from ..geodesy.frames import TangentPlane
+from ..records import ExteriorOrientation
+from ..records.block import Array
+from .poses import CameraPoses, read_camera_poses
+from .records import BlockPoses, Rows
+
+NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
+SIZE = 0.5, 2.0  # extent over that of the flight
+COVARIANCE = "poses_covariance.npz"  # beside a table of poses
+
+
+def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
+    """Read the poses of an adjusted block.
+
+    Parameters
+    ----------
+    path : Path
+        File or directory.
+    eo : ExteriorOrientation
+        Whose tangent plane has the axes of what is georeferenced.
+
+    Returns
+    -------
+    BlockPoses
+        All images with a pose.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    given = read_camera_poses(path)
+    notes = given.notes
+    if given.frame != "own":
+        given = given.in_plane(TangentPlane(*(float(x) for x in eo.origin)))
+        georeferenced = True
+    else:
+        georeferenced = _near(given.position, eo)
+        if georeferenced:
+            notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
+    cov = given.cov
+    whole = path.parent / COVARIANCE
+    if path.is_file() and whole.is_file():
+        cov = _whole(whole, given)
+        notes += (f"covariance of all poses together from {whole.name}",)
+    return BlockPoses(
+        given.images,
+        given.position,
+        given.C,
+        cov,
+        georeferenced,
+        str(path),
+        notes,
+        () if given.block is None else tuple(given.block.cameras),
+    )
+
+
+def _near(X: Array, eo: ExteriorOrientation) -> bool:
+    """Tell whether coordinates look like those of the flight's tangent plane."""
+    apart = X.mean(axis=0) - eo.position_m.mean(axis=0)
+    size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
+    low, high = SIZE
+    return bool(np.linalg.norm(apart) < NEAR_M and low < size / max(own, 1e-9) < high)
+
+
+def _whole(path: Path, poses: CameraPoses) -> Array:
+    """Return the covariance (6 n, 6 n) of all poses, in their order."""
+    with np.load(path) as file:
+        names, cov = [str(name) for name in file["images"]], np.asarray(file["cov"], dtype=float)
+    row = {name: k for k, name in enumerate(names)}
+    if missing := [name for name in poses.images if name not in row]:
+        raise InputError.at_line(path, None, f"has no image {missing[0]}; it is of other poses")
+    own = np.array([row[name] for name in poses.images])
+    columns = (6 * own[:, None] + np.arange(6)).ravel()
+    return np.asarray(cov[np.ix_(columns, columns)])
+
+
+def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:
+    """Return the images that both know.
+
+    Parameters
+    ----------
+    block : BlockPoses
+        The block.
+    eo : ExteriorOrientation
+        The flight.
+
+    Returns
+    -------
+    block : BlockPoses
+        These images, in the order of the flight.
+    rows : ndarray
+        Their rows in the flight's orientation, increasing.
+
+    Raises
+    ------
+    InputError
+        None is common.
+    """
+    row = matched(block.images, eo.images)
+    own = np.flatnonzero(row >= 0)
+    if not own.size:
+        raise InputError(
+            f"{block.source}: none of its {len(block.images)} images ({block.images[0]}, ...) is of"
+            f" this flight ({eo.images[0]}, ...); names are compared without directory, ending and"
+            " case"
+        )
+    own = own[np.argsort(row[own])]
+    return block.taken(own), row[own]
