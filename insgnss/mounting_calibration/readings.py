@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..base.errors import InsgnssError
+from ..geodesy.rotation import CV_RUB, opk_from_rotation, rotation_from_opk
 from ..records import Array
 
 BETTER = 5.0  # times, of a misfit
@@ -48,8 +49,40 @@ def position_readings(position: Array) -> Mapping[str, Array]:
     return out
 
 
+def attitude_readings(C: Array, opk: Array | None) -> Mapping[str, Array]:
+    """Return attitudes as other files would have them.
+
+    Parameters
+    ----------
+    C : ndarray, (n, 3, 3)
+        Attitudes as they stand: camera (x right, y down) to the axes.
+    opk : ndarray, (n, 3), or None
+        Angles of a table as they stand there, taken for degrees, rad.
+
+    Returns
+    -------
+    mapping of str to ndarray
+        By what was done to the file, as a clause about it.
+    """
+    if opk is None:
+        opk = opk_from_rotation(C @ CV_RUB)
+    return {
+        "its angles are radians": rotation_from_opk(np.degrees(opk)) @ CV_RUB,
+        "its angles are gon": rotation_from_opk(0.9 * opk) @ CV_RUB,
+        "its omega and kappa are exchanged": rotation_from_opk(opk[:, ::-1]) @ CV_RUB,
+        "its omega and phi are exchanged": rotation_from_opk(opk[:, [1, 0, 2]]) @ CV_RUB,
+        "its rotations take the axes into the camera": C.transpose(0, 2, 1),
+        "its angles have the opposite signs": rotation_from_opk(-opk) @ CV_RUB,
+        "its angles are those of the camera x right, y down": C @ CV_RUB,
+    }
+
+
 def named_reading(
-    as_it_is: float, readings: Mapping[str, Array], misfit: Misfit, good: float
+    as_it_is: float,
+    readings: Mapping[str, Array],
+    misfit: Misfit,
+    good: float,
+    better: float = BETTER,
 ) -> str:
     """Return the reading that fits best, in words.
 
@@ -63,6 +96,8 @@ def named_reading(
         Misfit of one; errors of the package count as none.
     good : float
         Misfit above which nothing is named.
+    better : float
+        How many times better it must fit.
 
     Returns
     -------
@@ -78,7 +113,7 @@ def named_reading(
     if not sizes:
         return ""
     best = min(sizes.values())
-    if best * BETTER >= as_it_is or best > good:
+    if best * better >= as_it_is or best > good:
         return ""
     return ", or ".join(words for words, size in sizes.items() if size <= ALIKE * best)
 

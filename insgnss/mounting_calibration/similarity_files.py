@@ -45,12 +45,15 @@ from .poses import (
     read_positions,
 )
 from .products import NO_IMU, CalibratedMounting, metashape_line, provenance
-from .readings import advice, named_reading, position_readings
+from .readings import advice, attitude_readings, named_reading, position_readings
 
 ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate
 LONG_M = 3.0  # along the flight direction: beyond, few aircraft have room
 STAMPS = 2.0  # residuals along the flight direction over those across it: of the stamps
+DOWNWARDS = -0.3  # vertical part of the mean viewing direction of what is named
+TILTED_DEG, LEVEL_DEG = 20.0, 10.0  # rms tilts beyond which, and below which, a reading is named
+MISS_PX, MISS_FACTOR = 5.0, 25.0  # rays to a ground point, and over their covariance: other data
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
 
@@ -132,7 +135,8 @@ def calibrate_similarity(
     if options.ground is not None:
         ground, more = _ground(camera, cameras, fixes.plane, options, scale)
         notes += more
-    result = _estimated(poses, ground, cameras, antenna)
+    result = _estimated(poses, ground, camera, cameras, antenna)
+    _refuse_attitudes(result, poses, camera, cameras)
     time = None if fixes.time is None else fixes.time[order]
     result, notes = _with_correlation(result, poses, notes)
     direction = flight_direction(position, result.frame.rotation @ camera.C, time)
@@ -206,6 +210,13 @@ def _ground(
             )
         except DataError as refusal:
             raise InputError(f"{cameras}: ground point {name}: {refusal}") from None
+        miss_px = np.sqrt(factor) * sigma * sensor.of("f")
+        if miss_px > MISS_PX and factor > MISS_FACTOR:
+            raise InputError(
+                f"{cameras}: rays of {len(k)} images miss ground point {name} by {miss_px:.0f} px"
+                f" rms (limit {MISS_PX:g} px): poses, camera and image observations are not of one"
+                " block, or attitudes count in other angles"
+            )
         # neighbouring poses have their error in common
         cov = cov * max(factor, 1.0) + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3)
         model.append(P)
@@ -255,47 +266,97 @@ def _surveyed(
 
 
 def _estimated(
-    poses: FlightPoses, ground: GroundPoints, cameras: Path, antenna: Path
+    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
 ) -> SimilarityLeverArm:
     """Estimate the lever arm; say of what does not fit in which other way it would."""
     try:
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
-        if len(poses.position) < 4:
-            raise InputError(f"{cameras}, {antenna}: {refusal}") from None
-
-        def misfit(value: Array) -> float:
-            result = similarity_lever_arm(replace(poses, antenna_m=value), ground)
-            return float(np.sqrt((result.residual_m**2).mean()))
-
-        def misfit_of_both(value: Array) -> float:
-            n = len(poses.antenna_m)
-            result = similarity_lever_arm(
-                replace(poses, antenna_m=value[:n]), replace(ground, surveyed_m=value[n:])
-            )
-            return float(np.sqrt((result.residual_m**2).mean()))
-
-        first = similarity(poses.position, poses.antenna_m)
-        as_it_is = np.inf
-        if first is not None:
-            as_it_is = float(
-                np.sqrt(((first.points(poses.position) - poses.antenna_m) ** 2).mean())
-            )
-        readings = {
-            key: value
-            for key, value in position_readings(poses.antenna_m).items()
-            if "metres" not in key and "feet" not in key  # its scale is estimated
-        }
-        bound = max(as_it_is, LONGEST_M)
-        words, name = named_reading(bound, readings, misfit, 0.1 * LONGEST_M), antenna.name
-        if not words and len(ground.model):
-            both = np.concatenate([poses.antenna_m, ground.surveyed_m])
-            axes = {k: v for k, v in position_readings(both).items() if k in readings}
-            axes = {k: v for k, v in axes.items() if "rows" not in k}
-            words = named_reading(bound, axes, misfit_of_both, 0.1 * LONGEST_M)
-            name = f"{antenna.name} and the ground points alike"
-        other = advice((f"of {name} {words}",)) if words else ""
+        other = ""
+        if len(poses.position) > 3:
+            other = advice(_other_readings(poses, ground, camera, cameras, antenna))
         raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
+
+
+def _other_readings(
+    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
+) -> tuple[str, ...]:
+    """Return the ways in which antenna positions, ground points or attitudes would fit."""
+
+    def misfit(poses: FlightPoses, ground: GroundPoints) -> float:
+        result = similarity_lever_arm(poses, ground)
+        viewing = (result.frame.rotation @ poses.C_rc)[:, 2, 2].mean()
+        return float(np.sqrt((result.residual_m**2).mean())) if viewing < DOWNWARDS else np.inf
+
+    n, good = len(poses.antenna_m), 0.1 * LONGEST_M
+    first = similarity(poses.position, poses.antenna_m)
+    as_it_is = LONGEST_M
+    if first is not None:
+        off = first.points(poses.position) - poses.antenna_m
+        as_it_is = max(as_it_is, float(np.sqrt((off**2).mean())))
+
+    def of_axes(position: Array, rows: bool) -> dict[str, Array]:
+        """Readings of positions whose scale is estimated."""
+        return {
+            key: value
+            for key, value in position_readings(position).items()
+            if "metres" not in key and "feet" not in key and (rows or "rows" not in key)
+        }
+
+    ways = []
+    words = named_reading(
+        as_it_is,
+        of_axes(poses.antenna_m, rows=True),
+        lambda value: misfit(replace(poses, antenna_m=value), ground),
+        good,
+    )
+    if words:
+        ways.append(f"of {antenna.name} {words}")
+    elif len(ground.model):
+        words = named_reading(
+            as_it_is,
+            of_axes(np.concatenate([poses.antenna_m, ground.surveyed_m]), rows=False),
+            lambda value: misfit(
+                replace(poses, antenna_m=value[:n]), replace(ground, surveyed_m=value[n:])
+            ),
+            good,
+        )
+        if words:
+            ways.append(f"of {antenna.name} and the ground points alike {words}")
+    words = named_reading(
+        as_it_is,
+        attitude_readings(poses.C_rc, camera.opk),
+        lambda value: misfit(replace(poses, C_rc=value), ground),
+        good,
+    )
+    if words and not any("rows" in way for way in ways):
+        ways.append(f"of {cameras.name} {words}")
+    return (", or ".join(ways),) if ways else ()
+
+
+def _refuse_attitudes(
+    result: SimilarityLeverArm, poses: FlightPoses, camera: CameraPoses, cameras: Path
+) -> None:
+    """Refuse attitudes of which another reading leaves the cameras level.
+
+    A lever arm of centimetres does not show in the residuals of what attitudes it is turned by.
+    """
+    if result.tilt_deg < TILTED_DEG:
+        return
+    R = result.frame.rotation
+
+    def tilt(C: Array) -> float:
+        up = (R @ C)[:, 2]
+        mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
+        return float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean())))
+
+    readings = attitude_readings(poses.C_rc, camera.opk)
+    words = named_reading(result.tilt_deg, readings, tilt, LEVEL_DEG, 2.5)
+    if words:
+        raise InputError(
+            f"{cameras}: cameras tilt by {result.tilt_deg:.0f} deg rms (limit {TILTED_DEG:g} deg"
+            f" where another reading leaves {LEVEL_DEG:g}){advice((f'of {cameras.name} {words}',))}"
+        )
 
 
 def _with_correlation(

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..calibrate.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
-from ..geodesy.rotation import CV_RUB, opk_from_rotation, rotation_from_opk
 from ..orient.mounting_file import MountingFile
 from ..records import Array
 from ..report.markup import Picture
@@ -23,7 +22,7 @@ from .poses import (
     read_positions,
 )
 from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
-from .readings import advice, named_reading, position_readings
+from .readings import advice, attitude_readings, named_reading, position_readings
 
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
@@ -200,17 +199,7 @@ def _other_readings(
     words = named_reading(as_it_is, position_readings(setups.pin_m), of_pins, MISFIT_M)
     if words:
         return (f"of {pins.name} {words}",)
-    if opk is None:
-        opk = opk_from_rotation(setups.C_mc @ CV_RUB)
-    angles = {
-        "its angles are radians": rotation_from_opk(np.degrees(opk)) @ CV_RUB,
-        "its angles are gon": rotation_from_opk(0.9 * opk) @ CV_RUB,
-        "its omega and kappa are exchanged": rotation_from_opk(opk[:, ::-1]) @ CV_RUB,
-        "its omega and phi are exchanged": rotation_from_opk(opk[:, [1, 0, 2]]) @ CV_RUB,
-        "its rotations take the axes into the camera": setups.C_mc.transpose(0, 2, 1),
-        "its angles have the opposite signs": rotation_from_opk(-opk) @ CV_RUB,
-        "its angles are those of the camera x right, y down": setups.C_mc @ CV_RUB,
-    }
+    angles = attitude_readings(setups.C_mc, opk)
     words = named_reading(as_it_is, angles, of_poses, MISFIT_M)
     if words:
         return (f"of {poses.name} {words}",)

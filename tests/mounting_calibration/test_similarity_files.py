@@ -209,6 +209,35 @@ def test_wrong_antenna_positions_are_refused_by_name(tmp_path, capsys, name, gro
     assert not (tmp_path / "mounting.toml").exists()
 
 
+ANGLES = {
+    "exchanged": (
+        lambda C: angles_of(C, lambda a: a[:, ::-1]),
+        "its omega and kappa are exchanged",
+    ),
+    "reversed": (lambda C: angles_of(C, lambda a: -a), "its angles have the opposite signs"),
+    "transposed": (lambda C: C.transpose(0, 2, 1), "its rotations take the axes into the camera"),
+    "other camera axes": (lambda C: C @ NADIR, "angles are those of the camera x right, y down"),
+}
+
+
+def angles_of(C, changed):
+    angles = changed(Rotation.from_matrix(C @ NADIR).as_euler("XYZ"))
+    return Rotation.from_euler("XYZ", angles).as_matrix() @ NADIR
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_wrong_attitudes_are_refused(tmp_path, capsys, name) -> None:
+    """Oracle: what was done to them; a lever arm of 15 cm hides them in residuals of 2 cm."""
+    flown, (changed, words) = Flown(), ANGLES[name]
+    flown.C = changed(flown.C)
+    flown.write(tmp_path)
+    assert run(tmp_path) == 3
+    assert words in capsys.readouterr().err
+    assert run(tmp_path, *GROUND) == 3
+    error = capsys.readouterr().err
+    assert re.search(r"ground point G\d(:| by \d+ px)", error), error
+
+
 def test_three_poses_are_too_few(tmp_path, capsys) -> None:
     """Oracle: ten unknowns."""
     FLOWN.write(tmp_path)
