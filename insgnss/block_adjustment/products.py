@@ -3,7 +3,7 @@ adjust.json and the page.
 
 eo.json       orientation of the images with aerial control, which `insgnss export` takes
 exports       as output.formats asks for
-poses.csv     every image, also those without a stamp
+poses.csv     every image, also those without a stamp; poses_covariance.npz where it is asked for
 camera_*      cameras with standard deviations
 mounting.toml tables that `insgnss process --mounting` takes
 adjust.json   everything that was found
@@ -37,6 +37,7 @@ from .processed import processed_with
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
+COVARIANCE = "poses_covariance.npz"
 
 FORM_FILES = {
     "metashape": "camera{}_metashape.xml",
@@ -101,6 +102,8 @@ def _write_orientation(
         for name in dict.fromkeys([*file.output.formats, "eo_json"]):
             export(eo, name, into / EXPORTS[name].product)
     write_poses(solved, into / POSES)
+    if file.output.pose_covariance:
+        write_pose_covariance(solved, into / COVARIANCE)
     figures["notes"] += _write_cameras(solved, into)
     if (mounting := adjusted_mounting(solved)) is not None:
         write_mounting_file(mounting, into / MOUNTING)
@@ -182,6 +185,23 @@ def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
     """
     T = eo.camera_from_body
     return nearest_rotation(T.T @ E.T @ T @ eo.boresight)
+
+
+def write_pose_covariance(solved: Solved, path: Path) -> None:
+    """Write the covariance of all poses together, data_specs/poses_covariance.md.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    path : Path
+        The file: `images` (n,), and `cov` (6 n, 6 n) of position (m) and psi (rad), image after
+        image, axes of the block.
+    """
+    images = solved.result.problem.block.images
+    keys = [(POSE, k) for k in range(len(images))]
+    with path.open("wb") as stream:
+        np.savez(stream, images=np.array(images), cov=solved.precision.cov(*keys))
 
 
 def write_poses(solved: Solved, path: Path) -> None:
@@ -301,10 +321,10 @@ def adjusted_mounting(solved: Solved) -> MountingFile | None:
         values["boresight"] = changed_boresight(eo, blocks[(BORESIGHT, 0)])
         values["boresight_cov"] = cov[BORESIGHT]
     if LEVER_ARM in estimated:
-        change = blocks[(LEVER_ARM, 0)]
+        change, E = blocks[(LEVER_ARM, 0)], blocks.get((BORESIGHT, 0), np.eye(3))
         for key in ("antenna_m", "imu_m"):
-            if before is not None:
-                values[key] = np.array(before["mounting"][key]) + change
+            if before is not None:  # the body's lever arms in the axes of the adjusted camera
+                values[key] = E.T @ np.array(before["mounting"][key]) + change
                 values[f"{key.removesuffix('_m')}_cov"] = cov[LEVER_ARM]
             else:
                 words = " ".join(f"{x:+.5f}" for x in change)

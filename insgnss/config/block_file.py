@@ -268,6 +268,12 @@ class BlockOutput:
     cameras: tuple[str, ...] = option(
         CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
     )
+    pose_covariance: bool = option(
+        False,
+        "write the covariance of all poses together, poses_covariance.npz (288 bytes by the square "
+        "of the number of images), which `insgnss calibrate mounting` takes beside poses.csv",
+        cli="--pose-covariance",
+    )
 
     def __post_init__(self) -> None:
         check(self, "output")

@@ -50,6 +50,12 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
         georeferenced = _near(given.position, eo)
         if georeferenced:
             notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
+    if _with_aerial_control(path):
+        notes += (
+            f"{path.name} was adjusted with aerial control: if that of this flight, it counts"
+            " twice, and standard deviations are too small; leave aerial_control.file out, or take the"
+            " mounting.toml of that adjustment",
+        )
     cov = given.cov
     whole = path.parent / COVARIANCE
     if path.is_file() and whole.is_file():
@@ -65,6 +71,21 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
         notes,
         () if given.block is None else tuple(given.block.cameras),
     )
+
+
+def _with_aerial_control(path: Path) -> bool:
+    """Tell whether poses say of themselves that a trajectory helped to adjust them."""
+    if not path.is_file():
+        return False
+    if path.suffix.lower() == ".json":
+        return '"adjusted with ' in path.read_text(encoding="utf-8", errors="replace")
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        lines = [line.rstrip("\n") for line in stream if not line.startswith("#")][:100000]
+    head = lines[0].split(",") if lines else []
+    if "aerial_control" not in head:
+        return False
+    column = head.index("aerial_control")
+    return any(line.split(",")[column : column + 1] == ["yes"] for line in lines[1:])
 
 
 def _near(X: Array, eo: ExteriorOrientation) -> bool:

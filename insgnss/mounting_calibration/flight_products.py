@@ -63,9 +63,7 @@ def calibrated(
     )
 
 
-def mounting_file(
-    result: MountingResult, flight: Flight, origin: Provenance
-) -> MountingFile:
+def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) -> MountingFile:
     """Return what goes into mounting.toml.
 
     Of a vector or bore-sight of which some components are determined the others are the flight
@@ -179,7 +177,8 @@ def _residuals(result: MountingResult) -> tuple[Array, dict[str, Array]]:
     """Return residuals in body axes, and what they are drawn over."""
     solved = result.solved
     eo, rows = solved.flight.eo, solved.rows
-    assert eo.velocity_mps is not None and eo.rate_radps is not None
+    assert eo.velocity_mps is not None
+    assert eo.rate_radps is not None
     C_mb = eo.C_mc[rows] @ solved.flight.mounting.C_cb
     e = solved.residuals
     body = np.hstack([np.einsum("nji,nj->ni", C_mb, part) for part in (e[:, :3], e[:, 3:])])

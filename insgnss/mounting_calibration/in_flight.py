@@ -1,4 +1,4 @@
-"""The whole job of `insgnss calibrate mounting`: process, read, adjust, process again, judge, write.
+"""The whole job of `insgnss calibrate mounting`: process, read, adjust, process again, judge.
 
 The flight is processed with a wide a-priori sigma of the antenna's lever arm, the mounting adjusted
 to the poses of the block, and the flight processed once more with what came out, until corrections
@@ -10,11 +10,11 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.files import sha256
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
 from ..geodesy.gpstime import calendar_from_gps
@@ -25,13 +25,19 @@ from ..geodesy.rotation import (
 )
 from ..orient.mounting import Mounting
 from ..orient.mounting_file import DELAY, VECTORS
-from ..base.files import sha256
 from ..processing.pipeline import ProcessResult, process
 from ..records.block import Array
-from .judgement import CONTRADICTING, USEFUL, Component, components, linear_functions, misread_boresight
+from .block_poses import block_poses, common_images
+from .judgement import (
+    CONTRADICTING,
+    USEFUL,
+    Component,
+    components,
+    linear_functions,
+    misread_boresight,
+)
 from .plausibility import Path as FlownPath
 from .plausibility import refuse_frame, refuse_implausible
-from .block_poses import block_poses, common_images
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import FIRST_ATTITUDE, FIRST_POSITION, Assumptions, Solved, solve
 
@@ -95,10 +101,9 @@ class MountingResult:
         return words
 
 
-
 def _group(component: Component) -> str:
-    return component.name.partition(" about ")[0].partition("arm ")[0].replace(
-        "lever ", "lever arm"
+    return (
+        component.name.partition(" about ")[0].partition("arm ")[0].replace("lever ", "lever arm")
     )
 
 
@@ -145,15 +150,12 @@ def calibrate_mounting(
     stated = _stated(flight)
     mounting, delay = flight.mounting, stated.delay_s
     corrections: list[float] = []
-    block: BlockPoses | None = None
+    given: BlockPoses | None = poses if isinstance(poses, BlockPoses) else None
     for number in range(ROUNDS):
         flown, result = _flown(flight, mounting, delay, assumptions, progress)
-        if block is None:
-            given = (
-                poses
-                if isinstance(poses, BlockPoses)
-                else block_poses(poses, flown.eo)
-            )
+        if given is None:
+            assert isinstance(poses, Path)
+            given = block_poses(poses, flown.eo)
         block, rows = common_images(given, flown.eo)
         if number == 0:
             progress("are these poses of this flight")
@@ -167,6 +169,7 @@ def calibrate_mounting(
         mounting, delay = new, new_delay
         if corrections[-1] < SETTLED:
             break
+    assert given is not None
     left = len(given.images) - block.position.shape[0]
     notes = list(block.notes)
     if left:
@@ -233,7 +236,8 @@ def _flown(
         output=replace(flight.output, strip_covariance=True, trajectory_hz=TRAJECTORY_HZ),
     )
     result = process(changed, None, progress, write=False)
-    assert result.eo is not None and result.common is not None
+    assert result.eo is not None
+    assert result.common is not None
     return FlightPoses(result.eo, result.strips, result.common, mounting, delay), result
 
 
@@ -243,9 +247,7 @@ def _path(result: ProcessResult, flown: FlightPoses) -> FlownPath:
     plane = TangentPlane(*(float(x) for x in flown.eo.origin))
     C_mb = plane.C_mn(t.lat, t.lon) @ t.C_nb
     X = plane.position_from_geodetic(t.lat, t.lon, t.height)
-    return FlownPath(
-        t.time, X + C_mb @ flown.mounting.camera_lever_b, C_mb @ flown.mounting.C_cb.T
-    )
+    return FlownPath(t.time, X + C_mb @ flown.mounting.camera_lever_b, C_mb @ flown.mounting.C_cb.T)
 
 
 def determined(
@@ -337,8 +339,8 @@ def _statistics(solved: Solved) -> list[str]:
     spread = np.sqrt(2.0 / max(redundancy, 1.0))
     if abs(f - 1.0) > 4.0 * spread:
         notes.append(
-            f"the flight's errors are {np.sqrt(f):.2f} times as large as its covariances say; so may"
-            " be those of the mounting"
+            f"the flight's errors are {np.sqrt(f):.2f} times as large as its covariances say; so"
+            " may be those of the mounting"
         )
     return notes
 

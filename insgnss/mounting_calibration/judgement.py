@@ -264,7 +264,9 @@ def linear_functions(
     moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
     place = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
     place |= {"turn": TURN, "scale": SCALE}
-    shift = solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
+    shift = (
+        solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
+    )
     delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
     found = {"boresight": beta, "delay": delay, moved: shift}
     found |= {"turn": np.zeros(3), "scale": np.zeros(1)}
@@ -387,7 +389,9 @@ def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> 
     limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
     tried = [("transposed (body and camera exchanged)", B0.T)]
     for signs in product((1.0, -1.0), repeat=3):
-        flipped = [name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0]
+        flipped = [
+            name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0
+        ]
         if flipped:
             words = f"with the other sign of {' and '.join(flipped)}"
             tried.append((words, rotation_from_opk(angles * signs)))

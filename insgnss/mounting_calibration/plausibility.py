@@ -31,6 +31,7 @@ HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
 HOPELESS_SIGMAS = 6.0
 FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
 FEWEST = 4
+OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
 TURNED = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
 
@@ -145,6 +146,12 @@ def refuse_implausible(
         )
     eo = flight.eo
     given = misfit(block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
+    if given.position_m < OWN_M and given.attitude_rad < OWN_RAD:
+        raise InputError(
+            f"{block.source}: its poses are those of the flight itself"
+            f" ({1e3 * given.position_m:.2f} mm rms beside them), which say nothing of the mounting; give poses that an adjustment of"
+            " the images gave"
+        )
     if given.size < 1.0:
         return
     best = min(
@@ -178,15 +185,15 @@ def _readings(
         if k and n - abs(k) >= FEWEST:
             own, other = slice(max(-k, 0), n - max(k, 0)), slice(max(k, 0), n - max(-k, 0))
             text = (
-                f"where each image has the pose of the {abs(k)}. image {'before' if k > 0 else 'after'}"
-                " it: check how names and events were joined"
+                f"where each image has the pose {abs(k)} {'before' if k > 0 else 'behind'} it in"
+                " the order of exposure: check how names and events were joined"
             )
             yield misfit(X[own], C[own], X_o[other], C_o[other]), text
     text = "in the reversed order of images: check how names and poses were joined"
     yield misfit(X[::-1], C[::-1], X_o, C_o), text
-    for words, other in position_readings(X).items():
+    for words, turned in position_readings(X).items():
         if not any(word in words for word in ("metres", "feet", "rows")):
-            yield misfit(other, C, X_o, C_o), f"where {words}: the coordinates are of other axes"
+            yield misfit(turned, C, X_o, C_o), f"where {words}: the coordinates are of other axes"
     for words, turned in attitude_readings(C, None).items():
         yield misfit(X, turned, X_o, C_o), f"where {words}"
     if path is not None:
@@ -256,8 +263,8 @@ def refuse_frame(solved: Solved) -> None:
     if abs(s - 1.0) > max(SCALE_OFF, SCALE_SIGMAS * sigma):
         raise InputError(
             f"{source}: the block is {abs(s - 1.0) * 100.0:.2f} % too"
-            f" {'large' if s < 1.0 else 'small'} for its coordinates ({sigma * 100.0:.4f} % standard"
-            " deviation): its scale was held to an incorrect value, or heights and positions are of"
+            f" {'large' if s < 1.0 else 'small'} for its coordinates ({sigma * 100.0:.4f} %"
+            " standard deviation): its scale was held to an incorrect value, or heights and positions are of"
             " two systems; adjust it with positions of this flight, or take it as a block without"
             " coordinates (--frame similarity)"
         )

@@ -26,7 +26,8 @@ Q is what adjustments state least well: none by most programs, and of each image
 Errors that neighbours share bend a block. Unless Q is that of all images together, polynomials of
 the place (x, y) in the block, from -1 to 1, are unknowns beside the similarity,
 
-    dX = sum_j p_j b_j, p = (x^2, x y, y^2);    dpsi = sum_j q_j g_j, q = (x, y, x^2, x y, y^2)  (L.5)
+    dX = sum_j p_j b_j,    p = (x^2, x y, y^2)
+    dpsi = sum_j q_j g_j,    q = (x, y, x^2, x y, y^2)                                       (L.5)
 
 which no constant of a mounting resembles where headings differ. Q has a factor f by the residuals
 themselves; where it is not stated, positions and attitudes have one each (restricted maximum
@@ -101,8 +102,8 @@ class Assumptions:
     lever_arm_sigma_m : float
         Of each component of the lever arm from IMU to antenna, under which the flight was solved.
     frame : str
-        "auto" and "similarity": a similarity, "auto" with a georeferenced block refused whose scale is
-        another; "shift": turn and scale of the block are those of the tangent plane.
+        "auto" and "similarity": a similarity, "auto" with a georeferenced block refused whose scale
+        is another; "shift": turn and scale of the block are those of the tangent plane.
     """
 
     shift_sigma_m: float | None = None
@@ -284,7 +285,7 @@ class Solved:
             Covariance of the unknowns.
         """
         PJ = self.cov @ J.T
-        gain = PJ @ np.linalg.inv(J @ PJ + sigma**2 * np.eye(len(J)))
+        gain = PJ @ inverse(J @ PJ + sigma**2 * np.eye(len(J)))
         return gain @ off, self.cov - gain @ PJ.T
 
     def with_line(self, variant: Variant) -> Array:
@@ -312,8 +313,8 @@ class Solved:
         for name in (TRANSLATION, TURN, SCALE):
             A[:, self.place[name]] = line.A[:, self.place[name]]
         A[:, self.place[TIME_OFFSET]] *= variant.speed
-        N = np.linalg.inv(self.cov)
-        return np.linalg.inv(N + A.T @ (M @ W @ M.T) @ A)
+        N = inverse(self.cov)
+        return inverse(N + A.T @ (M @ W @ M.T) @ A)
 
     def _longest(self) -> tuple[Line, Array]:
         """Return the longest flight line, and its weight by itself."""
@@ -327,7 +328,7 @@ class Solved:
             c = (6 * at[:, None] + np.arange(6)).ravel()
             Q = tuple(part[np.ix_(c, c)] for part in line.Q)
             own = Line(rows, line.e[c], line.A[c], line.P[np.ix_(c, c)], Q)
-            return own, np.linalg.inv(covariance(own, self.factors))
+            return own, inverse(covariance(own, self.factors))
         raise AssertionError("a flight line stands in one of the lines")
 
     def sigma(self, name: str) -> Array:
@@ -435,7 +436,7 @@ def solve(
         dict(model.values),
         model.place,
         model.common,
-        np.linalg.inv(N),
+        inverse(N),
         lines,
         factors,
         stated,
@@ -531,7 +532,8 @@ class _Model:
         """Linearise every line at the values."""
         flight, values = self.flight, self.values
         eo = flight.eo
-        assert eo.velocity_mps is not None and eo.rate_radps is not None
+        assert eo.velocity_mps is not None
+        assert eo.rate_radps is not None
         R, s = values[TURN], float(values[SCALE][0])
         arm = s * (self.block.position - self.origin) @ R.T
         X, C = values[TRANSLATION] + arm, R @ self.block.C_rc
@@ -599,7 +601,7 @@ class _Model:
         N, b = self._prior()
         weights = []
         for line in lines:
-            W = np.linalg.inv(covariance(line, factors))
+            W = inverse(covariance(line, factors))
             weights.append(W)
             N += line.A.T @ W @ line.A
             b = b + line.A.T @ (W @ line.e)
@@ -610,7 +612,7 @@ class _Model:
         for _ in range(ITERATIONS):
             lines = self.linearised()
             N, b, _ = self.normals(lines, factors)
-            dx = np.linalg.solve(N, b)
+            dx = np.asarray(np.linalg.solve(N, b), dtype=np.float64)
             self._move(dx)
             if float(dx @ N @ dx) < CONVERGED**2 * self.size:
                 return self.linearised()
@@ -638,11 +640,11 @@ class _Model:
     ) -> tuple[tuple[float, ...], tuple[float, float]]:
         """Return the next factors (L.3), and the factor of the flight with its redundancy."""
         N, _, weights = self.normals(lines, factors)
-        inverse = np.linalg.inv(N)
+        made = inverse(N)
         square, trace = np.zeros(len(factors) + 1), np.zeros(len(factors) + 1)
         for line, W in zip(lines, weights, strict=True):
             u, WA = W @ line.e, W @ line.A
-            rest = W - WA @ inverse @ WA.T
+            rest = W - WA @ made @ WA.T
             parts = [f * part for part, f in zip(line.Q, factors, strict=True)]
             for i, part in enumerate((*parts, line.P)):
                 square[i] += u @ part @ u
@@ -654,6 +656,23 @@ class _Model:
             if trace[i] >= ENOUGH or (self.block.cov is None and trace[i] > 0.0):
                 new[i] = max(factor * float(square[i] / trace[i]), LEAST_FACTOR)
         return tuple(new), (float(square[-1] / max(trace[-1], 1e-12)), float(trace[-1]))
+
+
+def inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray, (u, u)
+        Positive definite.
+
+    Returns
+    -------
+    ndarray, (u, u)
+        Symmetric.
+    """
+    made = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    return 0.5 * (made + made.T)
 
 
 def covariance(line: Line, factors: tuple[float, ...]) -> Array:
