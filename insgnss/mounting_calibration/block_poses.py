@@ -53,8 +53,8 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
     if _with_aerial_control(path):
         notes += (
             f"{path.name} was adjusted with aerial control: if that of this flight, it counts"
-            " twice, and standard deviations are too small; leave aerial_control.file out, or take the"
-            " mounting.toml of that adjustment",
+            " twice, and standard deviations are too small; leave aerial_control.file out, or take"
+            " the mounting.toml of that adjustment",
         )
     cov = given.cov
     whole = path.parent / COVARIANCE

@@ -13,7 +13,7 @@ deviations of the difference, whatever else would determine it better.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -35,7 +35,8 @@ USEFUL["shift"] = 0.02
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
 CONTRADICTS, DOUBTFUL = 4.0, 2.5
-CORRELATED = 0.9
+HELPS = 0.5  # of a sigma, that remains if something else were known
+ONE_HEADING = 0.9  # length of the mean of unit vectors
 DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
 UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
 METRES = (1e3, "mm", 1)
@@ -297,28 +298,50 @@ def _direction(C_cb: Array, axis: int) -> str:
 
 
 def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) -> str:
-    """Return what a component cannot be told from, with the fact that is behind it."""
-    sigma = np.sqrt(np.diagonal(V))
-    rho = np.abs(V[k] / (sigma[k] * sigma))
-    rho[k] = 0.0
+    """Return what a component cannot be told from, with the fact that is behind it.
+
+    That is what would reduce its sigma most if it were known: one component, or two together.
+    """
     twin = {"antenna_m": "imu_m", "imu_m": "antenna_m"}.get(names[k][0])
-    rho[[j for j, name in enumerate(names) if name[0] == twin]] = 0.0  # both say camera and frame
-    others = [int(j) for j in np.argsort(-rho) if rho[j] > CORRELATED][:2]
-    if not others:
+    first = float(np.sqrt(V[k, k]))
+    others: tuple[int, ...] = ()
+    for free in (
+        [j for j, name in enumerate(names) if j != k and name[0] != twin],
+        [j for j in range(len(names)) if j != k],
+    ):
+        known = [(_left(V, k, own), own) for n in (1, 2) for own in combinations(free, n)]
+        alone = min(item for item in known if len(item[1]) == 1)
+        left, others = alone if alone[0] < HELPS * first else min(known)
+        if left < HELPS * first:
+            break
+    else:
+        if names[k][0] == "imu_m":
+            return "poses tell the antenna's place, hardly the IMU's: measure it on the aircraft"
         return "the poses are not precise enough"
-    words = " and ".join(f"{names[j][2]} (correlation {rho[j]:.3f})" for j in others)
+    factor, unit, digits = UNITS.get(names[k][0], METRES)
+    left *= factor
+    words = f"not told from {' and '.join(names[j][2] for j in others)}"
+    words += f" (were {'they' if len(others) > 1 else 'it'} known, {left:.{digits}f} {unit}"
+    words += f" instead of {factor * first:.{digits}f})"
     groups = {names[k][0], *(names[j][0] for j in others)}
-    reasons = []
+    vertical = any(w in names[i][2] for i in (k, *others) for w in ("up", "down"))
     if "delay" in groups:
         low, high = facts.speed
-        reasons.append(f"speed was {low:.1f} to {high:.1f} m/s throughout")
-    elif groups & {"shift", "antenna_m", "imu_m"}:
-        vertical = "up" in names[k][2] or "down" in names[k][2]
-        if not vertical and facts.headings > 0.9:
-            reasons.append("one heading")
-        else:
-            reasons.append(f"tilts of {facts.tilt_deg:.1f} deg rms")
-    return f"not told from {words}" + "".join(f": {reason}" for reason in reasons)
+        words += f": speed was {low:.1f} to {high:.1f} m/s throughout"
+    elif not vertical and facts.headings > ONE_HEADING:
+        words += ": one heading"
+    elif groups & {"shift", "translation", "antenna_m", "imu_m"}:
+        words += f": tilts of {facts.tilt_deg:.1f} deg rms"
+    return words
+
+
+def _left(V: Array, k: int, known: tuple[int, ...]) -> float:
+    """Return the sigma of component k if others were known."""
+    own = list(known)
+    sigma = np.sqrt(np.diagonal(V)[own])
+    R = V[np.ix_(own, own)] / np.outer(sigma, sigma) + 1e-12 * np.eye(len(own))
+    c = V[k, own] / sigma
+    return float(np.sqrt(max(V[k, k] - c @ np.linalg.solve(R, c), 0.0)))
 
 
 def _variants() -> tuple[Variant, ...]:

@@ -31,6 +31,8 @@ HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
 HOPELESS_SIGMAS = 6.0
 FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
 FEWEST = 4
+OWN_FACTOR, ENOUGH = 0.01, 50.0  # of the flight's variances by the residuals, and redundancy
+NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
 TURNED = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
@@ -149,8 +151,7 @@ def refuse_implausible(
     if given.position_m < OWN_M and given.attitude_rad < OWN_RAD:
         raise InputError(
             f"{block.source}: its poses are those of the flight itself"
-            f" ({1e3 * given.position_m:.2f} mm rms beside them), which say nothing of the mounting; give poses that an adjustment of"
-            " the images gave"
+            f" ({1e3 * given.position_m:.2f} mm rms beside them), {NOTHING}"
         )
     if given.size < 1.0:
         return
@@ -232,7 +233,7 @@ def _other_times(
 
 
 def refuse_frame(solved: Solved) -> None:
-    """Refuse a bore-sight that is none, and a georeferenced block of another scale.
+    """Refuse poses of the flight itself, a bore-sight that is none, and a block of another scale.
 
     Parameters
     ----------
@@ -245,6 +246,12 @@ def refuse_frame(solved: Solved) -> None:
         With what would explain it.
     """
     E, source = solved.boresight_change, solved.block.source
+    factor, redundancy = solved.flight_factor
+    if redundancy > ENOUGH and factor < OWN_FACTOR:
+        raise InputError(
+            f"{source}: its poses agree with the flight {factor**-0.5:.0f} times better than the"
+            f" flight's covariances allow: they are of this flight's own trajectory, {NOTHING}"
+        )
     if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > TURNED:
         near = np.round(E)
         T = near.T @ solved.flight.eo.camera_from_body
@@ -264,9 +271,9 @@ def refuse_frame(solved: Solved) -> None:
         raise InputError(
             f"{source}: the block is {abs(s - 1.0) * 100.0:.2f} % too"
             f" {'large' if s < 1.0 else 'small'} for its coordinates ({sigma * 100.0:.4f} %"
-            " standard deviation): its scale was held to an incorrect value, or heights and positions are of"
-            " two systems; adjust it with positions of this flight, or take it as a block without"
-            " coordinates (--frame similarity)"
+            " standard deviation): its scale was held to an incorrect value, or heights and"
+            " positions are of two systems; adjust it with positions of this flight, or take it as a"
+            " block without coordinates (--frame similarity)"
         )
 
 

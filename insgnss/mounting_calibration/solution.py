@@ -310,11 +310,26 @@ class Solved:
         m = line.rows.size
         M = np.kron(np.eye(2 * m), turn)
         A = M @ line.A
-        for name in (TRANSLATION, TURN, SCALE):
-            A[:, self.place[name]] = line.A[:, self.place[name]]
+        for name in (TRANSLATION, TURN, SCALE, BENDING):
+            if name in self.place:
+                A[:, self.place[name]] = line.A[:, self.place[name]]
         A[:, self.place[TIME_OFFSET]] *= variant.speed
+        self._keep_levels(A, line, turn)
         N = inverse(self.cov)
         return inverse(N + A.T @ (M @ W @ M.T) @ A)
+
+    def _keep_levels(self, A: Array, line: Line, turn: Array) -> None:
+        """Keep the common errors of the positions as they were, but for those of the lever arm.
+
+        Tilts by biases and lever arms turn with the aircraft, errors of the fixes do not.
+        """
+        flight = self.flight
+        k = int(flight.common.segment[line.rows[0]])
+        where, own = self.place[f"{COMMON} {k}"], flight.common.lever_arm
+        of_line = line.A.reshape(line.rows.size, 6, -1)[:, :3, where]
+        C_mb = flight.eo.C_mc[line.rows] @ flight.mounting.C_cb
+        arm = np.zeros_like(of_line) if own is None else C_mb @ own[k]
+        A.reshape(line.rows.size, 6, -1)[:, :3, where] = of_line - arm + turn @ arm
 
     def _longest(self) -> tuple[Line, Array]:
         """Return the longest flight line, and its weight by itself."""

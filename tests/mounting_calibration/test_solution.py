@@ -1,0 +1,209 @@
+"""Lever arms, bore-sight and delay from poses: exact values, covariances, verdicts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from posed_flights import (
+    ANTENNA,
+    DELAY_S,
+    IMU,
+    LEVER_SIGMA_M,
+    ONE_HEADING,
+    PLAIN,
+    Plan,
+    only,
+    posed,
+)
+from scipy.stats import chi2
+
+from insgnss.adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from insgnss.geodesy.rotation import rotation_from_opk, vector_from_rotation
+from insgnss.mounting_calibration.judgement import (
+    CONTRADICTING,
+    DETERMINED,
+    UNDETERMINED,
+    components,
+    misread_boresight,
+)
+from insgnss.mounting_calibration.records import Stated
+from insgnss.mounting_calibration.solution import SCALE, TRANSLATION, Assumptions, solve
+
+KNOWN = Assumptions(lever_arm_sigma_m=LEVER_SIGMA_M)
+
+
+def solved(of, **known):
+    return solve(of.block, of.flight, of.rows, replace(KNOWN, **known))
+
+
+def errors(of, result):
+    """True minus found (beta, antenna, imu, delay) and its covariance."""
+    E = of.flight.mounting.C_cb @ of.mounting.C_cb.T
+    beta = vector_from_rotation(E @ result.boresight_change.T)
+    antenna, imu = result.lever_arms()
+    J = np.zeros((10, len(result.cov)))
+    J[:3, result.place[BORESIGHT]] = np.eye(3)
+    J[3:9] = result.lever_arm_derivatives()
+    J[9:, result.place[TIME_OFFSET]] = 1.0
+    delay = DELAY_S - result.values[TIME_OFFSET]
+    e = np.concatenate([beta, ANTENNA - antenna, IMU - imu, delay])
+    return e, J @ result.cov @ J.T
+
+
+@pytest.mark.parametrize("georeferenced", [True, False])
+def test_without_errors_the_mounting_comes_out(georeferenced) -> None:
+    """Oracle: the mounting that the poses were made with; what is left is the prior of 0.3 m."""
+    of = posed(noise=0.0, georeferenced=georeferenced)
+    e, _ = errors(of, solved(of))
+    assert np.degrees(np.abs(e[:3]).max()) < 2e-4
+    assert np.abs(e[3:5]).max() < 1e-4  # forward and right; a tilt of 3 deg tells less of down
+    assert abs(e[5]) < 2e-3
+    assert abs(e[9]) < 1e-5
+
+
+def test_errors_have_the_covariance_that_is_told() -> None:
+    """Oracle: chi-square over 40 flights, bore-sight, antenna and delay jointly, 99.9 %."""
+    squares, flights = [], 40
+    own = [0, 1, 2, 3, 4, 5, 9]
+    for seed in range(flights):
+        of = posed(seed=seed, georeferenced=bool(seed % 2))
+        e, P = errors(of, solved(of))
+        squares.append(e[own] @ np.linalg.solve(P[np.ix_(own, own)], e[own]))
+    low, high = chi2.ppf((5e-4, 1 - 5e-4), 7 * flights) / (7 * flights)
+    assert low < np.mean(squares) / 7.0 < high
+
+
+def test_whole_covariance_is_that_of_images_where_they_are_independent() -> None:
+    """Oracle: the other path through the adjustment, without the bending that it has not."""
+    of = posed(seed=3)
+    few = only(of, np.arange(0, 60, 3))  # too few images for a bending
+    n = few.rows.size
+    whole = np.zeros((n, 6, n, 6))
+    whole[np.arange(n), :, np.arange(n)] = few.block.cov
+    joint = replace(few, block=replace(few.block, cov=whole.reshape(6 * n, 6 * n)))
+    (e, P), (e_joint, P_joint) = errors(few, solved(few)), errors(joint, solved(joint))
+    np.testing.assert_allclose(e_joint, e, atol=1e-3 * np.sqrt(np.diag(P)).min())
+    np.testing.assert_allclose(P_joint, P, rtol=1e-3, atol=1e-4 * np.diag(P).max())
+
+
+def test_bending_of_a_block_is_no_mounting() -> None:
+    """A block that sags by 8 cm between centre and rim; without (L.5) the delay is 4 sigma off."""
+    of = posed(seed=5)
+    X = of.block.position
+    r2 = (X[:, :2] ** 2).sum(axis=1) / 150.0**2
+    bent = X + np.outer(r2, [0.0, 0.05, 0.08])
+    e, P = errors(of, solved(replace(of, block=replace(of.block, position=bent))))
+    assert (np.abs(e) < 4.0 * np.sqrt(np.diag(P))).all()
+
+
+def test_poses_without_covariance_get_it_from_their_residuals() -> None:
+    """Oracle: what they were made with, 10 mm and 0.003 deg; 300 values tell it to 15 %."""
+    of = posed(seed=7)
+    result = solved(replace(of, block=replace(of.block, cov=None)))
+    assert not result.stated
+    position = 0.02 * np.sqrt(result.factors[0])
+    assert position == pytest.approx(0.010, rel=0.3)
+    e, P = errors(of, result)
+    assert (np.abs(e) < 4.0 * np.sqrt(np.diag(P))).all()
+
+
+def test_one_heading_at_one_speed_gives_no_lever_arm_and_no_delay() -> None:
+    of = posed(ONE_HEADING, seed=2)
+    judged = {c.name: c for c in components(solved(of), of.stated)}
+    for name, c in judged.items():
+        if "arm" in name or "delay" in name:
+            assert c.verdict == UNDETERMINED, name
+            assert c.text.startswith("sigma")
+    delay = judged["camera delay"]
+    assert "speed was 1" in delay.why
+    forward = judged["antenna lever arm x (backward)"]
+    assert "camera delay" in forward.why
+    assert "speed was 1" in forward.why
+    assert judged["bore-sight about z"].determined
+
+
+def test_what_is_advised_helps() -> None:
+    """Oracle: the flight with the line that is advised, flown and adjusted."""
+    of = posed(ONE_HEADING, seed=2)
+    judged = {c.name: c for c in components(solved(of), of.stated)}
+    right = judged["antenna lever arm y (left)"]
+    opposite = next(r for r in right.remedies if "opposite direction would" in r)
+    told = float(opposite.split()[-2])
+    plan = Plan((10.0,) * 4 + (190.0,), (15.0,) * 5, 12, 0.5, 0.0, 0.05)
+    more = posed(plan, seed=2)
+    again = {c.name: c for c in components(solved(more), more.stated)}
+    flown = 1e3 * again["antenna lever arm y (left)"].sigma
+    assert right.sigma > 0.05
+    assert told == pytest.approx(flown, rel=0.4)
+
+
+def test_a_slower_line_tells_delay_from_lever_arm() -> None:
+    """Two directions at one speed do not tell them apart; the advice is the slower line."""
+    level = Plan((10.0, 190.0, 10.0, 190.0), (15.0,) * 4, 12, 0.5, 0.0, 0.05)
+    of = posed(level, seed=4)
+    judged = {c.name: c for c in components(solved(of), of.stated)}
+    delay = judged["camera delay"]
+    assert delay.verdict == UNDETERMINED
+    assert "antenna lever arm x (backward)" in delay.why
+    forward = judged["antenna lever arm x (backward)"]
+    assert "camera delay" in forward.why
+    assert any("70 % of the speed" in remedy for remedy in forward.remedies)
+    slower = posed(replace(level, speeds=(15.0, 15.0, 10.0, 10.0)), seed=4)
+    again = {c.name: c for c in components(solved(slower), slower.stated)}
+    assert again["camera delay"].verdict == DETERMINED
+
+
+def test_ground_control_determines_the_vertical_lever_arm() -> None:
+    of = posed(seed=6)
+    free = {c.name: c for c in components(solved(of), of.stated)}
+    held = {c.name: c for c in components(solved(of, shift_sigma_m=0.002), of.stated)}
+    name = "antenna lever arm z (down)"
+    assert held[name].sigma < 0.6 * free[name].sigma
+    assert held[name].determined
+
+
+def test_a_flight_file_that_is_wrong_is_contradicted() -> None:
+    of = posed(seed=8)
+    keys = frozenset({"antenna_m", "boresight", "delay"})
+    judged = {c.name: c for c in components(solved(of), replace(of.stated, keys=keys))}
+    assert judged["antenna lever arm x (backward)"].verdict == CONTRADICTING
+    assert judged["camera delay"].verdict == CONTRADICTING
+    assert "sigma" in judged["camera delay"].why
+    right = replace(of.stated, mounting=of.mounting, delay_s=DELAY_S, keys=keys)
+    fine = components(solved(of), right)
+    assert not [c.name for c in fine if c.verdict == CONTRADICTING]
+
+
+@pytest.mark.parametrize(
+    ("angles", "words"),
+    [
+        ([-0.657, 0.574, -0.513], "with the other sign of phi"),
+        ([0.657, 0.574, -0.513], "with the other sign of omega and phi"),
+    ],
+)
+def test_a_bore_sight_with_a_wrong_sign_is_named(angles, words) -> None:
+    """Oracle: the sign that was changed."""
+    of = posed(seed=9)
+    true = rotation_from_opk(np.radians([-0.657, -0.574, -0.513]))
+    own = replace(of.flight.mounting, boresight=rotation_from_opk(np.radians(angles)))
+    stated = Stated(own, 0.0, frozenset({"boresight"}))
+    judged = [
+        replace(c, verdict=CONTRADICTING)
+        for c in components(solved(of), of.stated)
+        if c.group == "boresight"
+    ]
+    assert words in str(misread_boresight(stated, judged, true))
+    assert misread_boresight(stated, judged, rotation_from_opk(np.array([0.3, 0.2, 0.1]))) is None
+
+
+def test_the_frame_of_a_block_comes_out() -> None:
+    """Oracle: scale and shift of the simulated frame."""
+    of = posed(PLAIN, seed=1, georeferenced=False)
+    result = solved(of)
+    assert result.values[SCALE][0] * 0.03 == pytest.approx(1.0, abs=5 * 0.03 * 1e-3)
+    near = posed(PLAIN, seed=1)
+    moved = replace(near.block, position=near.block.position + [1.0, -2.0, 3.0])
+    shift = solved(replace(near, block=moved)).values[TRANSLATION] - moved.position.mean(axis=0)
+    before = solved(near).values[TRANSLATION] - near.block.position.mean(axis=0)
+    np.testing.assert_allclose(shift - before, [-1.0, 2.0, -3.0], atol=1e-6)
+    assert LEVER_ARM in result.place
