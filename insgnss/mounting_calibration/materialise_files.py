@@ -384,7 +384,7 @@ def _calibrated(
     elif sigma.max() > RULER_M:
         reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
     value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
-    verdict = result.summary()
+    verdict = f"{'before the flight: ' if len(results) > 1 else ''}{result.summary()}"
     mounting = MountingFile(
         verb="calibrate materialise",
         antenna_m=None if reason else arm,

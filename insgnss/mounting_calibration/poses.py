@@ -203,12 +203,14 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         return CameraPoses(
             path, eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", plane, date=date
         )
-    if is_pose_table(path):
-        table = read_pose_table(path)
-        return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
     from ..comparison.reading import read_poses, sniff_poses
 
-    if sniff_poses(path) == "gnss":
+    form = sniff_poses(path)
+    # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
+    if form in ("gnss", "eo_local_plane") and is_pose_table(path):
+        table = read_pose_table(path)
+        return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
+    if form == "gnss":
         raise InputError.at_line(
             path,
             None,

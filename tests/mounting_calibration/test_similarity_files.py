@@ -41,7 +41,7 @@ class Flown:
         self.antenna = X + C.apply(ARM) + noise - delay_m * ahead
         self.ground = np.array([[x, y, 0.0] for x in (-60.0, 60.0) for y in (-65.0, 65.0)])
         R, self.scale = Rotation.from_rotvec([0.4, -0.2, 2.0]), 3.7
-        self.T = np.array([5.0, -2.0, 9.0])
+        self.T, self.axes = np.array([5.0, -2.0, 9.0]), R.as_matrix()
         self.centres = R.inv().apply(X - self.T) / self.scale
         self.centres += rng.normal(0.0, 3e-3 / self.scale, (n, 3))
         self.C = (R.inv() * C).as_matrix()

@@ -194,14 +194,15 @@ def is_pose_table(path: Source) -> bool:
     Returns
     -------
     bool
-        False of what is no text table.
+        False of what is no text table, and of EO_local-plane.txt, whose reader is another.
     """
     try:
         fields = _header(read_text_table(path))
     except InputError:
         return False
     own = all(any(name in fields for name in POSES[key]) for key in ("x", *ANGLES))
-    return own and any(name in fields for name in ("image", "setup", "name"))
+    named = any(name in fields for name in ("image", "setup", "name"))
+    return own and named and "somega" not in fields
 
 
 def _header(table: TextTable) -> set[str]:

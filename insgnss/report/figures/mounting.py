@@ -168,6 +168,7 @@ def _map(data: Residuals) -> Picture:
     ax.quiver(
         *plan.T, *(scale * off).T, angles="xy", scale_units="xy", scale=1, color=ACCENT, width=0.002
     )
+    ax.margins(0.08)
     ax.set_aspect("equal")
     ax.set_xlabel("east, m")
     ax.set_ylabel("north, m")
