@@ -282,6 +282,7 @@ def determined(
         dx, _ = solved.conditioned(J[held], before[held] - values[held], HOLD)
         change = J @ dx
     found = values + change
+    found[held] = before[held]
     of = {
         group: np.array([found[k] for k, name in enumerate(names) if name[0] == group])
         for group in USEFUL

@@ -186,7 +186,7 @@ def _readings(
         if k and n - abs(k) >= FEWEST:
             own, other = slice(max(-k, 0), n - max(k, 0)), slice(max(k, 0), n - max(-k, 0))
             text = (
-                f"where each image has the pose {abs(k)} {'before' if k > 0 else 'behind'} it in"
+                f"where each image has the pose {abs(k)} {'behind' if k > 0 else 'before'} it in"
                 " the order of exposure: check how names and events were joined"
             )
             yield misfit(X[own], C[own], X_o[other], C_o[other]), text
