@@ -99,6 +99,7 @@ def test_table_1_of_paper_002(tmp_path, capsys) -> None:
     assert "phase centres of 4 sessions" in text
 
 
+@pytest.mark.slow
 def test_a_mount_that_moved_is_not_determined(tmp_path, capsys) -> None:
     """Oracle: 8 mm planted between both blocks, beyond the 5 mm that a flight is processed with."""
     write(tmp_path, (BEFORE, BEFORE + [0.0, 0.008, 0.0]))
@@ -109,6 +110,7 @@ def test_a_mount_that_moved_is_not_determined(tmp_path, capsys) -> None:
     assert "agree" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_phase_centre_that_moves_with_the_attitude_is_told(tmp_path, capsys) -> None:
     """Oracle: 11 mm planted in one of four sessions, as paper 002 has it."""
     write(tmp_path, moved=(0.011, 0.0, 0.0))

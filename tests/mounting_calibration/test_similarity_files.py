@@ -196,7 +196,12 @@ WRONG = {
 @pytest.mark.parametrize(
     ("name", "ground"),
     # heights of a level flight are one number, which the translation takes
-    [(name, g) for name in WRONG for g in (GROUND, ()) if g or name != "heights reversed"],
+    [
+        pytest.param(name, g, marks=[pytest.mark.slow] if g else [])
+        for name in WRONG
+        for g in (GROUND, ())
+        if g or name != "heights reversed"
+    ],
 )
 def test_wrong_antenna_positions_are_refused_by_name(tmp_path, capsys, name, ground) -> None:
     """Oracle: what was done to them; millimetres are a scale, which is estimated."""
@@ -262,6 +267,7 @@ def test_ground_points_must_be_seen(tmp_path, capsys) -> None:
     assert "none of its 4 points, such as G1, is measured" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_antenna_positions_by_latitude_and_longitude(tmp_path, capsys) -> None:
     """Oracle: the same flight in local axes; pyproj's geodetic coordinates of a tangent plane."""
     pyproj = pytest.importorskip("pyproj")
@@ -286,6 +292,7 @@ def test_antenna_positions_by_latitude_and_longitude(tmp_path, capsys) -> None:
     assert "are latitude and longitude exchanged?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_block_of_metashape_with_on_board_gnss(tmp_path, capsys) -> None:
     """Oracle: README of the data: adjusted centres minus on-board GNSS E -0.9 +- 0.45, N -3.4 +-
     4.7, h -2.6 +- 4.0 m; N-S strips, single-point positions, a delay.

@@ -164,6 +164,7 @@ def test_files_without_partners_and_empty_ones_are_refused(tmp_path, capsys) -> 
     assert "does not exist" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_one_setup_is_not_determined_and_two_are(tmp_path, capsys) -> None:
     """Oracle: nothing checks a single setup; exit code 4 is that of data that support no answer."""
     for count, code in ((1, 4), (2, 0)):
