@@ -53,7 +53,8 @@ STANDS_ON |= {
     # exporting: formats of the adjusted orientation; processing: files that appear whole
     "block_adjustment": ROOMS | {"exporting", "processing"},
     # comparison: its readers of poses
-    "mounting_calibration": ROOMS | {"comparison"},
+    # comparison: poses of any format; processing: a flight is solved with each mounting
+    "mounting_calibration": ROOMS | {"comparison", "processing"},
     "processing": ROOMS | {"exporting"},
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},

@@ -91,11 +91,11 @@ def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) ->
     remarks: list[str] = []
     for group, key in GROUPS.items():
         own = [c for c in result.components if c.group == group]
-        weak = [c for c in own if not c.determined]
-        if len(weak) == len(own):
-            missing[key] = "; ".join(dict.fromkeys(c.sentence for c in weak))
+        undetermined = [c for c in own if not c.determined]
+        if len(undetermined) == len(own):
+            missing[key] = "; ".join(dict.fromkeys(c.sentence for c in undetermined))
             continue
-        for c in weak:
+        for c in undetermined:
             remarks.append(f"{key}: the flight file's value about this axis: {c.sentence}")
         rows = [k for k, name in enumerate(names) if name[0] == group]
         cov = V[np.ix_(rows, rows)]
@@ -181,7 +181,7 @@ def _residuals(result: MountingResult) -> tuple[Array, dict[str, Array]]:
     assert eo.rate_radps is not None
     C_mb = eo.C_mc[rows] @ solved.flight.mounting.C_cb
     e = solved.residuals
-    body = np.hstack([np.einsum("nji,nj->ni", C_mb, part) for part in (e[:, :3], e[:, 3:])])
+    body = np.hstack([np.einsum("nji,nj->ni", C_mb, half) for half in (e[:, :3], e[:, 3:])])
     heading = np.degrees(np.arctan2(C_mb[:, 0, 0], C_mb[:, 1, 0])) % 360.0
     rate = np.linalg.norm(eo.rate_radps[rows], axis=1)
     return body, {

@@ -45,7 +45,7 @@ ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
 LEVER_ARM_SIGMA_M = 0.3
 TRAJECTORY_HZ = 20.0
-HOLD = 1e-6  # by which values that are not determined are held, in their units
+FIXED_SIGMA = 1e-6  # by which values that are not determined are held, in their units
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +152,16 @@ def calibrate_mounting(
     corrections: list[float] = []
     given: BlockPoses | None = poses if isinstance(poses, BlockPoses) else None
     for number in range(ROUNDS):
-        flown, result = _flown(flight, mounting, delay, assumptions, progress)
+        flight_poses, result = _processed(flight, mounting, delay, assumptions, progress)
         if given is None:
             assert isinstance(poses, Path)
-            given = block_poses(poses, flown.eo)
-        block, rows = common_images(given, flown.eo)
+            given = block_poses(poses, flight_poses.eo)
+        block, rows = common_images(given, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
-            refuse_implausible(block, flown, rows, _path(result, flown))
+            refuse_implausible(block, flight_poses, rows, _path(result, flight_poses))
         progress("adjusting the mounting")
-        solved = solve(block, flown, rows, assumptions)
+        solved = solve(block, flight_poses, rows, assumptions)
         refuse_frame(solved)
         judged = components(solved, stated)
         new, new_delay = determined(solved, stated, judged)
@@ -174,8 +174,8 @@ def calibrate_mounting(
     notes = list(block.notes)
     if left:
         notes.append(f"{left} of {len(given.images)} poses are of images that the flight has not")
-    if (missing := len(flown.eo) - block.position.shape[0]) > 0:
-        notes.append(f"{missing} of {len(flown.eo)} images of the flight have no pose there")
+    if (missing := len(flight_poses.eo) - block.position.shape[0]) > 0:
+        notes.append(f"{missing} of {len(flight_poses.eo)} images of the flight have no pose there")
     if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
         notes.insert(0, words)
     notes += _statistics(solved)
@@ -191,7 +191,7 @@ def calibrate_mounting(
         mounting,
         delay,
         tuple(corrections),
-        calendar_from_gps(flown.eo.gps_week, float(flown.eo.time[0])).date().isoformat(),
+        calendar_from_gps(flight_poses.eo.gps_week, float(flight_poses.eo.time[0])).date().isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
         (flight.path, *(() if isinstance(poses, BlockPoses) else (poses,))),
@@ -218,7 +218,7 @@ def _stated(flight: Flight) -> Stated:
     return Stated(mounting, delay, frozenset(keys))
 
 
-def _flown(
+def _processed(
     flight: Flight,
     mounting: Mounting,
     delay: float,
@@ -241,13 +241,13 @@ def _flown(
     return FlightPoses(result.eo, result.strips, result.common, mounting, delay), result
 
 
-def _path(result: ProcessResult, flown: FlightPoses) -> FlownPath:
+def _path(result: ProcessResult, flight_poses: FlightPoses) -> FlownPath:
     """Return the poses of the camera on the output grid."""
     t = result.trajectory
-    plane = TangentPlane(*(float(x) for x in flown.eo.origin))
+    plane = TangentPlane(*(float(x) for x in flight_poses.eo.origin))
     C_mb = plane.C_mn(t.lat, t.lon) @ t.C_nb
     X = plane.position_from_geodetic(t.lat, t.lon, t.height)
-    return FlownPath(t.time, X + C_mb @ flown.mounting.camera_lever_b, C_mb @ flown.mounting.C_cb.T)
+    return FlownPath(t.time, X + C_mb @ flight_poses.mounting.camera_lever_b, C_mb @ flight_poses.mounting.C_cb.T)
 
 
 def determined(
@@ -275,16 +275,16 @@ def determined(
         The delay.
     """
     names, J, values, before = linear_functions(solved, stated)
-    weak = {(c.group, c.axis) for c in judged if not c.determined and c.group != "shift"}
-    held = [k for k, (group, axis, _) in enumerate(names) if (group, axis) in weak]
+    undetermined = {(c.group, c.axis) for c in judged if not c.determined and c.group != "shift"}
+    held = [k for k, (group, axis, _) in enumerate(names) if (group, axis) in undetermined]
     change = np.zeros(len(values))
     if held:
-        dx, _ = solved.conditioned(J[held], before[held] - values[held], HOLD)
+        dx, _ = solved.conditioned(J[held], before[held] - values[held], FIXED_SIGMA)
         change = J @ dx
-    found = values + change
-    found[held] = before[held]
+    mixed = values + change
+    mixed[held] = before[held]
     of = {
-        group: np.array([found[k] for k, name in enumerate(names) if name[0] == group])
+        group: np.array([mixed[k] for k, name in enumerate(names) if name[0] == group])
         for group in USEFUL
         if group != "shift"
     }

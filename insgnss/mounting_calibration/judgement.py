@@ -172,7 +172,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
     sigma = np.sqrt(np.diagonal(V))
     facts = facts_of(solved)
     out: list[Component] = []
-    weak: list[int] = []
+    undetermined: list[int] = []
     for k, (group, axis, name) in enumerate(names):
         if group not in USEFUL:
             continue
@@ -187,7 +187,7 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
             verdict = CONTRADICTING
             why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
         elif verdict == UNDETERMINED:
-            weak.append(len(out))
+            undetermined.append(len(out))
             why = _why(names, V, k, facts)
             if off > DOUBTFUL:
                 why += f"; the flight file's value is {off:.1f} sigma away"
@@ -204,9 +204,9 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
                 why,
             )
         )
-    if weak:
+    if undetermined:
         judged = [k for k, name in enumerate(names) if name[0] in USEFUL]
-        _advise(solved, J[:3], J[judged], out, weak)
+        _advise(solved, J[:3], J[judged], out, undetermined)
     return tuple(out)
 
 
@@ -263,14 +263,14 @@ def linear_functions(
     beta = vector_from_rotation(stated.mounting.C_cb @ C_cb.T)
     fixed = solved.block.georeferenced
     moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
-    place = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
-    place |= {"turn": TURN, "scale": SCALE}
+    slice_of = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
+    slice_of |= {"turn": TURN, "scale": SCALE}
     shift = (
         solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
     )
     delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
-    found = {"boresight": beta, "delay": delay, moved: shift}
-    found |= {"turn": np.zeros(3), "scale": np.zeros(1)}
+    value_of = {"boresight": beta, "delay": delay, moved: shift}
+    value_of |= {"turn": np.zeros(3), "scale": np.zeros(1)}
     words_of = {
         "boresight": [f"bore-sight about {a}" for a in "xyz"],
         "delay": ["camera delay"],
@@ -278,14 +278,14 @@ def linear_functions(
         "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
         "scale": ["scale of the block"],
     }
-    for group, key in place.items():
+    for group, key in slice_of.items():
         where = solved.place[key]
         for axis, name in enumerate(words_of[group]):
             row = np.zeros(solved.cov.shape[0])
             row[where.start + axis] = 1.0
             names.append((group, axis, name))
             rows.append(row)
-            values.append(float(found[group][axis]))
+            values.append(float(value_of[group][axis]))
             before.append(stated.delay_s if group == "delay" else 0.0)
     return names, np.array(rows), np.array(values), np.array(before)
 
@@ -309,9 +309,9 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
         [j for j, name in enumerate(names) if j != k and name[0] != twin],
         [j for j in range(len(names)) if j != k],
     ):
-        known = [(_left(V, k, own), own) for n in (1, 2) for own in combinations(free, n)]
-        alone = min(item for item in known if len(item[1]) == 1)
-        left, others = alone if alone[0] < HELPS * first else min(known)
+        conditions = [(_left(V, k, own), own) for n in (1, 2) for own in combinations(free, n)]
+        alone = min(item for item in conditions if len(item[1]) == 1)
+        left, others = alone if alone[0] < HELPS * first else min(conditions)
         if left < HELPS * first:
             break
     else:
@@ -335,9 +335,9 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
     return words
 
 
-def _left(V: Array, k: int, known: tuple[int, ...]) -> float:
+def _left(V: Array, k: int, conditions: tuple[int, ...]) -> float:
     """Return the sigma of component k if others were known."""
-    own = list(known)
+    own = list(conditions)
     sigma = np.sqrt(np.diagonal(V)[own])
     R = V[np.ix_(own, own)] / np.outer(sigma, sigma) + 1e-12 * np.eye(len(own))
     c = V[k, own] / sigma
@@ -358,21 +358,21 @@ def _variants() -> tuple[Variant, ...]:
 
 
 def _advise(
-    solved: Solved, antenna: Array, J: Array, out: list[Component], weak: Sequence[int]
+    solved: Solved, antenna: Array, J: Array, out: list[Component], undetermined: Sequence[int]
 ) -> None:
     """Try each variant, and write what determines a component beside it."""
-    tried = [(v.name, solved.with_line(v)) for v in _variants()]
+    hypothetical = [(v.name, solved.with_line(v)) for v in _variants()]
     none = np.zeros(3)
     if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
         words = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
         frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]
-        tried.append((words, solved.conditioned(frame, none, 0.01)[1]))
+        hypothetical.append((words, solved.conditioned(frame, none, 0.01)[1]))
     words = "an antenna lever arm measured to 5 mm from the projection centre"
-    tried.append((words, solved.conditioned(antenna, none, 0.005)[1]))
-    for k in weak:
+    hypothetical.append((words, solved.conditioned(antenna, none, 0.005)[1]))
+    for k in undetermined:
         c, row = out[k], J[k]
         factor, unit, digits = UNITS.get(c.group, METRES)
-        others = [t for t in tried if not (c.group == "antenna_m" and "antenna" in t[0])]
+        others = [t for t in hypothetical if not (c.group == "antenna_m" and "antenna" in t[0])]
         given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
         good = [i for i in range(len(others)) if given[i] <= c.limit]
         good = ([i for i in good if given[i] <= 0.7 * c.limit] or good)[:2]
@@ -410,15 +410,15 @@ def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> 
     B0 = stated.mounting.boresight
     angles = opk_from_rotation(B0)
     limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
-    tried = [("transposed (body and camera exchanged)", B0.T)]
+    hypothetical = [("transposed (body and camera exchanged)", B0.T)]
     for signs in product((1.0, -1.0), repeat=3):
         flipped = [
             name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0
         ]
         if flipped:
             words = f"with the other sign of {' and '.join(flipped)}"
-            tried.append((words, rotation_from_opk(angles * signs)))
-    left = [(float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in tried]
+            hypothetical.append((words, rotation_from_opk(angles * signs)))
+    left = [(float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in hypothetical]
     best, words = min(left)
     now = float(np.linalg.norm(vector_from_rotation(B0 @ B.T)))
     if best > limit or best > 0.5 * now:

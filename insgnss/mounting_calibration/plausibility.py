@@ -209,23 +209,23 @@ def _other_times(
     best: tuple[float, float] | None = None
     steps = np.arange(-FARTHEST_S, FARTHEST_S + STEP_S, STEP_S)
     some = np.unique(np.linspace(0, rows.size - 1, min(rows.size, 60)).astype(np.int64))
-    for late in steps:
-        pose = path.at(time[some] + late)
-        if pose is None or abs(late) < 0.5:
+    for offset_s in steps:
+        pose = path.at(time[some] + offset_s)
+        if pose is None or abs(offset_s) < 0.5:
             continue
         left = misfit(block.position[some], block.C_rc[some], *pose).size
         if best is None or left < best[0]:
-            best = (left, float(late))
+            best = (left, float(offset_s))
     if best is None:
         return
-    late = best[1]
-    pose = path.at(time + late)
+    offset_s = best[1]
+    pose = path.at(time + offset_s)
     if pose is None:
         return
-    text = f"at {late:+.1f} s: the stamps of the exposures are off by so much"
+    text = f"at {offset_s:+.1f} s: the stamps of the exposures are off by so much"
     when = calendar_from_gps(flight.eo.gps_week, float(time[0]), "utc")
     leap = int(leap_seconds(when.timestamp()))
-    if abs(abs(late) - leap) < 0.3:
+    if abs(abs(offset_s) - leap) < 0.3:
         text += f", the {leap} leap seconds between UTC and GPS time; give events in GPS time"
     else:
         text += "; correct them, or give camera.time_offset_s"
@@ -272,8 +272,8 @@ def refuse_frame(solved: Solved) -> None:
             f"{source}: the block is {abs(s - 1.0) * 100.0:.2f} % too"
             f" {'large' if s < 1.0 else 'small'} for its coordinates ({sigma * 100.0:.4f} %"
             " standard deviation): its scale was held to an incorrect value, or heights and"
-            " positions are of two systems; adjust it with positions of this flight, or take it as a"
-            " block without coordinates (--frame similarity)"
+            " positions are of two systems; adjust it with positions of this flight, or take it as"
+            " a block without coordinates (--frame similarity)"
         )
 
 

@@ -69,7 +69,7 @@ from .records import BlockPoses, FlightPoses, Rows
 TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
 BENDING = "bending of the block"
 SIZES = {BORESIGHT: 3, LEVER_ARM: 3, TIME_OFFSET: 1, TRANSLATION: 3, TURN: 3, SCALE: 1}
-WEAK = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
+UNINFORMED = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
 BENDS = 24  # coefficients of (L.5)
 BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
 """A-priori sigmas of what nothing is known of; rad, s, m, 1."""
@@ -335,13 +335,13 @@ class Solved:
         """Return the longest flight line, and its weight by itself."""
         rows = max((own for own, _ in self.flight.pieces(self.rows)), key=len)
         for line, W in zip(self.lines, self.weights, strict=True):
-            at = np.searchsorted(line.rows, rows)
-            if at[-1] >= line.rows.size or not np.array_equal(line.rows[at], rows):
+            index = np.searchsorted(line.rows, rows)
+            if index[-1] >= line.rows.size or not np.array_equal(line.rows[index], rows):
                 continue
             if line.rows.size == rows.size:
                 return line, W
-            c = (6 * at[:, None] + np.arange(6)).ravel()
-            Q = tuple(part[np.ix_(c, c)] for part in line.Q)
+            c = (6 * index[:, None] + np.arange(6)).ravel()
+            Q = tuple(share[np.ix_(c, c)] for share in line.Q)
             own = Line(rows, line.e[c], line.A[c], line.P[np.ix_(c, c)], Q)
             return own, inverse(covariance(own, self.factors))
         raise AssertionError("a flight line stands in one of the lines")
@@ -505,10 +505,10 @@ class _Model:
 
     def _prior(self) -> tuple[Array, Array]:
         """Return a-priori weights (u, u), and their part of the right side."""
-        known, sigma = self.assumptions, np.ones(self.size)
-        for name, value in WEAK.items():
+        assumed, sigma = self.assumptions, np.ones(self.size)
+        for name, value in UNINFORMED.items():
             sigma[self.place[name]] = value
-        sigma[self.place[LEVER_ARM]] = known.imu_sigma_m
+        sigma[self.place[LEVER_ARM]] = assumed.imu_sigma_m
         if self.bends:
             of = np.repeat([BEND_POSITION_M, BEND_ATTITUDE], [9, BENDS - 9])
             sigma[self.place[BENDING]] = of
@@ -518,10 +518,10 @@ class _Model:
         off[self.place[LEVER_ARM]] = -self.values[LEVER_ARM]
         off[self.place[TIME_OFFSET]] = -self.values[TIME_OFFSET]
         if self.georeferenced:
-            if known.shift_sigma_m is not None:
-                sigma[self.place[TRANSLATION]] = max(known.shift_sigma_m, 1e-6)
+            if assumed.shift_sigma_m is not None:
+                sigma[self.place[TRANSLATION]] = max(assumed.shift_sigma_m, 1e-6)
                 off[self.place[TRANSLATION]] = self.origin - self.values[TRANSLATION]
-            if known.frame == "shift":
+            if assumed.frame == "shift":
                 sigma[self.place[TURN]] = sigma[self.place[SCALE]] = HELD
                 off[self.place[TURN]] = -vector_from_rotation(self.values[TURN])
                 off[self.place[SCALE]] = -np.log(self.values[SCALE])
@@ -587,8 +587,8 @@ class _Model:
             of_frame[:, :3, 3:6] = -skew(arm[own])
             of_frame[:, :3, 6] = arm[own]
             frame = (own_J @ of_frame).reshape(6 * m, 7)
-            for name, part in ((TRANSLATION, slice(0, 3)), (TURN, slice(3, 6)), (SCALE, [6])):
-                A[:, self.place[name]] = frame[:, part]
+            for name, share in ((TRANSLATION, slice(0, 3)), (TURN, slice(3, 6)), (SCALE, [6])):
+                A[:, self.place[name]] = frame[:, share]
             if self.bends:
                 A[:, self.place[BENDING]] = (own_J @ self.H[own]).reshape(6 * m, BENDS)
             G = np.zeros((6, 6))
@@ -605,9 +605,9 @@ class _Model:
         """Return the parts of the covariance (6 m, 6 m) of the block's poses of some images."""
         own = np.array([self.where[int(row)] for row in rows])
         if not self.whole:
-            return tuple(_diagonal(part[own]) for part in self.Q)
+            return tuple(_diagonal(share[own]) for share in self.Q)
         columns = (6 * own[:, None] + np.arange(6)).ravel()
-        return tuple(np.asarray(part[np.ix_(columns, columns)]) for part in self.Q)
+        return tuple(np.asarray(share[np.ix_(columns, columns)]) for share in self.Q)
 
     def normals(
         self, lines: tuple[Line, ...], factors: tuple[float, ...]
@@ -660,10 +660,10 @@ class _Model:
         for line, W in zip(lines, weights, strict=True):
             u, WA = W @ line.e, W @ line.A
             rest = W - WA @ made @ WA.T
-            parts = [f * part for part, f in zip(line.Q, factors, strict=True)]
-            for i, part in enumerate((*parts, line.P)):
-                square[i] += u @ part @ u
-                trace[i] += float(np.sum(rest * part))
+            parts = [f * share for share, f in zip(line.Q, factors, strict=True)]
+            for i, share in enumerate((*parts, line.P)):
+                square[i] += u @ share @ u
+                trace[i] += float(np.sum(rest * share))
         # trace[i] is the redundancy of the part: both add up to the number of observations less
         # that of the unknowns
         new = list(factors)
@@ -706,8 +706,8 @@ def covariance(line: Line, factors: tuple[float, ...]) -> Array:
         (6 m, 6 m).
     """
     V = line.P.copy()
-    for f, part in zip(factors, line.Q, strict=True):
-        V += f * part
+    for f, share in zip(factors, line.Q, strict=True):
+        V += f * share
     return V
 
 
@@ -728,8 +728,8 @@ def _covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
     if block.cov is None:
         variance = (FIRST_POSITION / scale) ** 2, FIRST_ATTITUDE**2
         return tuple(
-            np.tile(np.diag([v if k // 3 == part else 0.0 for k in range(6)]), (n, 1, 1))
-            for part, v in enumerate(variance)
+            np.tile(np.diag([v if k // 3 == share else 0.0 for k in range(6)]), (n, 1, 1))
+            for share, v in enumerate(variance)
         )
     floor = np.array([(LEAST_POSITION / scale) ** 2] * 3 + [LEAST_ATTITUDE**2] * 3)
     if block.cov.ndim == 2:
@@ -756,9 +756,9 @@ def _joined(pieces: list[_Piece]) -> _Piece:
     rows, e, A, P, D = zip(*pieces, strict=True)
     whole = np.zeros((sum(map(len, P)),) * 2)
     begin = 0
-    for part in P:
-        whole[begin : begin + len(part), begin : begin + len(part)] = part
-        begin += len(part)
+    for share in P:
+        whole[begin : begin + len(share), begin : begin + len(share)] = share
+        begin += len(share)
     return np.concatenate(rows), np.concatenate(e), np.vstack(A), whole, np.concatenate(D)
 
 

@@ -1,4 +1,4 @@
-"""Poses that are not of the flight, or not as somebody thinks, are refused with what explains it."""
+"""Poses that are not of the flight, or not as somebody thinks, are refused with an explanation."""
 
 from dataclasses import replace
 

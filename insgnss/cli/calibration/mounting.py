@@ -79,10 +79,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
             " similarity out, or it"
         )
     flight = load_flight(options.flight)
-    known = Assumptions(
+    assumptions = Assumptions(
         options.shift_sigma, options.imu_sigma, options.lever_arm_sigma, options.frame
     )
-    result = calibrate_mounting(flight, options.poses, known, progress)
+    result = calibrate_mounting(flight, options.poses, assumptions, progress)
     made = calibrated(result, flight, options.photo, options.date)
     return finished(options, progress, made, flight.path, options.poses)
 

@@ -198,12 +198,12 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Picture,
         Positions, attitudes.
     """
     pictures = []
-    for part, factor, unit, name, title in (
+    for columns, factor, unit, name, title in (
         (slice(0, 3), 1e3, "mm", "positions", "What is left of the positions"),
         (slice(3, 6), 1e3 * np.degrees(1.0), "mdeg", "attitudes", "What is left of the attitudes"),
     ):
         figure, axes = sheet(len(against), 1, 2.6 * len(against))
-        values = factor * residual[:, part]
+        values = factor * residual[:, columns]
         for (label, x), ax in zip(against.items(), axes[:, 0], strict=True):
             for k, colour in enumerate(AXIS_COLOURS):
                 ax.plot(x, values[:, k], ".", ms=2, color=colour, alpha=0.35)
