@@ -12,7 +12,8 @@ Run
     `estimate` (arrays in, result out), `process` (a flight file), `adjust_block` (an image block
     with aerial control), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
     `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
-    `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`: lever arms with verdicts.
+    `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`, `calibrate_mounting`: lever
+    arms, bore-sight and camera delay with verdicts.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
     `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`, `read_mounting`.
@@ -64,6 +65,7 @@ from .base.caches import settle as _settle
 if _TYPE_CHECKING:
     from .api.calibration import (
         calibrate_materialise,
+        calibrate_mounting,
         calibrate_similarity,
         calibrate_tripod,
         read_mounting,
@@ -113,7 +115,8 @@ __version__ = "0.1.0"
 
 _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.calibration": (
-        *("calibrate_materialise", "calibrate_similarity", "calibrate_tripod", "read_mounting"),
+        *("calibrate_materialise", "calibrate_mounting", "calibrate_similarity"),
+        *("calibrate_tripod", "read_mounting"),
     ),
     "api.estimation": ("estimate",),
     "api.products": ("compare", "export", "ppk", "relative_control"),
@@ -180,6 +183,7 @@ __all__ = [
     "boresight_from_angles",
     "calibrate_imu",
     "calibrate_materialise",
+    "calibrate_mounting",
     "calibrate_similarity",
     "calibrate_tripod",
     "compare",

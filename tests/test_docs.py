@@ -131,6 +131,7 @@ def test_every_format_has_a_page() -> None:
         "flight_file",
         "imu_calibration",
         "mounting_file",
+        "pose_covariance",
         "noise_model",
         "pose_table",
     }

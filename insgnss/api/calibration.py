@@ -1,11 +1,12 @@
-"""Verbs of the mounting calibration: tripod, similarity in flight, targets on both sensors."""
+"""Verbs of the mounting calibration: tripod, similarity in flight, targets, the joint one."""
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from ..config.flight_file import Flight
     from ..mounting_calibration.products import CalibratedMounting
     from ..orient.mounting_file import MountingFile
 
@@ -186,3 +187,52 @@ def calibrate_materialise(
 
 def _path(source: Source | None) -> Path | None:
     return None if source is None else Path(source)
+
+
+def calibrate_mounting(
+    flight: "Flight | Source",
+    poses: Source,
+    *,
+    out: Source | None = None,
+    frame: Literal["auto", "similarity", "shift"] = "auto",
+    shift_sigma_m: float | None = None,
+    lever_arm_sigma_m: float = 0.3,
+    imu_sigma_m: float = 0.3,
+    photo: Source | None = None,
+    date: str | None = None,
+) -> "CalibratedMounting":
+    """Estimate lever arms, bore-sight and camera delay from a flight and the poses of its block.
+
+    Parameters
+    ----------
+    flight : the flight file, or what `load_flight` made of it.
+    poses : adjusted poses of its images, of any readable program.
+    out : mounting.toml to write, with a page beside it; None: none.
+    frame : how the block lies to the flight: by a similarity, by a shift alone; "auto": a
+        similarity, and coordinates of another scale are refused.
+    shift_sigma_m : of a shift between ground control and fixes; None: not known.
+    lever_arm_sigma_m : of the antenna's lever arm from the IMU, as the flight file has it.
+    imu_sigma_m : of the IMU's lever arm from the camera, as the flight file has it.
+    photo : an image of the camera, which names it.
+    date : of the data, ISO; by default that of the flight.
+
+    Returns
+    -------
+    The mounting with verdicts: `mounting`, `summary()`, `as_dict()`.
+
+    Raises
+    ------
+    InputError : a file is wrong, or the poses are not of this flight.
+    DataError : the data do not support the answer.
+    """
+    from ..config.flight_file import Flight
+    from ..config.load import load_flight
+    from ..mounting_calibration.flight_products import calibrated
+    from ..mounting_calibration.in_flight import calibrate_mounting as calibrate
+    from ..mounting_calibration.products import written
+    from ..mounting_calibration.solution import Assumptions
+
+    own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
+    assumptions = Assumptions(shift_sigma_m, imu_sigma_m, lever_arm_sigma_m, frame)
+    result = calibrated(calibrate(own, Path(poses), assumptions), own, _path(photo), date)
+    return result if out is None else written(result, Path(out))

@@ -25,6 +25,8 @@ from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready, sha256
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.blocks.pose_covariance import FILE as COVARIANCE
+from ..formats.blocks.pose_covariance import write_pose_covariance
 from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ..orient.mounting_file import MountingFile, write_mounting_file
@@ -37,7 +39,6 @@ from .processed import processed_with
 from .solve import Solved
 
 DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
-COVARIANCE = "poses_covariance.npz"
 
 FORM_FILES = {
     "metashape": "camera{}_metashape.xml",
@@ -103,7 +104,9 @@ def _write_orientation(
             export(eo, name, into / EXPORTS[name].product)
     write_poses(solved, into / POSES)
     if file.output.pose_covariance:
-        write_pose_covariance(solved, into / COVARIANCE)
+        images = solved.result.problem.block.images
+        keys = [(POSE, k) for k in range(len(images))]
+        write_pose_covariance(images, solved.precision.cov(*keys), into / COVARIANCE)
     figures["notes"] += _write_cameras(solved, into)
     if (mounting := adjusted_mounting(solved)) is not None:
         write_mounting_file(mounting, into / MOUNTING)
@@ -185,23 +188,6 @@ def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
     """
     T = eo.camera_from_body
     return nearest_rotation(T.T @ E.T @ T @ eo.boresight)
-
-
-def write_pose_covariance(solved: Solved, path: Path) -> None:
-    """Write the covariance of all poses together, data_specs/poses_covariance.md.
-
-    Parameters
-    ----------
-    solved : Solved
-        The block.
-    path : Path
-        The file: `images` (n,), and `cov` (6 n, 6 n) of position (m) and psi (rad), image after
-        image, axes of the block.
-    """
-    images = solved.result.problem.block.images
-    keys = [(POSE, k) for k in range(len(images))]
-    with path.open("wb") as stream:
-        np.savez(stream, images=np.array(images), cov=solved.precision.cov(*keys))
 
 
 def write_poses(solved: Solved, path: Path) -> None:

@@ -10,15 +10,15 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..formats.blocks.joined import matched
+from ..formats.blocks.pose_covariance import FILE, read_pose_covariance
 from ..geodesy.frames import TangentPlane
 from ..records import ExteriorOrientation
 from ..records.block import Array
-from .poses import CameraPoses, read_camera_poses
+from .poses import read_camera_poses
 from .records import BlockPoses, Rows
 
 NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
 SIZE = 0.5, 2.0  # extent over that of the flight
-COVARIANCE = "poses_covariance.npz"  # beside a table of poses
 
 
 def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
@@ -57,9 +57,9 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
             " the mounting.toml of that adjustment",
         )
     cov = given.cov
-    whole = path.parent / COVARIANCE
+    whole = path.parent / FILE
     if path.is_file() and whole.is_file():
-        cov = _whole(whole, given)
+        cov = read_pose_covariance(whole, given.images, given.cov)
         notes += (f"covariance of all poses together from {whole.name}",)
     return BlockPoses(
         given.images,
@@ -94,18 +94,6 @@ def _near(X: Array, eo: ExteriorOrientation) -> bool:
     size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
     low, high = SIZE
     return bool(np.linalg.norm(apart) < NEAR_M and low < size / max(own, 1e-9) < high)
-
-
-def _whole(path: Path, poses: CameraPoses) -> Array:
-    """Return the covariance (6 n, 6 n) of all poses, in their order."""
-    with np.load(path) as file:
-        names, cov = [str(name) for name in file["images"]], np.asarray(file["cov"], dtype=float)
-    row = {name: k for k, name in enumerate(names)}
-    if missing := [name for name in poses.images if name not in row]:
-        raise InputError.at_line(path, None, f"has no image {missing[0]}; it is of other poses")
-    own = np.array([row[name] for name in poses.images])
-    columns = (6 * own[:, None] + np.arange(6)).ravel()
-    return np.asarray(cov[np.ix_(columns, columns)])
 
 
 def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:

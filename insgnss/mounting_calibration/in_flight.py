@@ -191,7 +191,9 @@ def calibrate_mounting(
         mounting,
         delay,
         tuple(corrections),
-        calendar_from_gps(flight_poses.eo.gps_week, float(flight_poses.eo.time[0])).date().isoformat(),
+        calendar_from_gps(flight_poses.eo.gps_week, float(flight_poses.eo.time[0]))
+        .date()
+        .isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
         (flight.path, *(() if isinstance(poses, BlockPoses) else (poses,))),
@@ -247,7 +249,9 @@ def _path(result: ProcessResult, flight_poses: FlightPoses) -> FlownPath:
     plane = TangentPlane(*(float(x) for x in flight_poses.eo.origin))
     C_mb = plane.C_mn(t.lat, t.lon) @ t.C_nb
     X = plane.position_from_geodetic(t.lat, t.lon, t.height)
-    return FlownPath(t.time, X + C_mb @ flight_poses.mounting.camera_lever_b, C_mb @ flight_poses.mounting.C_cb.T)
+    return FlownPath(
+        t.time, X + C_mb @ flight_poses.mounting.camera_lever_b, C_mb @ flight_poses.mounting.C_cb.T
+    )
 
 
 def determined(

@@ -418,7 +418,9 @@ def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> 
         if flipped:
             words = f"with the other sign of {' and '.join(flipped)}"
             hypothetical.append((words, rotation_from_opk(angles * signs)))
-    left = [(float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in hypothetical]
+    left = [
+        (float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in hypothetical
+    ]
     best, words = min(left)
     now = float(np.linalg.norm(vector_from_rotation(B0 @ B.T)))
     if best > limit or best > 0.5 * now:

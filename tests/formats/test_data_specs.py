@@ -264,6 +264,7 @@ def test_every_page_is_tested() -> None:
         "ulog",
         "imu_calibration",
         "mounting_file",
+        "pose_covariance",
         "noise_model",
         "adjust_json",  # in test_adjust
         "block_file",
