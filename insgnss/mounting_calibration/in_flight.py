@@ -178,6 +178,11 @@ def calibrate_mounting(
         notes.append(f"{missing} of {len(flight_poses.eo)} images of the flight have no pose there")
     if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
         notes.insert(0, words)
+    if not all(c.determined for c in judged):
+        notes.append(
+            "mounting.toml holds what is not determined at the flight file's values, and the rest"
+            " follows by its correlations"
+        )
     notes += _statistics(solved)
     notes.append(
         f"processed with it again, the corrections are {corrections[-1]:.2f} sigma at most"

@@ -202,7 +202,8 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Picture,
         (slice(0, 3), 1e3, "mm", "positions", "What is left of the positions"),
         (slice(3, 6), 1e3 * np.degrees(1.0), "mdeg", "attitudes", "What is left of the attitudes"),
     ):
-        figure, axes = sheet(len(against), 1, 2.6 * len(against))
+        figure, axes = sheet(len(against), 1, 2.8 * len(against))
+        figure.subplots_adjust(hspace=0.42)  # each has an axis of its own
         values = factor * residual[:, columns]
         for (label, x), ax in zip(against.items(), axes[:, 0], strict=True):
             for k, colour in enumerate(AXIS_COLOURS):
