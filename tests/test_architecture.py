@@ -39,6 +39,8 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     # which error model explains the innovations
     "diagnosis": BELOW_ALL | {"calibrate", "navigation", "orient", "stochastic"},
     "adjust": BELOW_ALL | {"orient"},
+    # pixels of cameras
+    "targets": BELOW_ALL | {"adjust"},
     # formats: a simulated flight is written as a data set;
     # gnss: a simulated receiver flies under broadcast orbits
     # adjust: pixels of its cameras

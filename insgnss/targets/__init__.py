@@ -1,0 +1,51 @@
+"""Ground points in images: where they are expected, and where their targets are.
+
+Prediction
+    A ground point X with covariance C_X appears in an image of pose (X_0, C_mc) at the pixel of
+    (J.1) and (J.4) or (J.5) of `insgnss.adjust`. With A, B and K the derivatives of that pixel by
+    the pose (position and psi, covariance C_eo), by the point and by the interior orientation
+    (covariance C_k), its error against a measurement has the covariance
+
+        C_uv = A C_eo A^T + B C_X B^T + K C_k K^T                                         (GT.1)
+
+    A point is not expected where it lies behind the camera, beyond the fold of the polynomial, or
+    outside the format less a margin (`prediction`).
+Signals
+    A target is a function of its own plane, which is level: grey value of east and north of its
+    centre, turned by an azimuth that need not be known. G, the first two columns of B, takes the
+    plane to pixels; the template is the signal at G^-1 d, averaged over pixels and blurred
+    (`signals`, `template`).
+Search
+    Normalised cross-correlation of the template with the window that (GT.1) gives, in steps of the
+    azimuth; of pixels within the signal only, for nobody knows what lies around it (`search`).
+Least-squares matching
+    Of pixels x within the signal, with c the centre, T_s the template of blur s and M near I,
+
+        g(x) = h_0 + h^T (x - c) + (r_0 + r^T (x - c)) T_s(M (x - c)) + error             (GT.2)
+
+    Unknowns are c, M, log s, h_0, h, r_0, r; M and log s have weights of their own, those of what
+    terrain and exterior orientation leave open. Errors weigh by Huber's function: a stain or the
+    rim of a shadow is not the target. Errors next to each other are alike where the model fails;
+    with score u_k = J_k e_k of pixel k and the weights b of a triangle of 4 px,
+
+        C = N^-1 (sum over k, l of b(k - l) u_k u_l^T) N^-1                               (GT.3)
+
+    takes the place of sigma_0^2 N^-1 where it is larger (`matching`).
+Rules
+    A match is rejected by correlation, contrast, the second best place, deformation, sigma and
+    distance from the prediction (`measurement`); a point by the images that see it together
+    (`neighbours`).
+
+============ =====================================================================================
+prediction   pixels of ground points with their covariance, and whether they are seen
+signals      quadrant pattern, disc, cross, picture
+template     a signal to the scale and the rotation of an image
+search       normalised cross-correlation
+matching     least-squares matching with its covariance
+measurement  one target in one image, with the rules that reject it
+neighbours   the images of one point against each other
+============ =====================================================================================
+
+Sources: Ackermann (1984), Digital image correlation; Gruen (1985), Adaptive least squares
+correlation; Conley (1999), GMM estimation with cross sectional dependence, for (GT.3).
+"""
