@@ -1,0 +1,243 @@
+"""Least-squares matching of a template with an image: (GT.2), (GT.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .template import Sampled, Template
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 25
+CONVERGED_PX = 1e-3
+HUBER = 2.0
+CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of shadows, stains)
+_BLUR_PX = (0.25, 3.0)
+_C, _M, _S, _RADIOMETRY = slice(0, 2), slice(2, 6), 6, slice(7, 13)
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Standard deviations of what the exterior orientation and level ground leave open.
+
+    Parameters
+    ----------
+    deformation : float
+        Of each scale and shear, without unit.
+    turn_rad : float
+        Of the azimuth.
+    blur : float
+        Of the logarithm of the blur.
+    """
+
+    deformation: float = 0.08
+    turn_rad: float = 0.15
+    blur: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A template matched with an image.
+
+    Parameters
+    ----------
+    uv, cov : ndarray
+        (2,) pixel of its centre, (2, 2) covariance, px^2.
+    correlation : float
+        Of the image with the template so transformed, over the pixels within the signal.
+    contrast : float
+        Grey values between dark and bright.
+    sigma_0 : float
+        Standard deviation of a grey value.
+    blur_px : float
+        Blur that fits.
+    M : ndarray
+        (2, 2) what the template is deformed by.
+    converged : bool
+        Whether the iteration settled.
+    pixels : int
+        Number of pixels that took part.
+    """
+
+    uv: Array
+    cov: Array
+    correlation: float
+    contrast: float
+    sigma_0: float
+    blur_px: float
+    M: Array
+    converged: bool
+    pixels: int
+
+
+def match(
+    image: Array,
+    template: Template,
+    uv: Array,
+    blur_px: float = 0.7,
+    freedom: Freedom | None = None,
+) -> Match | None:
+    """Match a template with an image from a first place on.
+
+    Parameters
+    ----------
+    image : ndarray, (h, w)
+        Grey values.
+    template : Template
+        The template.
+    uv : ndarray, (2,)
+        First place, within a pixel or two.
+    blur_px : float
+        First value of the blur.
+    freedom : Freedom, optional
+        Weights of deformation and blur.
+
+    Returns
+    -------
+    Match or None
+        None where the signal leaves the image, or has no contrast there.
+    """
+    free = freedom or Freedom()
+    state = _State(np.asarray(uv, dtype=np.float64).copy(), np.eye(2), np.log(blur_px))
+    found: Match | None = None
+    for _ in range(2):  # once more with the pixels about the place that was found
+        around = _around(image, template, state.c)
+        if around is None:
+            return None
+        found = _iterated(around[0], around[1], template, state, free, np.log(blur_px))
+        if found is None:
+            return None
+    return found
+
+
+@dataclass(eq=False)
+class _State:
+    """Unknowns that are not linear: centre, deformation, logarithm of the blur."""
+
+    c: Array
+    M: Array
+    s: float
+
+
+def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] | None:
+    """Pixels within a signal about c, (n, 2), and their grey values; None beyond the image."""
+    reach = template.reach_px + 1.0
+    low, high = np.floor(c - reach).astype(int), np.ceil(c + reach).astype(int)
+    size = np.array(image.shape[::-1])
+    if (low < 0).any() or (high > size).any():
+        return None
+    v, u = np.mgrid[low[1] : high[1], low[0] : high[0]]
+    x = np.stack([u.ravel() + 0.5, v.ravel() + 0.5], axis=1)
+    x = x[template.inside(x - c)]
+    rows = x.astype(int)
+    grey = np.asarray(image[rows[:, 1], rows[:, 0]], dtype=np.float64)
+    return (x, grey) if len(x) > 2 * (_RADIOMETRY.stop) else None
+
+
+def _design(
+    x: Array, template: Template, state: _State, reach: float
+) -> tuple[Array, Array, Sampled]:
+    """Radiometric columns (n, 6), derivatives of T by c, M and s (n, 7), and the template."""
+    sampled = template.blurred(float(np.exp(state.s)))
+    d = x - state.c
+    T, du, dv = sampled.at(d @ state.M.T)
+    slope = np.stack([du, dv], axis=1)
+    by_c = -slope @ state.M
+    by_M = (slope[:, :, None] * d[:, None, :]).reshape(-1, 4)
+    more = template.blurred(float(np.exp(state.s + 0.05))).at(d @ state.M.T)[0]
+    less = template.blurred(float(np.exp(state.s - 0.05))).at(d @ state.M.T)[0]
+    by_s = (more - less) / 0.1
+    far = d / reach
+    linear = np.concatenate([np.ones((len(x), 1)), far], axis=1)
+    radiometry = np.concatenate([linear, T[:, None] * linear], axis=1)
+    return radiometry, np.concatenate([by_c, by_M, by_s[:, None]], axis=1), sampled
+
+
+def _prior(free: Freedom) -> Array:
+    """(13, 13) weights of deformation and blur, for errors of variance one."""
+    a, t = free.deformation**-2, free.turn_rad**-2
+    turn, others = np.array([0.0, 1.0, -1.0, 0.0]) / np.sqrt(2.0), np.eye(4)
+    weights = a * (others - np.outer(turn, turn)) + 0.5 * t * np.outer(turn, turn)
+    out = np.zeros((_RADIOMETRY.stop, _RADIOMETRY.stop))
+    out[_M, _M] = weights
+    out[_S, _S] = free.blur**-2
+    return out
+
+
+def _iterated(
+    x: Array, grey: Array, template: Template, state: _State, free: Freedom, first_s: float
+) -> Match | None:
+    """The iteration over given pixels; `state` is moved."""
+    prior, reach = _prior(free), max(template.reach_px, 1.0)
+    w, converged = np.ones(len(x)), False
+    for _ in range(ITERATIONS):
+        radiometry, by, _sampled = _design(x, template, state, reach)
+        root = np.sqrt(w)
+        h = np.linalg.lstsq(root[:, None] * radiometry, root * grey, rcond=None)[0]
+        e = grey - radiometry @ h
+        sigma = max(1.4826 * float(np.median(np.abs(e))), 1e-3 * float(np.ptp(grey)), 1e-9)
+        w = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(e), 1e-300))
+        gain = h[3] + (x - state.c) / reach @ h[4:6]
+        J = np.concatenate([gain[:, None] * by, radiometry], axis=1)
+        s2 = float((w * e * e).sum() / max(len(x) - _RADIOMETRY.stop, 1)) + 1e-12
+        off = np.zeros(_RADIOMETRY.stop)
+        off[_M], off[_S] = (state.M - np.eye(2)).ravel(), state.s - first_s
+        N = J.T @ (w[:, None] * J) + s2 * prior
+        try:
+            step = np.linalg.solve(N, J.T @ (w * e) - s2 * prior @ off)
+        except np.linalg.LinAlgError:
+            return None
+        length = float(np.hypot(*step[_C]))
+        if not np.isfinite(length):
+            return None
+        step *= min(1.0, 1.0 / max(length, 1e-12))
+        state.c = state.c + step[_C]
+        state.M = state.M + step[_M].reshape(2, 2)
+        state.s = float(np.clip(state.s + np.clip(step[_S], -0.5, 0.5), *np.log(_BLUR_PX)))
+        if length < CONVERGED_PX:
+            converged = True
+            break
+    cov = _covariance(x, w * e, J, N, s2)
+    T = radiometry[:, 3]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r = float(np.corrcoef(T, grey)[0, 1]) if np.ptp(grey) > 0.0 and np.ptp(T) > 0.0 else 0.0
+    if not (np.isfinite(cov).all() and np.isfinite(r)):
+        return None
+    blur = float(np.exp(state.s))
+    return Match(
+        state.c.copy(),
+        cov,
+        r,
+        float(h[3]),
+        float(np.sqrt(s2)),
+        blur,
+        state.M.copy(),
+        converged,
+        len(x),
+    )
+
+
+def _covariance(x: Array, weighted: Array, J: Array, N: Array, s2: float) -> Array:
+    """(2, 2) covariance of the centre: that of white errors, or (GT.3) where that is larger."""
+    Q = np.linalg.inv(N)[_C]
+    white = s2 * Q[:, _C]
+    low = x.min(axis=0)
+    at = np.rint(x - low).astype(int)
+    size = at.max(axis=0) + 1
+    score = np.zeros((size[1], size[0], 2))
+    score[at[:, 1], at[:, 0]] = (weighted[:, None] * J) @ Q.T
+    from scipy.signal import fftconvolve
+
+    reach = np.arange(-int(CORRELATED_PX) + 1, int(CORRELATED_PX))
+    triangle = 1.0 - np.abs(reach) / CORRELATED_PX
+    kernel = np.outer(triangle, triangle)
+    near = np.stack([fftconvolve(score[..., k], kernel, mode="same") for k in (0, 1)], axis=-1)
+    S = np.einsum("ijk,ijl->kl", score, near)
+    S = 0.5 * (S + S.T) * len(x) / max(len(x) - _RADIOMETRY.stop, 1)
+    # larger: along the axes in which the first one is a circle
+    L = np.linalg.cholesky(white + 1e-18 * np.eye(2))
+    Li = np.linalg.inv(L)
+    values, vectors = np.linalg.eigh(Li @ S @ Li.T)
+    grown = (vectors * np.maximum(values, 1.0)) @ vectors.T
+    return np.asarray(L @ grown @ L.T)

@@ -1,0 +1,119 @@
+"""Normalised cross-correlation of a template with a window of an image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .template import Template
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """Best place of a template in a window, at whole pixels.
+
+    Parameters
+    ----------
+    correlation, second : float
+        Correlation there, and at the best place elsewhere, -1 where there is none.
+    uv : ndarray
+        (2,) middle of the pixel, in pixels of the image.
+    template : Template
+        The template that fits best.
+    """
+
+    correlation: float
+    second: float
+    uv: Array
+    template: Template
+
+
+def correlation_map(window: Array, template: Template, blur_px: float) -> Array:
+    """Return the normalised cross-correlation of the pixels within a signal.
+
+    Parameters
+    ----------
+    window : ndarray, (h, w)
+        Grey values.
+    template : Template
+        The template.
+    blur_px : float
+        Its blur.
+
+    Returns
+    -------
+    ndarray, (h, w)
+        Correlation with the signal centred on each pixel; NaN where it leaves the window, zero
+        where the window is of one grey value.
+    """
+    from scipy.signal import fftconvolve
+
+    half = int(np.ceil(template.reach_px))
+    out = np.full(window.shape, np.nan)
+    if min(window.shape) < 2 * half + 1:
+        return out
+    at = np.arange(-half, half + 1.0)
+    d = np.stack(np.meshgrid(at, at), axis=-1)
+    w = template.inside(d).astype(np.float64)
+    T = template.blurred(blur_px).at(d.reshape(-1, 2))[0].reshape(w.shape)
+    T = w * (T - (w * T).sum() / w.sum())
+    I = window - window.mean()
+
+    def summed(values: Array, kernel: Array) -> Array:
+        return np.asarray(fftconvolve(values, kernel[::-1, ::-1], mode="valid"))
+
+    power = summed(I * I, w) - summed(I, w) ** 2 / w.sum()
+    floor = 1e-9 * max(float((I * I).mean()) * w.sum(), 1e-300)
+    whole = summed(I, T) / np.sqrt(np.maximum(power, floor) * (T * T).sum())
+    inner = slice(half, -half or None)
+    out[inner, inner] = np.where(power > floor, whole, 0.0)
+    return out
+
+
+def find(
+    window: Array,
+    corner: tuple[int, int],
+    templates: list[Template],
+    blur_px: float,
+    uv: Array,
+    cov: Array,
+    gate: float,
+) -> Peak | None:
+    """Find the best place of some templates within the ellipse of a prediction.
+
+    Parameters
+    ----------
+    window : ndarray, (h, w)
+        Grey values.
+    corner : tuple of int
+        Column and row of the image at which the window begins.
+    templates : list of Template
+        One signal in several azimuths.
+    blur_px : float
+        Their blur.
+    uv, cov : ndarray, (2,), (2, 2)
+        The prediction, in pixels of the image.
+    gate : float
+        Size of the ellipse, sigmas.
+
+    Returns
+    -------
+    Peak or None
+        None where no pixel of the window can be the centre.
+    """
+    maps = np.stack([correlation_map(window, t, blur_px) for t in templates])
+    best = np.max(np.where(np.isfinite(maps), maps, -np.inf), axis=0)
+    v, u = np.indices(window.shape)
+    d = np.stack([u + 0.5 + corner[0], v + 0.5 + corner[1]], axis=-1) - uv
+    wide = cov + 0.5 * np.eye(2)  # places are whole pixels
+    best[np.einsum("...i,ij,...j", d, np.linalg.inv(wide), d) > gate**2] = -np.inf
+    row, column = (int(k) for k in np.unravel_index(best.argmax(), best.shape))
+    if not np.isfinite(best[row, column]):
+        return None
+    which = int(np.nanargmax(maps[:, row, column]))
+    away = np.hypot(v - row, u - column) > max(0.7 * templates[which].reach_px, 3.0)
+    second = float(np.max(best, where=away, initial=-1.0))
+    place = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
+    return Peak(float(best[row, column]), second, place, templates[which])

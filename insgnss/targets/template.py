@@ -1,0 +1,150 @@
+"""A signal to the scale and the rotation of an image."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .signals import Signal
+
+Array = NDArray[np.float64]
+
+OVERSAMPLING = 5  # points in a pixel, odd, so that the mean over a pixel lies in its middle
+_BORDER_PX = 6.0  # about the signal, so that what the matching moves stays on the grid
+EDGE_PX = 1.2  # at the rim of the signal where blur mixes it with what is about it
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """A signal in one image.
+
+    Parameters
+    ----------
+    signal : Signal
+        The signal.
+    to_pixel : ndarray
+        (2, 2) pixels right and down by metres along the signal's own axes; its azimuth is in it.
+    """
+
+    signal: Signal
+    to_pixel: Array
+
+    @property
+    def pixel_m(self) -> float:
+        """Mean ground sampling distance, m."""
+        return float(1.0 / np.sqrt(abs(np.linalg.det(self.to_pixel))))
+
+    @property
+    def reach_px(self) -> float:
+        """Largest distance of a point of the signal from its centre, pixels."""
+        return float(self.signal.radius_m * np.linalg.norm(self.to_pixel, 2))
+
+    def inside(self, d: Array) -> NDArray[np.bool_]:
+        """Return which pixels lie within the signal, its rim excluded.
+
+        Parameters
+        ----------
+        d : ndarray, (..., 2)
+            Pixels from the centre.
+
+        Returns
+        -------
+        ndarray of bool, (...)
+            Which.
+        """
+        ground = d @ np.linalg.inv(self.to_pixel).T
+        limit = self.signal.radius_m - EDGE_PX * self.pixel_m
+        return np.asarray(np.hypot(ground[..., 0], ground[..., 1]) < limit)
+
+    @cached_property
+    def _sharp(self) -> Array:
+        """The signal on a grid of `OVERSAMPLING` points in a pixel, symmetric about the centre and
+        without a point in it, averaged over pixels.
+        """
+        from scipy.ndimage import uniform_filter
+
+        half = int(np.ceil((self.reach_px + _BORDER_PX) * OVERSAMPLING))
+        at = (np.arange(2 * half) - half + 0.5) / OVERSAMPLING
+        u, v = np.meshgrid(at, at)
+        e, n = np.moveaxis(np.stack([u, v], axis=-1) @ np.linalg.inv(self.to_pixel).T, -1, 0)
+        return np.asarray(uniform_filter(self.signal.value(e, n), OVERSAMPLING, mode="nearest"))
+
+    def blurred(self, sigma_px: float) -> "Sampled":
+        """Return the template as a camera that blurs would see it.
+
+        Parameters
+        ----------
+        sigma_px : float
+            Standard deviation of the Gaussian that blurs, pixels.
+
+        Returns
+        -------
+        Sampled
+            Its values anywhere.
+        """
+        from scipy.ndimage import gaussian_filter
+
+        return Sampled(
+            np.asarray(gaussian_filter(self._sharp, sigma_px * OVERSAMPLING, mode="nearest"))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Values of a template between the points of its grid.
+
+    Parameters
+    ----------
+    grid : ndarray
+        (k, k) values, k even, centre in the middle.
+    """
+
+    grid: Array
+
+    @cached_property
+    def _layers(self) -> tuple[Array, Array, Array]:
+        dv, du = np.gradient(self.grid, 1.0 / OVERSAMPLING)
+        return self.grid, du, dv
+
+    def at(self, d: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return values and derivatives.
+
+        Parameters
+        ----------
+        d : array_like, (n, 2)
+            Pixels from the centre.
+
+        Returns
+        -------
+        value, du, dv : ndarray, (n,)
+            The value, and its derivatives by both coordinates, 1/px.
+        """
+        from scipy.ndimage import map_coordinates
+
+        half = self.grid.shape[0] / 2.0
+        at = np.asarray(d, dtype=np.float64)[:, ::-1].T * OVERSAMPLING + half - 0.5
+        value, du, dv = (
+            np.asarray(map_coordinates(layer, at, order=1, mode="nearest"))
+            for layer in self._layers
+        )
+        return value, du, dv
+
+
+def rotated(by_point: ArrayLike, azimuth_rad: float) -> Array:
+    """Return what takes the axes of a signal on level ground to pixels.
+
+    Parameters
+    ----------
+    by_point : array_like, (2, 3)
+        Derivative of the pixel by the ground point, px/m.
+    azimuth_rad : float
+        Of the signal's second axis, clockwise from north.
+
+    Returns
+    -------
+    ndarray, (2, 2)
+        Pixels right and down by metres along the signal's axes.
+    """
+    c, s = np.cos(azimuth_rad), np.sin(azimuth_rad)
+    return np.asarray(by_point, dtype=np.float64)[:, :2] @ np.array([[c, s], [-s, c]])
