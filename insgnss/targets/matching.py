@@ -1,6 +1,6 @@
 """Least-squares matching of a template with an image: (GT.2), (GT.3)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,21 @@ class Match:
     M: Array
     converged: bool
     pixels: int
+
+    def moved_by(self, corner: Array) -> "Match":
+        """Return the match in pixels of the image that its window was cut out of.
+
+        Parameters
+        ----------
+        corner : ndarray, (2,)
+            Upper left corner of the window, pixels.
+
+        Returns
+        -------
+        Match
+            The same otherwise.
+        """
+        return replace(self, uv=self.uv + corner)
 
 
 def match(

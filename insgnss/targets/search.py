@@ -113,7 +113,7 @@ def find(
     if not np.isfinite(best[row, column]):
         return None
     which = int(np.nanargmax(maps[:, row, column]))
-    away = np.hypot(v - row, u - column) > max(0.7 * templates[which].reach_px, 3.0)
+    away = np.hypot(v - row, u - column) > max(1.5 * templates[which].reach_px, 3.0)
     second = float(np.max(best, where=away, initial=-1.0))
     place = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
     return Peak(float(best[row, column]), second, place, templates[which])
