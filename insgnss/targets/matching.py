@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .template import Sampled, Template
+from .template import Template
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,11 @@ CONVERGED_PX = 1e-3
 HUBER = 2.0
 CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of shadows, stains)
 _BLUR_PX = (0.25, 3.0)
-_C, _M, _S, _RADIOMETRY = slice(0, 2), slice(2, 6), 6, slice(7, 13)
+SHADE = (0.15, 0.9)
+"""Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
+_LINES = (24, 1.0)  # directions, and step of the distances in pixels, of the rims that are tried
+_SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
+_C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,8 @@ class Match:
         Whether the iteration settled.
     pixels : int
         Number of pixels that took part.
+    shade : float
+        Share of the light that a shadow takes from a part of the target; 0 without one.
     """
 
     uv: Array
@@ -69,6 +75,7 @@ class Match:
     M: Array
     converged: bool
     pixels: int
+    shade: float = 0.0
 
     def moved_by(self, corner: Array) -> "Match":
         """Return the match in pixels of the image that its window was cut out of.
@@ -92,6 +99,7 @@ def match(
     uv: Array,
     blur_px: float = 0.7,
     freedom: Freedom | None = None,
+    shadow: bool = False,
 ) -> Match | None:
     """Match a template with an image from a first place on.
 
@@ -107,6 +115,8 @@ def match(
         First value of the blur.
     freedom : Freedom, optional
         Weights of deformation and blur.
+    shadow : bool
+        Whether the rim of a shadow runs through the target.
 
     Returns
     -------
@@ -120,6 +130,8 @@ def match(
         around = _around(image, template, state.c)
         if around is None:
             return None
+        if shadow and state.shadow is None:
+            state.shadow = _first_shadow(*around, template, state)
         found = _iterated(around[0], around[1], template, state, free, np.log(blur_px))
         if found is None:
             return None
@@ -128,11 +140,14 @@ def match(
 
 @dataclass(eq=False)
 class _State:
-    """Unknowns that are not linear: centre, deformation, logarithm of the blur."""
+    """Unknowns that are not linear: centre, deformation, logarithm of the blur; of a shadow its
+    share, the direction from its rim into it and the distance of the rim from where pixels begin.
+    """
 
     c: Array
     M: Array
     s: float
+    shadow: Array | None = None
 
 
 def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] | None:
@@ -147,13 +162,13 @@ def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] |
     x = x[template.inside(x - c)]
     rows = x.astype(int)
     grey = np.asarray(image[rows[:, 1], rows[:, 0]], dtype=np.float64)
-    return (x, grey) if len(x) > 2 * (_RADIOMETRY.stop) else None
+    return (x, grey) if len(x) > 2 * _SHADOW.stop else None
 
 
 def _design(
     x: Array, template: Template, state: _State, reach: float
-) -> tuple[Array, Array, Sampled]:
-    """Radiometric columns (n, 6), derivatives of T by c, M and s (n, 7), and the template."""
+) -> tuple[Array, Array]:
+    """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7)."""
     sampled = template.blurred(float(np.exp(state.s)))
     d = x - state.c
     T, du, dv = sampled.at(d @ state.M.T)
@@ -166,15 +181,49 @@ def _design(
     far = d / reach
     linear = np.concatenate([np.ones((len(x), 1)), far], axis=1)
     radiometry = np.concatenate([linear, T[:, None] * linear], axis=1)
-    return radiometry, np.concatenate([by_c, by_M, by_s[:, None]], axis=1), sampled
+    return radiometry, np.concatenate([by_c, by_M, by_s[:, None]], axis=1)
+
+
+def _light(x: Array, state: _State) -> tuple[Array, Array]:
+    """Light (n,) that a shadow leaves, and its derivatives by the shadow (n, 3 or 0)."""
+    if state.shadow is None:
+        return np.ones(len(x)), np.empty((len(x), 0))
+    from scipy.special import ndtr
+
+    k, angle, rim = state.shadow
+    width = float(np.hypot(np.exp(state.s), 0.3))  # of the blur and of a pixel
+    c, s = np.cos(angle), np.sin(angle)
+    t = (x @ np.array([c, s]) - rim) / width
+    m, slope = ndtr(t), np.exp(-0.5 * t * t) / (np.sqrt(2.0 * np.pi) * width)
+    by = np.stack([-m, -k * slope * (x @ np.array([-s, c])), k * slope], axis=1)
+    return 1.0 - k * m, by
+
+
+def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> Array:
+    """The rim that explains most at the first place, of some directions and distances."""
+    radiometry = _design(x, template, state, max(template.reach_px, 1.0))[0]
+    best, out = np.inf, np.array([0.5, 0.0, 0.0])
+    for angle in np.arange(_LINES[0]) * 2.0 * np.pi / _LINES[0]:
+        along = x @ np.array([np.cos(angle), np.sin(angle)])
+        for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _LINES[1]):
+            tried = np.array([0.5, angle, rim])
+            light = _light(x, _State(state.c, state.M, state.s, tried))[0]
+            A = light[:, None] * radiometry[:, [0, 3]]
+            N, b = A.T @ A, A.T @ grey
+            det = N[0, 0] * N[1, 1] - N[0, 1] ** 2
+            h = np.array([N[1, 1] * b[0] - N[0, 1] * b[1], N[0, 0] * b[1] - N[0, 1] * b[0]]) / det
+            rest = -float(b @ h) if h[1] > 0.0 else np.inf
+            if rest < best:
+                best, out = rest, tried
+    return out
 
 
 def _prior(free: Freedom) -> Array:
-    """(13, 13) weights of deformation and blur, for errors of variance one."""
+    """(16, 16) weights of deformation and blur, for errors of variance one."""
     a, t = free.deformation**-2, free.turn_rad**-2
     turn, others = np.array([0.0, 1.0, -1.0, 0.0]) / np.sqrt(2.0), np.eye(4)
     weights = a * (others - np.outer(turn, turn)) + 0.5 * t * np.outer(turn, turn)
-    out = np.zeros((_RADIOMETRY.stop, _RADIOMETRY.stop))
+    out = np.zeros((_SHADOW.stop, _SHADOW.stop))
     out[_M, _M] = weights
     out[_S, _S] = free.blur**-2
     return out
@@ -184,19 +233,23 @@ def _iterated(
     x: Array, grey: Array, template: Template, state: _State, free: Freedom, first_s: float
 ) -> Match | None:
     """The iteration over given pixels; `state` is moved."""
-    prior, reach = _prior(free), max(template.reach_px, 1.0)
+    unknowns = _RADIOMETRY.stop if state.shadow is None else _SHADOW.stop
+    prior, reach = _prior(free)[:unknowns, :unknowns], max(template.reach_px, 1.0)
     w, converged = np.ones(len(x)), False
     for _ in range(ITERATIONS):
-        radiometry, by, _sampled = _design(x, template, state, reach)
+        radiometry, by = _design(x, template, state, reach)
+        light, by_shadow = _light(x, state)
         root = np.sqrt(w)
+        radiometry *= light[:, None]
         h = np.linalg.lstsq(root[:, None] * radiometry, root * grey, rcond=None)[0]
         e = grey - radiometry @ h
         sigma = max(1.4826 * float(np.median(np.abs(e))), 1e-3 * float(np.ptp(grey)), 1e-9)
         w = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(e), 1e-300))
-        gain = h[3] + (x - state.c) / reach @ h[4:6]
-        J = np.concatenate([gain[:, None] * by, radiometry], axis=1)
-        s2 = float((w * e * e).sum() / max(len(x) - _RADIOMETRY.stop, 1)) + 1e-12
-        off = np.zeros(_RADIOMETRY.stop)
+        gain = light * (h[3] + (x - state.c) / reach @ h[4:6])
+        shaded = (radiometry @ h / light)[:, None] * by_shadow
+        J = np.concatenate([gain[:, None] * by, radiometry, shaded], axis=1)
+        s2 = float((w * e * e).sum() / max(len(x) - unknowns, 1)) + 1e-12
+        off = np.zeros(unknowns)
         off[_M], off[_S] = (state.M - np.eye(2)).ravel(), state.s - first_s
         N = J.T @ (w[:, None] * J) + s2 * prior
         try:
@@ -210,11 +263,14 @@ def _iterated(
         state.c = state.c + step[_C]
         state.M = state.M + step[_M].reshape(2, 2)
         state.s = float(np.clip(state.s + np.clip(step[_S], -0.5, 0.5), *np.log(_BLUR_PX)))
+        if state.shadow is not None:
+            state.shadow = state.shadow + np.clip(step[_SHADOW], *_SHADOW_STEP)
+            state.shadow[0] = np.clip(state.shadow[0], *SHADE)
         if length < CONVERGED_PX:
             converged = True
             break
     cov = _covariance(x, w * e, J, N, s2)
-    T = radiometry[:, 3]
+    T, grey = radiometry[:, 3] / light, grey / light
     with np.errstate(invalid="ignore", divide="ignore"):
         r = float(np.corrcoef(T, grey)[0, 1]) if np.ptp(grey) > 0.0 and np.ptp(T) > 0.0 else 0.0
     if not (np.isfinite(cov).all() and np.isfinite(r)):
@@ -230,6 +286,7 @@ def _iterated(
         state.M.copy(),
         converged,
         len(x),
+        0.0 if state.shadow is None else float(state.shadow[0]),
     )
 
 
@@ -249,7 +306,7 @@ def _covariance(x: Array, weighted: Array, J: Array, N: Array, s2: float) -> Arr
     kernel = np.outer(triangle, triangle)
     near = np.stack([fftconvolve(score[..., k], kernel, mode="same") for k in (0, 1)], axis=-1)
     S = np.einsum("ijk,ijl->kl", score, near)
-    S = 0.5 * (S + S.T) * len(x) / max(len(x) - _RADIOMETRY.stop, 1)
+    S = 0.5 * (S + S.T) * len(x) / max(len(x) - len(N), 1)
     # larger: along the axes in which the first one is a circle
     L = np.linalg.cholesky(white + 1e-18 * np.eye(2))
     Li = np.linalg.inv(L)

@@ -28,6 +28,8 @@ class Rules:
         Smallest correlation of the search.
     correlation : float
         Smallest correlation of the matching.
+    clear : float
+        Correlation above which no shadow is looked for.
     ambiguous : float
         The second best place must correlate by so much less than the best.
     contrast : float
@@ -49,6 +51,7 @@ class Rules:
     gate: float = 3.7
     found: float = 0.75
     correlation: float = 0.93
+    clear: float = 0.985
     ambiguous: float = 0.03
     contrast: float = 5.0
     sigma_px: float = 0.4
@@ -141,23 +144,41 @@ def measure(
     high = np.minimum(np.ceil(at + wide).astype(int), grey.shape[::-1])
     window = grey[low[1] : max(high[1], low[1]), low[0] : max(high[0], low[0])].astype(np.float64)
     corner = (int(low[0]), int(low[1]))
-    peak = (
-        find(window, corner, templates, limits.blur_px, at, C, limits.gate) if window.size else None
-    )
-    if peak is None:
+    peaks = find(window, corner, templates, limits.blur_px, at, C, limits.gate) if window.size else []
+    if not peaks:
         return Measurement("the signal would leave the image", None)
-    if peak.correlation < limits.found:
-        why = f"correlation {peak.correlation:.2f} of the search, below {limits.found:g}"
-        return Measurement(why, None, peak.correlation, peak.second)
-    found = match(window, peak.template, peak.uv - corner, limits.blur_px, limits.freedom)
-    if found is None:
+    if (first := peaks[0]).correlation < limits.found:
+        why = f"correlation {first.correlation:.2f} of the search, below {limits.found:g}"
+        return Measurement(why, None, first.correlation, first.second)
+    best = _best(window, corner, [p for p in peaks if p.correlation >= limits.found], limits)
+    if best is None:
         why = "the matching has no solution within the image"
-        return Measurement(why, None, peak.correlation, peak.second)
-    found = found.moved_by(np.array(corner, dtype=np.float64))
+        return Measurement(why, None, first.correlation, first.second)
+    peak, found = best
     off = found.uv - at
     distance = float(np.sqrt(off @ np.linalg.solve(C + found.cov, off)))
     why = _rejected(peak, found, distance, limits)
     return Measurement(why, found, peak.correlation, peak.second, distance)
+
+
+def _best(
+    window: Array, corner: tuple[int, int], peaks: list[Peak], rules: Rules
+) -> tuple[Peak, Match] | None:
+    """The place whose match correlates best; with a shadow where none does well without."""
+    low = np.array(corner, dtype=np.float64)
+    best: tuple[Peak, Match] | None = None
+    for shadow in (False, True):
+        for peak in peaks:
+            m = match(
+                window, peak.template, peak.uv - low, rules.blur_px, rules.freedom, shadow=shadow
+            )
+            if m is None or (best is not None and not m.converged):
+                continue
+            if best is None or not best[1].converged or m.correlation > best[1].correlation:
+                best = peak, m.moved_by(low)
+        if best is not None and best[1].converged and best[1].correlation > rules.clear:
+            break
+    return best
 
 
 def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:

@@ -9,15 +9,17 @@ from .template import Template
 
 Array = NDArray[np.float64]
 
+_APART_PX = 3.0  # between places: the matching finds what is nearer
+
 
 @dataclass(frozen=True, eq=False)
 class Peak:
-    """Best place of a template in a window, at whole pixels.
+    """A place of a template in a window, at whole pixels.
 
     Parameters
     ----------
     correlation, second : float
-        Correlation there, and at the best place elsewhere, -1 where there is none.
+        Correlation there, and at the best place farther away, -1 where there is none.
     uv : ndarray
         (2,) middle of the pixel, in pixels of the image.
     template : Template
@@ -80,8 +82,9 @@ def find(
     uv: Array,
     cov: Array,
     gate: float,
-) -> Peak | None:
-    """Find the best place of some templates within the ellipse of a prediction.
+    count: int = 3,
+) -> list[Peak]:
+    """Find the best places of some templates within the ellipse of a prediction.
 
     Parameters
     ----------
@@ -97,11 +100,13 @@ def find(
         The prediction, in pixels of the image.
     gate : float
         Size of the ellipse, sigmas.
+    count : int
+        Largest number of places.
 
     Returns
     -------
-    Peak or None
-        None where no pixel of the window can be the centre.
+    list of Peak
+        From the best on, some pixels apart; none where no pixel of the window can be the centre.
     """
     maps = np.stack([correlation_map(window, t, blur_px) for t in templates])
     best = np.max(np.where(np.isfinite(maps), maps, -np.inf), axis=0)
@@ -109,11 +114,15 @@ def find(
     d = np.stack([u + 0.5 + corner[0], v + 0.5 + corner[1]], axis=-1) - uv
     wide = cov + 0.5 * np.eye(2)  # places are whole pixels
     best[np.einsum("...i,ij,...j", d, np.linalg.inv(wide), d) > gate**2] = -np.inf
-    row, column = (int(k) for k in np.unravel_index(best.argmax(), best.shape))
-    if not np.isfinite(best[row, column]):
-        return None
-    which = int(np.nanargmax(maps[:, row, column]))
-    away = np.hypot(v - row, u - column) > max(1.5 * templates[which].reach_px, 3.0)
-    second = float(np.max(best, where=away, initial=-1.0))
-    place = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
-    return Peak(float(best[row, column]), second, place, templates[which])
+    peaks: list[Peak] = []
+    open_ = np.isfinite(best)
+    while len(peaks) < count and open_.any():
+        row, column = (int(k) for k in np.unravel_index(np.where(open_, best, -2.0).argmax(), v.shape))
+        which = int(np.nanargmax(maps[:, row, column]))
+        far = np.hypot(v - row, u - column)
+        away = far > max(1.5 * templates[which].reach_px, 3.0)
+        second = float(np.max(best, where=away, initial=-1.0))
+        place = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
+        peaks.append(Peak(float(best[row, column]), second, place, templates[which]))
+        open_ &= far > _APART_PX
+    return peaks
