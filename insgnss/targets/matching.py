@@ -124,7 +124,8 @@ def match(
         None where the signal leaves the image, or has no contrast there.
     """
     free = freedom or Freedom()
-    state = _State(np.asarray(uv, dtype=np.float64).copy(), np.eye(2), np.log(blur_px))
+    first = np.asarray(uv, dtype=np.float64)
+    state = _State(first, np.eye(2), np.log(blur_px), first)
     found: Match | None = None
     for _ in range(2):  # once more with the pixels about the place that was found
         around = _around(image, template, state.c)
@@ -141,12 +142,13 @@ def match(
 @dataclass(eq=False)
 class _State:
     """Unknowns that are not linear: centre, deformation, logarithm of the blur; of a shadow its
-    share, the direction from its rim into it and the distance of the rim from where pixels begin.
+    share, the direction from its rim into it and the distance of the rim from `origin`.
     """
 
     c: Array
     M: Array
     s: float
+    origin: Array
     shadow: Array | None = None
 
 
@@ -193,9 +195,10 @@ def _light(x: Array, state: _State) -> tuple[Array, Array]:
     k, angle, rim = state.shadow
     width = float(np.hypot(np.exp(state.s), 0.3))  # of the blur and of a pixel
     c, s = np.cos(angle), np.sin(angle)
-    t = (x @ np.array([c, s]) - rim) / width
+    d = x - state.origin
+    t = (d @ np.array([c, s]) - rim) / width
     m, slope = ndtr(t), np.exp(-0.5 * t * t) / (np.sqrt(2.0 * np.pi) * width)
-    by = np.stack([-m, -k * slope * (x @ np.array([-s, c])), k * slope], axis=1)
+    by = np.stack([-m, -k * slope * (d @ np.array([-s, c])), k * slope], axis=1)
     return 1.0 - k * m, by
 
 
@@ -204,10 +207,10 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
     radiometry = _design(x, template, state, max(template.reach_px, 1.0))[0]
     best, out = np.inf, np.array([0.5, 0.0, 0.0])
     for angle in np.arange(_LINES[0]) * 2.0 * np.pi / _LINES[0]:
-        along = x @ np.array([np.cos(angle), np.sin(angle)])
+        along = (x - state.origin) @ np.array([np.cos(angle), np.sin(angle)])
         for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _LINES[1]):
             tried = np.array([0.5, angle, rim])
-            light = _light(x, _State(state.c, state.M, state.s, tried))[0]
+            light = _light(x, _State(state.c, state.M, state.s, state.origin, tried))[0]
             A = light[:, None] * radiometry[:, [0, 3]]
             N, b = A.T @ A, A.T @ grey
             det = N[0, 0] * N[1, 1] - N[0, 1] ** 2

@@ -13,6 +13,7 @@ from .template import Template, rotated
 
 Array = NDArray[np.float64]
 
+_SHADOW_EXPLAINS = 0.6  # of what is left without it, for three unknowns in 150 pixels
 _SMALLEST_PX = 4.0  # of the radius of a signal: below, its rim is all that is left of it
 
 
@@ -50,10 +51,10 @@ class Rules:
 
     gate: float = 3.7
     found: float = 0.75
-    correlation: float = 0.93
-    clear: float = 0.985
+    correlation: float = 0.95
+    clear: float = 0.997
     ambiguous: float = 0.03
-    contrast: float = 5.0
+    contrast: float = 10.0
     sigma_px: float = 0.4
     moved: float = 2.5
     deformed: float = 3.5
@@ -166,19 +167,23 @@ def _best(
 ) -> tuple[Peak, Match] | None:
     """The place whose match correlates best; with a shadow where none does well without."""
     low = np.array(corner, dtype=np.float64)
-    best: tuple[Peak, Match] | None = None
-    for shadow in (False, True):
-        for peak in peaks:
-            m = match(
-                window, peak.template, peak.uv - low, rules.blur_px, rules.freedom, shadow=shadow
-            )
-            if m is None or (best is not None and not m.converged):
-                continue
-            if best is None or not best[1].converged or m.correlation > best[1].correlation:
-                best = peak, m.moved_by(low)
-        if best is not None and best[1].converged and best[1].correlation > rules.clear:
-            break
-    return best
+
+    def matched(shadow: bool) -> tuple[Peak, Match] | None:
+        found = [
+            (p, match(window, p.template, p.uv - low, rules.blur_px, rules.freedom, shadow=shadow))
+            for p in peaks
+        ]
+        pairs = [(p, m.moved_by(low)) for p, m in found if m is not None]
+        return max(pairs, key=lambda pair: (pair[1].converged, pair[1].correlation), default=None)
+
+    plain = matched(False)
+    if plain is not None and plain[1].converged and plain[1].correlation > rules.clear:
+        return plain
+    shaded = matched(True)
+    if shaded is None or not shaded[1].converged or plain is None or not plain[1].converged:
+        return shaded if shaded is not None and (plain is None or shaded[1].converged) else plain
+    rest = [1.0 - m.correlation**2 for m in (shaded[1], plain[1])]
+    return shaded if rest[0] < _SHADOW_EXPLAINS * rest[1] else plain
 
 
 def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
