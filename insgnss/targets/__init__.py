@@ -30,7 +30,17 @@ Least-squares matching
 
         C = N^-1 (sum over k, l of b(k - l) u_k u_l^T) N^-1                               (GT.3)
 
-    takes the place of sigma_0^2 N^-1 where it is larger (`matching`).
+    takes the place of sigma_0^2 N^-1 where it is larger. What neighbouring pixels share, with
+    variance s^2 (their mean product, less what white errors show), may move all edges at once, by
+    s over the steepest slope of an edge of contrast r_0: C grows by that variance
+
+        s^2 2 pi (blur^2 + 0.3^2) / r_0^2 I                                               (GT.4)
+
+    (`matching`).
+Shadow
+    Where (GT.2) leaves much, its right-hand side is tried again with the factor
+    1 - k Phi((a^T x - d) / blur): a shadow that takes the share k of the light beyond a straight
+    rim. It stays if that explains 40 % of what was left.
 Rules
     A match is rejected by correlation, contrast, the second best place, deformation, sigma and
     distance from the prediction (`measurement`); a point by the images that see it together

@@ -1,4 +1,4 @@
-"""Least-squares matching of a template with an image: (GT.2), (GT.3)."""
+"""Least-squares matching of a template with an image: (GT.2) to (GT.4)."""
 
 from dataclasses import dataclass, replace
 
@@ -273,6 +273,8 @@ def _iterated(
             converged = True
             break
     cov = _covariance(x, w * e, J, N, s2)
+    width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
+    cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
     T, grey = radiometry[:, 3] / light, grey / light
     with np.errstate(invalid="ignore", divide="ignore"):
         r = float(np.corrcoef(T, grey)[0, 1]) if np.ptp(grey) > 0.0 and np.ptp(T) > 0.0 else 0.0
@@ -291,6 +293,21 @@ def _iterated(
         len(x),
         0.0 if state.shadow is None else float(state.shadow[0]),
     )
+
+
+def _structured(x: Array, e: Array) -> float:
+    """Variance of the errors that neighbouring pixels share, beyond what white errors show."""
+    at = np.floor(x - x.min(axis=0) + 0.5).astype(int)
+    size = at.max(axis=0) + 1
+    grid = np.full((size[1], size[0]), np.nan)
+    grid[at[:, 1], at[:, 0]] = e
+    products = np.concatenate(
+        [(grid[1:] * grid[:-1]).ravel(), (grid[:, 1:] * grid[:, :-1]).ravel()]
+    )
+    products = products[np.isfinite(products)]
+    if not products.size:
+        return 0.0
+    return max(float(products.mean()) - float((e * e).mean()) / np.sqrt(products.size), 0.0)
 
 
 def _covariance(x: Array, weighted: Array, J: Array, N: Array, s2: float) -> Array:

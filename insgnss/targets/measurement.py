@@ -51,7 +51,7 @@ class Rules:
 
     gate: float = 3.7
     found: float = 0.75
-    correlation: float = 0.95
+    correlation: float = 0.98
     clear: float = 0.997
     ambiguous: float = 0.03
     contrast: float = 10.0

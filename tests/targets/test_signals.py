@@ -34,7 +34,7 @@ def test_patterns_are_what_they_are_called() -> None:
     [
         (lambda: quadrants(0.0), "positive"),
         (lambda: disc(0.2, around=1.0), "more than 1"),
-        (lambda: cross(0.5, 0.2), "half as wide"),
+        (lambda: cross(0.5, 0.3), "half as wide"),
         (lambda: picture(np.ones((5, 5)), 0.3), "nothing to find"),
         (lambda: picture(np.ones((5, 4)), 0.3), "square"),
     ],
