@@ -16,6 +16,8 @@ CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of sh
 _BLUR_PX = (0.25, 3.0)
 SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
+SHADE_PX = 0.06
+"""Error of each coordinate where the rim of a shadow may pass for an edge: rms of rendered ones."""
 _LINES = (24, 1.0)  # directions, and step of the distances in pixels, of the rims that are tried
 _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
@@ -167,9 +169,7 @@ def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] |
     return (x, grey) if len(x) > 2 * _SHADOW.stop else None
 
 
-def _design(
-    x: Array, template: Template, state: _State, reach: float
-) -> tuple[Array, Array]:
+def _design(x: Array, template: Template, state: _State, reach: float) -> tuple[Array, Array]:
     """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7)."""
     sampled = template.blurred(float(np.exp(state.s)))
     d = x - state.c
@@ -274,6 +274,8 @@ def _iterated(
             break
     cov = _covariance(x, w * e, J, N, s2)
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
+    if state.shadow is not None:
+        cov += SHADE_PX**2 * np.eye(2)
     cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
     T, grey = radiometry[:, 3] / light, grey / light
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -14,6 +14,7 @@ from .template import Template, rotated
 Array = NDArray[np.float64]
 
 _SHADOW_EXPLAINS = 0.6  # of what is left without it, for three unknowns in 150 pixels
+_SHADOW_FROM = 0.75  # correlation below which a shadow cannot be all that is wrong
 _SMALLEST_PX = 4.0  # of the radius of a signal: below, its rim is all that is left of it
 
 
@@ -145,7 +146,9 @@ def measure(
     high = np.minimum(np.ceil(at + wide).astype(int), grey.shape[::-1])
     window = grey[low[1] : max(high[1], low[1]), low[0] : max(high[0], low[0])].astype(np.float64)
     corner = (int(low[0]), int(low[1]))
-    peaks = find(window, corner, templates, limits.blur_px, at, C, limits.gate) if window.size else []
+    peaks = (
+        find(window, corner, templates, limits.blur_px, at, C, limits.gate) if window.size else []
+    )
     if not peaks:
         return Measurement("the signal would leave the image", None)
     if (first := peaks[0]).correlation < limits.found:
@@ -178,6 +181,8 @@ def _best(
 
     plain = matched(False)
     if plain is not None and plain[1].converged and plain[1].correlation > rules.clear:
+        return plain
+    if plain is not None and plain[1].correlation < _SHADOW_FROM:
         return plain
     shaded = matched(True)
     if shaded is None or not shaded[1].converged or plain is None or not plain[1].converged:

@@ -117,7 +117,9 @@ def find(
     peaks: list[Peak] = []
     open_ = np.isfinite(best)
     while len(peaks) < count and open_.any():
-        row, column = (int(k) for k in np.unravel_index(np.where(open_, best, -2.0).argmax(), v.shape))
+        row, column = (
+            int(k) for k in np.unravel_index(np.where(open_, best, -2.0).argmax(), v.shape)
+        )
         which = int(np.nanargmax(maps[:, row, column]))
         far = np.hypot(v - row, u - column)
         away = far > max(1.5 * templates[which].reach_px, 3.0)

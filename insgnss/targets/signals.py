@@ -97,7 +97,9 @@ def cross(size_m: float, arm_m: float, bright: bool = True) -> Signal:
     """
     half, arm = 0.5 * _positive("length of the bars", size_m), 0.5 * _positive("width", arm_m)
     if not arm < 0.5 * half:
-        raise InputError(f"cross: bars {arm_m:g} m wide and {size_m:g} m long; at most half as wide")
+        raise InputError(
+            f"cross: bars {arm_m:g} m wide and {size_m:g} m long; at most half as wide"
+        )
 
     def value(e: Array, n: Array) -> Array:
         on = np.minimum(np.abs(e), np.abs(n)) < arm
