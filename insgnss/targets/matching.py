@@ -128,17 +128,17 @@ def match(
     free = freedom or Freedom()
     first = np.asarray(uv, dtype=np.float64)
     state = _State(first, np.eye(2), np.log(blur_px), first)
-    found: Match | None = None
+    result: Match | None = None
     for _ in range(2):  # once more with the pixels about the place that was found
         around = _around(image, template, state.c)
         if around is None:
             return None
         if shadow and state.shadow is None:
             state.shadow = _first_shadow(*around, template, state)
-        found = _iterated(around[0], around[1], template, state, free, np.log(blur_px))
-        if found is None:
+        result = _iterated(around[0], around[1], template, state, free, np.log(blur_px))
+        if result is None:
             return None
-    return found
+    return result
 
 
 @dataclass(eq=False)
@@ -209,15 +209,15 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
     for angle in np.arange(_LINES[0]) * 2.0 * np.pi / _LINES[0]:
         along = (x - state.origin) @ np.array([np.cos(angle), np.sin(angle)])
         for rim in np.arange(along.min() + 2.0, along.max() - 2.0, _LINES[1]):
-            tried = np.array([0.5, angle, rim])
-            light = _light(x, _State(state.c, state.M, state.s, state.origin, tried))[0]
+            shadow = np.array([0.5, angle, rim])
+            light = _light(x, _State(state.c, state.M, state.s, state.origin, shadow))[0]
             A = light[:, None] * radiometry[:, [0, 3]]
             N, b = A.T @ A, A.T @ grey
             det = N[0, 0] * N[1, 1] - N[0, 1] ** 2
             h = np.array([N[1, 1] * b[0] - N[0, 1] * b[1], N[0, 0] * b[1] - N[0, 1] * b[0]]) / det
             rest = -float(b @ h) if h[1] > 0.0 else np.inf
             if rest < best:
-                best, out = rest, tried
+                best, out = rest, shadow
     return out
 
 
@@ -299,10 +299,10 @@ def _iterated(
 
 def _structured(x: Array, e: Array) -> float:
     """Variance of the errors that neighbouring pixels share, beyond what white errors show."""
-    at = np.floor(x - x.min(axis=0) + 0.5).astype(int)
-    size = at.max(axis=0) + 1
+    cells = np.floor(x - x.min(axis=0) + 0.5).astype(int)
+    size = cells.max(axis=0) + 1
     grid = np.full((size[1], size[0]), np.nan)
-    grid[at[:, 1], at[:, 0]] = e
+    grid[cells[:, 1], cells[:, 0]] = e
     products = np.concatenate(
         [(grid[1:] * grid[:-1]).ravel(), (grid[:, 1:] * grid[:, :-1]).ravel()]
     )
@@ -317,10 +317,10 @@ def _covariance(x: Array, weighted: Array, J: Array, N: Array, s2: float) -> Arr
     Q = np.linalg.inv(N)[_C]
     white = s2 * Q[:, _C]
     low = x.min(axis=0)
-    at = np.rint(x - low).astype(int)
-    size = at.max(axis=0) + 1
+    cells = np.rint(x - low).astype(int)
+    size = cells.max(axis=0) + 1
     score = np.zeros((size[1], size[0], 2))
-    score[at[:, 1], at[:, 0]] = (weighted[:, None] * J) @ Q.T
+    score[cells[:, 1], cells[:, 0]] = (weighted[:, None] * J) @ Q.T
     from scipy.signal import fftconvolve
 
     reach = np.arange(-int(CORRELATED_PX) + 1, int(CORRELATED_PX))

@@ -128,10 +128,10 @@ def measure(
     """
     limits = rules or Rules()
     grey = np.asarray(image)
-    at, C, B = (np.asarray(a, dtype=np.float64) for a in (uv, cov, by_point))
+    expected, C, B = (np.asarray(a, dtype=np.float64) for a in (uv, cov, by_point))
     if grey.ndim != 2:
         raise InputError(f"image of a target: shape {grey.shape}; grey values of rows and columns")
-    if not all(np.isfinite(a).all() for a in (at, C, B)):
+    if not all(np.isfinite(a).all() for a in (expected, C, B)):
         raise InputError("prediction of a target: not finite; take the visible ones only")
     templates = [
         Template(signal, rotated(B, angle)) for angle in _azimuths(signal, azimuth_rad, limits)
@@ -142,12 +142,14 @@ def measure(
         )
     reach = int(np.ceil(max(t.reach_px for t in templates))) + 2
     wide = limits.gate * np.sqrt(np.diagonal(C) + 0.5) + reach
-    low = np.maximum(np.floor(at - wide).astype(int), 0)
-    high = np.minimum(np.ceil(at + wide).astype(int), grey.shape[::-1])
+    low = np.maximum(np.floor(expected - wide).astype(int), 0)
+    high = np.minimum(np.ceil(expected + wide).astype(int), grey.shape[::-1])
     window = grey[low[1] : max(high[1], low[1]), low[0] : max(high[0], low[0])].astype(np.float64)
     corner = (int(low[0]), int(low[1]))
     peaks = (
-        find(window, corner, templates, limits.blur_px, at, C, limits.gate) if window.size else []
+        find(window, corner, templates, limits.blur_px, expected, C, limits.gate)
+        if window.size
+        else []
     )
     if not peaks:
         return Measurement("the signal would leave the image", None)
@@ -158,11 +160,11 @@ def measure(
     if best is None:
         why = "the matching has no solution within the image"
         return Measurement(why, None, first.correlation, first.second)
-    peak, found = best
-    off = found.uv - at
-    distance = float(np.sqrt(off @ np.linalg.solve(C + found.cov, off)))
-    why = _rejected(peak, found, distance, limits)
-    return Measurement(why, found, peak.correlation, peak.second, distance)
+    peak, result = best
+    off = result.uv - expected
+    distance = float(np.sqrt(off @ np.linalg.solve(C + result.cov, off)))
+    why = _rejected(peak, result, distance, limits)
+    return Measurement(why, result, peak.correlation, peak.second, distance)
 
 
 def _best(
@@ -172,11 +174,11 @@ def _best(
     low = np.array(corner, dtype=np.float64)
 
     def matched(shadow: bool) -> tuple[Peak, Match] | None:
-        found = [
+        result = [
             (p, match(window, p.template, p.uv - low, rules.blur_px, rules.freedom, shadow=shadow))
             for p in peaks
         ]
-        pairs = [(p, m.moved_by(low)) for p, m in found if m is not None]
+        pairs = [(p, m.moved_by(low)) for p, m in result if m is not None]
         return max(pairs, key=lambda pair: (pair[1].converged, pair[1].correlation), default=None)
 
     plain = matched(False)
@@ -198,17 +200,17 @@ def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
     return np.arange(count) * signal.period_rad / count
 
 
-def _rejected(peak: Peak, found: Match, distance: float, rules: Rules) -> str:
+def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
     """The first rule that a match breaks, with the number and its limit."""
-    sigma = float(np.sqrt(np.linalg.eigvalsh(found.cov)[-1]))
-    contrast = found.contrast / found.sigma_0
-    moved = float(np.hypot(*(found.uv - peak.uv)))
-    deformed = deformation(found.M, rules.freedom)
+    sigma = float(np.sqrt(np.linalg.eigvalsh(result.cov)[-1]))
+    contrast = result.contrast / result.sigma_0
+    moved = float(np.hypot(*(result.uv - peak.uv)))
+    deformed = deformation(result.M, rules.freedom)
     for broken, words in (
-        (not found.converged, "the matching has not converged"),
+        (not result.converged, "the matching has not converged"),
         (
-            found.correlation < rules.correlation,
-            f"correlation {found.correlation:.3f}, below {rules.correlation:g}",
+            result.correlation < rules.correlation,
+            f"correlation {result.correlation:.3f}, below {rules.correlation:g}",
         ),
         (
             contrast < rules.contrast,

@@ -141,11 +141,11 @@ def _one(
         uv[front] = pixels_of(camera, xy)
         M = _slope(camera, xy)
         K = _by_interior(camera, camera_cov, xy)
-    known = np.isfinite(uv[front]).all(axis=1) & np.isfinite(M).all(axis=(1, 2))
-    known &= np.isfinite(K).all(axis=(1, 2))
-    uv[front[~known]] = np.nan
-    visibility[front[~known]] = VISIBILITY.index("beyond the fold")
-    front, xy, M, K = front[known], xy[known], M[known], K[known]
+    finite = np.isfinite(uv[front]).all(axis=1) & np.isfinite(M).all(axis=(1, 2))
+    finite &= np.isfinite(K).all(axis=(1, 2))
+    uv[front[~finite]] = np.nan
+    visibility[front[~finite]] = VISIBILITY.index("beyond the fold")
+    front, xy, M, K = front[finite], xy[finite], M[finite], K[finite]
     size = np.array([camera.width, camera.height], dtype=np.float64)
     inside = ((uv[front] >= margin_px) & (uv[front] <= size - margin_px)).all(axis=1)
     visibility[front] = np.where(inside, 0, VISIBILITY.index("outside the format"))

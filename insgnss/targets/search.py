@@ -56,8 +56,8 @@ def correlation_map(window: Array, template: Template, blur_px: float) -> Array:
     out = np.full(window.shape, np.nan)
     if min(window.shape) < 2 * half + 1:
         return out
-    at = np.arange(-half, half + 1.0)
-    d = np.stack(np.meshgrid(at, at), axis=-1)
+    steps = np.arange(-half, half + 1.0)
+    d = np.stack(np.meshgrid(steps, steps), axis=-1)
     w = template.inside(d).astype(np.float64)
     T = template.blurred(blur_px).at(d.reshape(-1, 2))[0].reshape(w.shape)
     T = w * (T - (w * T).sum() / w.sum())
@@ -124,7 +124,7 @@ def find(
         far = np.hypot(v - row, u - column)
         away = far > max(1.5 * templates[which].reach_px, 3.0)
         second = float(np.max(best, where=away, initial=-1.0))
-        place = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
-        peaks.append(Peak(float(best[row, column]), second, place, templates[which]))
+        centre = np.array([column + 0.5 + corner[0], row + 0.5 + corner[1]])
+        peaks.append(Peak(float(best[row, column]), second, centre, templates[which]))
         open_ &= far > _APART_PX
     return peaks

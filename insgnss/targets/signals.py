@@ -140,13 +140,13 @@ def picture(grey: ArrayLike, size_m: float) -> Signal:
     def value(e: Array, n: Array) -> Array:
         from scipy.ndimage import map_coordinates
 
-        at = np.stack([(half - n) / (2.0 * half), (half + e) / (2.0 * half)]) * k - 0.5
-        return np.asarray(map_coordinates(a, at, order=1, mode="nearest"))
+        cells = np.stack([(half - n) / (2.0 * half), (half + e) / (2.0 * half)]) * k - 0.5
+        return np.asarray(map_coordinates(a, cells, order=1, mode="nearest"))
 
     return Signal("picture", half, 2.0 * np.pi, value)
 
 
-def _positive(what: str, value: float) -> float:
+def _positive(quantity: str, value: float) -> float:
     if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"{what}: {value:g} m; it must be positive")
+        raise InputError(f"{quantity}: {value:g} m; it must be positive")
     return float(value)

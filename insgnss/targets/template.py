@@ -65,8 +65,8 @@ class Template:
         from scipy.ndimage import uniform_filter
 
         half = int(np.ceil((self.reach_px + _BORDER_PX) * OVERSAMPLING))
-        at = (np.arange(2 * half) - half + 0.5) / OVERSAMPLING
-        u, v = np.meshgrid(at, at)
+        cells = (np.arange(2 * half) - half + 0.5) / OVERSAMPLING
+        u, v = np.meshgrid(cells, cells)
         e, n = np.moveaxis(np.stack([u, v], axis=-1) @ np.linalg.inv(self.to_pixel).T, -1, 0)
         return np.asarray(uniform_filter(self.signal.value(e, n), OVERSAMPLING, mode="nearest"))
 
@@ -104,7 +104,7 @@ class Sampled:
 
     @cached_property
     def _layers(self) -> tuple[Array, Array, Array]:
-        dv, du = np.gradient(self.grid, 1.0 / OVERSAMPLING)
+        dv, du = (np.gradient(self.grid, 1.0 / OVERSAMPLING, axis=k) for k in (0, 1))
         return self.grid, du, dv
 
     def at(self, d: ArrayLike) -> tuple[Array, Array, Array]:
@@ -123,9 +123,9 @@ class Sampled:
         from scipy.ndimage import map_coordinates
 
         half = self.grid.shape[0] / 2.0
-        at = np.asarray(d, dtype=np.float64)[:, ::-1].T * OVERSAMPLING + half - 0.5
+        cells = np.asarray(d, dtype=np.float64)[:, ::-1].T * OVERSAMPLING + half - 0.5
         value, du, dv = (
-            np.asarray(map_coordinates(layer, at, order=1, mode="nearest"))
+            np.asarray(map_coordinates(layer, cells, order=1, mode="nearest"))
             for layer in self._layers
         )
         return value, du, dv

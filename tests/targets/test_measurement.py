@@ -85,8 +85,8 @@ def rms(a: Array) -> float:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_targets_are_found_to_a_tenth_of_a_pixel(kind: str) -> None:
-    """Oracle: the renderer; 16 coordinates, whose scatter spreads by a fifth."""
-    got = taken(kind, 8, 21)
+    """Oracle: the renderer; 10 coordinates, whose scatter spreads by a quarter."""
+    got = taken(kind, 5, 21)
     assert not got.rejected
     assert rms(got.errors) < 0.1
     assert 0.5 < rms(got.normalised) < 1.8
@@ -94,14 +94,14 @@ def test_targets_are_found_to_a_tenth_of_a_pixel(kind: str) -> None:
 
 def test_nothing_is_found_where_nothing_lies() -> None:
     """Oracle: roofs, roads and texture without a target, over a window of 60 px."""
-    got = taken("quadrants", 5, 22, missing=True, off=8.0)
-    assert [m.rejected == "" for m in got.rejected] == [False] * 5
+    got = taken("quadrants", 3, 22, missing=True, off=8.0)
+    assert [m.rejected == "" for m in got.rejected] == [False] * 3
 
 
 def test_the_rim_of_a_shadow_is_no_edge_of_the_target() -> None:
     """Oracle: the renderer; a shadow that takes 55 % of the light of a part of the target."""
-    got = taken("quadrants", 5, 23, shadow=True)
-    assert len(got.errors) >= 3
+    got = taken("quadrants", 3, 23, shadow=True)
+    assert len(got.errors) >= 2
     assert rms(got.errors) < 0.2
 
 
