@@ -54,19 +54,22 @@ STANDS_ON |= {
     "proof": ROOMS | {"exporting"},
     # exporting: formats of the adjusted orientation; processing: files that appear whole
     "block_adjustment": ROOMS | {"exporting", "processing"},
+    # block_adjustment: ground points in the axes of the orientation
+    "target_measurement": ROOMS | {"block_adjustment", "processing"},
     "processing": ROOMS | {"exporting"},
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "cli": (
-        (ROOMS - {"adjust"})
+        (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
-        | {"block_adjustment"}
+        | {"block_adjustment", "target_measurement"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
     "api": ROOMS
-    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"},
+    | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
+    | {"target_measurement"},
     # loaded when a public name is first used
     "__init__": ROOMS | {"api", "processing", "tuning"},
     "__main__": {"cli"},

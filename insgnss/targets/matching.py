@@ -64,6 +64,8 @@ class Match:
         Whether the iteration settled.
     pixels : int
         Number of pixels that took part.
+    to_pixel : ndarray
+        (2, 2) pixels right and down by metres along the axes of the signal as it was found.
     shade : float
         Share of the light that a shadow takes from a part of the target; 0 without one.
     """
@@ -77,6 +79,7 @@ class Match:
     M: Array
     converged: bool
     pixels: int
+    to_pixel: Array
     shade: float = 0.0
 
     def moved_by(self, corner: Array) -> "Match":
@@ -293,6 +296,7 @@ def _iterated(
         state.M.copy(),
         converged,
         len(x),
+        np.asarray(np.linalg.solve(state.M, template.to_pixel), dtype=np.float64),
         0.0 if state.shadow is None else float(state.shadow[0]),
     )
 

@@ -11,8 +11,8 @@ _FEWEST = 3  # images, for one of them to be told from the others
 
 def disagreeing(
     off: Array, cov: Array, by_point: Array, point_cov: Array, limit: float = LIMIT
-) -> NDArray[np.bool_]:
-    """Return which measurements of a ground point the others contradict.
+) -> Array:
+    """Return by how much the others contradict measurements of a ground point.
 
     Measured minus predicted pixels of one point have in common the error dX of its coordinates:
     off = B dX + error, with the covariance of (GT.1) without the point, and that of the match. dX
@@ -34,25 +34,26 @@ def disagreeing(
 
     Returns
     -------
-    ndarray of bool, (n,)
-        Which; none where fewer than three images see the point.
+    ndarray, (n,)
+        Sigmas of the residual of each that the others contradict, NaN of those that stay; all stay
+        where fewer than three images see the point.
     """
-    out = np.zeros(len(off), dtype=np.bool_)
+    out = np.full(len(off), np.nan)
     weight = np.linalg.inv(cov)
     prior = np.linalg.inv(point_cov)
-    while (~out).sum() >= _FEWEST:
+    while np.isnan(out).sum() >= _FEWEST:
         size = np.full(len(off), -np.inf)
-        for k in np.flatnonzero(~out):  # each against what the others say
-            others = np.flatnonzero(~out)
+        for k in np.flatnonzero(np.isnan(out)):  # each against what the others say
+            others = np.flatnonzero(np.isnan(out))
             others = others[others != k]
             BtP = by_point[others].transpose(0, 2, 1) @ weight[others]
             Q = np.linalg.inv(prior + (BtP @ by_point[others]).sum(axis=0))
             dX = Q @ np.einsum("nij,nj->i", BtP, off[others])
             e = off[k] - by_point[k] @ dX
             C = cov[k] + by_point[k] @ Q @ by_point[k].T
-            size[k] = np.sqrt(0.5 * e @ np.linalg.solve(C, e))
+            size[k] = np.sqrt(e @ np.linalg.solve(C, e))
         worst = int(size.argmax())
-        if size[worst] <= limit / np.sqrt(2.0):
+        if size[worst] <= limit:
             break
-        out[worst] = True
+        out[worst] = size[worst]
     return out

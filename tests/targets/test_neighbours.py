@@ -22,12 +22,12 @@ def test_one_wrong_measurement_leaves_and_no_other() -> None:
     for seed in range(20):
         off, cov, B, point = _drawn(seed)
         off[seed % 5] += [40.0, -30.0]
-        assert np.flatnonzero(disagreeing(off, cov, B, point)).tolist() == [seed % 5]
+        assert np.flatnonzero(np.isfinite(disagreeing(off, cov, B, point))).tolist() == [seed % 5]
 
 
 def test_good_measurements_stay() -> None:
     """Oracle: 1500 drawn; of 3.4e-4 of them a residual is beyond 4 sigma (Rayleigh)."""
-    lost = sum(int(disagreeing(*_drawn(100 + seed)).sum()) for seed in range(300))
+    lost = sum(int(np.isfinite(disagreeing(*_drawn(100 + seed))).sum()) for seed in range(300))
     assert lost <= 3
 
 
@@ -35,4 +35,4 @@ def test_two_images_tell_nothing() -> None:
     """Oracle: either may be wrong."""
     off, cov, B, point = _drawn(1, 2)
     off[0] += 100.0
-    assert not disagreeing(off, cov, B, point).any()
+    assert not np.isfinite(disagreeing(off, cov, B, point)).any()
