@@ -52,6 +52,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for heights above it"
     )
+    _add_target(parser)
+    parser.add_argument(
+        "--search-px",
+        type=float,
+        default=0.0,
+        metavar="PX",
+        help="standard deviation added to both coordinates of a prediction (default: 0)",
+    )
+    parser.add_argument(
+        "--whole", action="store_true", help="predict: list points that are not seen, too"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="predict: the table; measure: directory of the products (default: targets beside EO)",
+    )
+
+
+def _add_target(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what the targets look like."""
     parser.add_argument(
         "--signal", choices=KINDS, default="quadrants", help="kind of target (default: quadrants)"
     )
@@ -90,22 +111,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="image of a target, north up, square"
-    )
-    parser.add_argument(
-        "--search-px",
-        type=float,
-        default=0.0,
-        metavar="PX",
-        help="standard deviation added to both coordinates of a prediction (default: 0)",
-    )
-    parser.add_argument(
-        "--whole", action="store_true", help="predict: list points that are not seen, too"
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="PATH",
-        help="predict: the table; measure: directory of the products (default: targets beside EO)",
     )
 
 

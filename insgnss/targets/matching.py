@@ -174,15 +174,11 @@ def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] |
 
 def _design(x: Array, template: Template, state: _State, reach: float) -> tuple[Array, Array]:
     """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7)."""
-    sampled = template.blurred(float(np.exp(state.s)))
     d = x - state.c
-    T, du, dv = sampled.at(d @ state.M.T)
+    T, du, dv, by_s = template.at(d @ state.M.T, state.s)
     slope = np.stack([du, dv], axis=1)
     by_c = -slope @ state.M
     by_M = (slope[:, :, None] * d[:, None, :]).reshape(-1, 4)
-    more = template.blurred(float(np.exp(state.s + 0.05))).at(d @ state.M.T)[0]
-    less = template.blurred(float(np.exp(state.s - 0.05))).at(d @ state.M.T)[0]
-    by_s = (more - less) / 0.1
     far = d / reach
     linear = np.concatenate([np.ones((len(x), 1)), far], axis=1)
     radiometry = np.concatenate([linear, T[:, None] * linear], axis=1)

@@ -1,6 +1,6 @@
 """One target in one image: search, matching, and the rules that reject what is no target."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +13,10 @@ from .template import Template, rotated
 
 Array = NDArray[np.float64]
 
+WIDE_PX = 16.0  # radius of a signal from which on its places are less sharp in proportion
 _SHADOW_EXPLAINS = 0.6  # of what is left without it, for three unknowns in 150 pixels
 _SHADOW_FROM = 0.75  # correlation below which a shadow cannot be all that is wrong
+_NO_TURN = 1e-3  # rad, of signals that look the same in all azimuths
 _SMALLEST_PX = 4.0  # of the radius of a signal: below, its rim is all that is left of it
 
 
@@ -39,7 +41,8 @@ class Rules:
     sigma_px : float
         Largest standard deviation of a coordinate, pixels.
     moved : float
-        Largest distance of the match from the place of the search, pixels.
+        Largest distance of the match from the place of the search, pixels; of larger targets
+        more in proportion (`WIDE_PX`).
     deformed : float
         Largest deformation, in standard deviations of `freedom`.
     step_rad : float
@@ -156,29 +159,41 @@ def measure(
     if (first := peaks[0]).correlation < limits.found:
         why = f"correlation {first.correlation:.2f} of the search, below {limits.found:g}"
         return Measurement(why, None, first.correlation, first.second)
-    best = _best(window, corner, [p for p in peaks if p.correlation >= limits.found], limits)
+    free = limits.freedom
+    if signal.period_rad == 0.0:  # nothing tells its turn
+        free = replace(free, turn_rad=_NO_TURN)
+    likely = [p for p in peaks if p.correlation >= limits.found]
+    best = _best(window, corner, likely, limits, free)
     if best is None:
         why = "the matching has no solution within the image"
         return Measurement(why, None, first.correlation, first.second)
     peak, result = best
     off = result.uv - expected
     distance = float(np.sqrt(off @ np.linalg.solve(C + result.cov, off)))
-    why = _rejected(peak, result, distance, limits)
+    why = _rejected(peak, result, distance, limits, free)
     return Measurement(why, result, peak.correlation, peak.second, distance)
 
 
 def _best(
-    window: Array, corner: tuple[int, int], peaks: list[Peak], rules: Rules
+    window: Array, corner: tuple[int, int], peaks: list[Peak], rules: Rules, free: Freedom
 ) -> tuple[Peak, Match] | None:
     """The place whose match correlates best; with a shadow where none does well without."""
     low = np.array(corner, dtype=np.float64)
 
     def matched(shadow: bool) -> tuple[Peak, Match] | None:
-        result = [
-            (p, match(window, p.template, p.uv - low, rules.blur_px, rules.freedom, shadow=shadow))
-            for p in peaks
-        ]
-        pairs = [(p, m.moved_by(low)) for p, m in result if m is not None]
+        pairs: list[tuple[Peak, Match]] = []
+        for p in peaks:
+            near = 0.5 * p.template.reach_px
+            if any(
+                m.converged
+                and m.correlation > rules.correlation
+                and np.hypot(*(p.uv - m.uv)) < near
+                for _, m in pairs
+            ):
+                continue  # the same target, from another of its places
+            m = match(window, p.template, p.uv - low, rules.blur_px, free, shadow=shadow)
+            if m is not None:
+                pairs.append((p, m.moved_by(low)))
         return max(pairs, key=lambda pair: (pair[1].converged, pair[1].correlation), default=None)
 
     plain = matched(False)
@@ -200,12 +215,13 @@ def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
     return np.arange(count) * signal.period_rad / count
 
 
-def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
+def _rejected(peak: Peak, result: Match, distance: float, rules: Rules, free: Freedom) -> str:
     """The first rule that a match breaks, with the number and its limit."""
     sigma = float(np.sqrt(np.linalg.eigvalsh(result.cov)[-1]))
     contrast = result.contrast / result.sigma_0
     moved = float(np.hypot(*(result.uv - peak.uv)))
-    deformed = deformation(result.M, rules.freedom)
+    far = rules.moved * max(1.0, peak.template.reach_px / WIDE_PX)
+    deformed = deformation(result.M, free)
     for broken, words in (
         (not result.converged, "the matching has not converged"),
         (
@@ -217,7 +233,7 @@ def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
             f"contrast {contrast:.1f} sigmas of a grey value, below {rules.contrast:g}",
         ),
         (sigma > rules.sigma_px, f"sigma {sigma:.2f} px, above {rules.sigma_px:g}"),
-        (moved > rules.moved, f"matched {moved:.1f} px from its place, above {rules.moved:g}"),
+        (moved > far, f"matched {moved:.1f} px from its place, above {far:.1f}"),
         (deformed > rules.deformed, f"deformed {deformed:.1f} sigmas, above {rules.deformed:g}"),
         (distance > rules.gate, f"{distance:.1f} sigmas from its prediction, above {rules.gate:g}"),
         (

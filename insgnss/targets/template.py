@@ -11,6 +11,7 @@ from .signals import Signal
 Array = NDArray[np.float64]
 
 OVERSAMPLING = 5  # points in a pixel, odd, so that the mean over a pixel lies in its middle
+LEVEL = 0.1  # of the logarithm of the blur: between levels the template is linear to 1e-3 of it
 _BORDER_PX = 6.0  # about the signal, so that what the matching moves stays on the grid
 EDGE_PX = 1.2  # at the rim of the signal where blur mixes it with what is about it
 
@@ -69,6 +70,37 @@ class Template:
         u, v = np.meshgrid(cells, cells)
         e, n = np.moveaxis(np.stack([u, v], axis=-1) @ np.linalg.inv(self.to_pixel).T, -1, 0)
         return np.asarray(uniform_filter(self.signal.value(e, n), OVERSAMPLING, mode="nearest"))
+
+    @cached_property
+    def _levels(self) -> dict[int, "Sampled"]:
+        """Blurred templates by `LEVEL` steps of the logarithm of their blur."""
+        return {}
+
+    def at(self, d: Array, log_blur: float) -> tuple[Array, Array, Array, Array]:
+        """Return values and derivatives of the template as a camera that blurs would see it.
+
+        Between two blurs of the steps they are linear in the logarithm of the blur.
+
+        Parameters
+        ----------
+        d : ndarray, (n, 2)
+            Pixels from the centre.
+        log_blur : float
+            Logarithm of the standard deviation of the Gaussian that blurs, pixels.
+
+        Returns
+        -------
+        value, du, dv, ds : ndarray, (n,)
+            The value, and its derivatives by both coordinates, 1/px, and by `log_blur`.
+        """
+        low = int(np.floor(log_blur / LEVEL))
+        for level in (low, low + 1):
+            if level not in self._levels:
+                self._levels[level] = self.blurred(float(np.exp(level * LEVEL)))
+        share = log_blur / LEVEL - low
+        a, b = (self._levels[level].at(d) for level in (low, low + 1))
+        value, du, dv = ((1.0 - share) * x + share * y for x, y in zip(a, b, strict=True))
+        return value, du, dv, (b[0] - a[0]) / LEVEL
 
     def blurred(self, sigma_px: float) -> "Sampled":
         """Return the template as a camera that blurs would see it.
