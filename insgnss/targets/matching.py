@@ -16,8 +16,6 @@ CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of sh
 _BLUR_PX = (0.25, 3.0)
 SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
-SHADE_PX = 0.06
-"""Error of each coordinate where the rim of a shadow may pass for an edge: rms of rendered ones."""
 _LINES = (24, 1.0)  # directions, and step of the distances in pixels, of the rims that are tried
 _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
@@ -172,16 +170,26 @@ def _around(image: Array, template: Template, c: Array) -> tuple[Array, Array] |
     return (x, grey) if len(x) > 2 * _SHADOW.stop else None
 
 
-def _design(x: Array, template: Template, state: _State, reach: float) -> tuple[Array, Array]:
-    """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7)."""
+def _design(
+    x: Array, template: Template, state: _State, reach: float, light: Array
+) -> tuple[Array, Array]:
+    """Radiometric columns (n, 6), and derivatives of T by c, M and s (n, 7), of a shaded target
+    both times the light; it is blurred with its shadow, for light falls before the camera blurs.
+    """
     d = x - state.c
-    T, du, dv, by_s = template.at(d @ state.M.T, state.s)
+    T, du, dv, by_s = (light * part for part in template.at(d @ state.M.T, state.s))
+    if state.shadow is not None:
+        k, angle, rim = state.shadow
+        a = np.array([np.cos(angle), np.sin(angle)])
+        across = np.linalg.solve(state.M.T, a)  # a d = across (M d)
+        edge = float(rim - a @ (state.c - state.origin))
+        T, du, dv = template.shaded(d @ state.M.T, state.s, float(k), across, edge)
     slope = np.stack([du, dv], axis=1)
     by_c = -slope @ state.M
     by_M = (slope[:, :, None] * d[:, None, :]).reshape(-1, 4)
     far = d / reach
     linear = np.concatenate([np.ones((len(x), 1)), far], axis=1)
-    radiometry = np.concatenate([linear, T[:, None] * linear], axis=1)
+    radiometry = np.concatenate([light[:, None] * linear, T[:, None] * linear], axis=1)
     return radiometry, np.concatenate([by_c, by_M, by_s[:, None]], axis=1)
 
 
@@ -203,7 +211,8 @@ def _light(x: Array, state: _State) -> tuple[Array, Array]:
 
 def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> Array:
     """The rim that explains most at the first place, of some directions and distances."""
-    radiometry = _design(x, template, state, max(template.reach_px, 1.0))[0]
+    lit = np.ones(len(x))
+    radiometry = _design(x, template, state, max(template.reach_px, 1.0), lit)[0]
     best, out = np.inf, np.array([0.5, 0.0, 0.0])
     for angle in np.arange(_LINES[0]) * 2.0 * np.pi / _LINES[0]:
         along = (x - state.origin) @ np.array([np.cos(angle), np.sin(angle)])
@@ -239,15 +248,14 @@ def _iterated(
     prior, reach = _prior(free)[:unknowns, :unknowns], max(template.reach_px, 1.0)
     w, converged = np.ones(len(x)), False
     for _ in range(ITERATIONS):
-        radiometry, by = _design(x, template, state, reach)
         light, by_shadow = _light(x, state)
+        radiometry, by = _design(x, template, state, reach, light)
         root = np.sqrt(w)
-        radiometry *= light[:, None]
         h = np.linalg.lstsq(root[:, None] * radiometry, root * grey, rcond=None)[0]
         e = grey - radiometry @ h
         sigma = max(1.4826 * float(np.median(np.abs(e))), 1e-3 * float(np.ptp(grey)), 1e-9)
         w = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(e), 1e-300))
-        gain = light * (h[3] + (x - state.c) / reach @ h[4:6])
+        gain = h[3] + (x - state.c) / reach @ h[4:6]
         shaded = (radiometry @ h / light)[:, None] * by_shadow
         J = np.concatenate([gain[:, None] * by, radiometry, shaded], axis=1)
         s2 = float((w * e * e).sum() / max(len(x) - unknowns, 1)) + 1e-12
@@ -273,8 +281,6 @@ def _iterated(
             break
     cov = _covariance(x, w * e, J, N, s2)
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
-    if state.shadow is not None:
-        cov += SHADE_PX**2 * np.eye(2)
     cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
     T, grey = radiometry[:, 3] / light, grey / light
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -59,17 +59,60 @@ class Template:
         return np.asarray(np.hypot(ground[..., 0], ground[..., 1]) < limit)
 
     @cached_property
-    def _sharp(self) -> Array:
-        """The signal on a grid of `OVERSAMPLING` points in a pixel, symmetric about the centre and
-        without a point in it, averaged over pixels.
+    def _cells(self) -> tuple[Array, Array]:
+        """Pixels right and down of a grid of `OVERSAMPLING` points in a pixel, symmetric about the
+        centre and without a point in it.
         """
-        from scipy.ndimage import uniform_filter
-
         half = int(np.ceil((self.reach_px + _BORDER_PX) * OVERSAMPLING))
         cells = (np.arange(2 * half) - half + 0.5) / OVERSAMPLING
         u, v = np.meshgrid(cells, cells)
-        e, n = np.moveaxis(np.stack([u, v], axis=-1) @ np.linalg.inv(self.to_pixel).T, -1, 0)
-        return np.asarray(uniform_filter(self.signal.value(e, n), OVERSAMPLING, mode="nearest"))
+        return u, v
+
+    @cached_property
+    def _drawn(self) -> Array:
+        """The signal on the grid."""
+        inverse = np.linalg.inv(self.to_pixel)
+        e, n = np.moveaxis(np.stack(self._cells, axis=-1) @ inverse.T, -1, 0)
+        return self.signal.value(e, n)
+
+    @cached_property
+    def _sharp(self) -> Array:
+        """The signal on the grid, averaged over pixels."""
+        from scipy.ndimage import uniform_filter
+
+        return np.asarray(uniform_filter(self._drawn, OVERSAMPLING, mode="nearest"))
+
+    def shaded(
+        self, d: Array, log_blur: float, share: float, across: Array, rim: float
+    ) -> tuple[Array, Array, Array]:
+        """Return values and derivatives under a shadow, which falls before the camera blurs.
+
+        Parameters
+        ----------
+        d : ndarray, (n, 2)
+            Pixels from the centre.
+        log_blur : float
+            Logarithm of the standard deviation of the Gaussian that blurs, pixels.
+        share : float
+            Share of the light that the shadow takes.
+        across : ndarray, (2,)
+            Direction from its rim into it; the rim is where d times it is `rim`.
+        rim : float
+            Distance of the rim, in units of the length of `across`.
+
+        Returns
+        -------
+        value, du, dv : ndarray, (n,)
+            The value of signal times light, and its derivatives by both coordinates, 1/px.
+        """
+        from scipy.ndimage import gaussian_filter, uniform_filter
+
+        u, v = self._cells
+        beyond = (across[0] * u + across[1] * v - rim) * OVERSAMPLING / np.linalg.norm(across)
+        light = 1.0 - share * np.clip(beyond + 0.5, 0.0, 1.0)
+        sharp = uniform_filter(self._drawn * light, OVERSAMPLING, mode="nearest")
+        blurred = gaussian_filter(sharp, np.exp(log_blur) * OVERSAMPLING, mode="nearest")
+        return Sampled(np.asarray(blurred)).at(d)
 
     @cached_property
     def _levels(self) -> dict[int, "Sampled"]:
