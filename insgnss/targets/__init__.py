@@ -36,11 +36,17 @@ Least-squares matching
 
         s^2 2 pi (blur^2 + 0.3^2) / r_0^2 I                                               (GT.4)
 
-    (`matching`).
+    What tells a target from what only resembles it is the same s^2: with w^2 the variance of white
+    errors and V that of the grey values, the correlation r of template and image freed from noise
+    is
+
+        r' = r / (1 - w^2 / V)^(1/2),      1 - r'^2 = about 4 s^2 / r_0^2                  (GT.5)
+
+    and does not fall with the contrast of a target that is merely noisy (`matching`).
 Shadow
-    Where (GT.2) leaves much, its right-hand side is tried again with the factor
-    1 - k Phi((a^T x - d) / blur): a shadow that takes the share k of the light beyond a straight
-    rim. It stays if that explains 40 % of what was left.
+    Where (GT.2) leaves much, it is tried again with a shadow that takes the share k of the light
+    beyond a straight rim. Light falls before the camera blurs: T_s is that of the product of signal
+    and light. The shadow stays if it explains 40 % of what was left.
 Rules
     A match is rejected by correlation, contrast, the second best place, deformation, sigma and
     distance from the prediction (`measurement`); a point by the images that see it together

@@ -13,6 +13,7 @@ ITERATIONS = 25
 CONVERGED_PX = 1e-3
 HUBER = 2.0
 CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of shadows, stains)
+_NOISE = 0.3  # largest share of white errors that a correlation is freed from: 3 sigma of contrast
 _BLUR_PX = (0.25, 3.0)
 SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
@@ -49,7 +50,8 @@ class Match:
     uv, cov : ndarray
         (2,) pixel of its centre, (2, 2) covariance, px^2.
     correlation : float
-        Of the image with the template so transformed, over the pixels within the signal.
+        Of the image with the template so transformed, over the pixels within the signal, freed from
+        what white errors take from it: (GT.5).
     contrast : float
         Grey values between dark and bright.
     sigma_0 : float
@@ -282,9 +284,7 @@ def _iterated(
     cov = _covariance(x, w * e, J, N, s2)
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
     cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
-    T, grey = radiometry[:, 3] / light, grey / light
-    with np.errstate(invalid="ignore", divide="ignore"):
-        r = float(np.corrcoef(T, grey)[0, 1]) if np.ptp(grey) > 0.0 and np.ptp(T) > 0.0 else 0.0
+    r = _likeness(x, radiometry[:, 3] / light, grey / light, e / light)
     if not (np.isfinite(cov).all() and np.isfinite(r)):
         return None
     blur = float(np.exp(state.s))
@@ -301,6 +301,16 @@ def _iterated(
         np.asarray(np.linalg.solve(state.M, template.to_pixel), dtype=np.float64),
         0.0 if state.shadow is None else float(state.shadow[0]),
     )
+
+
+def _likeness(x: Array, T: Array, grey: Array, e: Array) -> float:
+    """Correlation of a template with grey values, less what white errors take from it."""
+    whole = float(grey.var())
+    if not (whole > 0.0 and np.ptp(T) > 0.0):
+        return 0.0
+    white = max(float((e * e).mean()) - _structured(x, e), 0.0)
+    r = float(np.corrcoef(T, grey)[0, 1])
+    return min(r / np.sqrt(1.0 - min(white / whole, _NOISE)), 1.0)
 
 
 def _structured(x: Array, e: Array) -> float:

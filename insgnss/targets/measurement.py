@@ -31,13 +31,15 @@ class Rules:
     found : float
         Smallest correlation of the search.
     correlation : float
-        Smallest correlation of the matching.
+        Smallest correlation of the matching: by (GT.5) and (GT.4) what 0.98 leaves may move an edge
+        of 0.7 px blur by 0.2 px, all that the method promises.
     clear : float
         Correlation above which no shadow is looked for.
     ambiguous : float
         The second best place must correlate by so much less than the best.
     contrast : float
-        Smallest contrast, in standard deviations of a grey value.
+        Smallest contrast, in standard deviations of a grey value: white noise of a fifth moves the
+        centre of a target of 150 pixels by 0.05 px.
     sigma_px : float
         Largest standard deviation of a coordinate, pixels.
     moved : float
@@ -58,7 +60,7 @@ class Rules:
     correlation: float = 0.98
     clear: float = 0.997
     ambiguous: float = 0.03
-    contrast: float = 10.0
+    contrast: float = 5.0
     sigma_px: float = 0.4
     moved: float = 2.5
     deformed: float = 3.5

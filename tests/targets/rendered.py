@@ -70,8 +70,14 @@ class Scene:
         noise: float = 3.0,
         shadow: bool = False,
         structured: bool = True,
+        cover: str = "",
+        developed: bool = False,
     ) -> Array:
-        """Grey values of 8 bits; without pattern the target is missing."""
+        """Grey values of 8 bits; without pattern the target is missing.
+
+        `cover` lays a "leaf" on the target, parks a "car" over a part of it, or, "all", over the
+        whole; `developed` is gamma and JPEG of a camera.
+        """
         texture = ground(self.rng, structured)
         sharp = np.repeat(np.repeat(texture, SUB, axis=0), SUB, axis=1)
         at = (np.arange(SIZE * SUB) + 0.5) / SUB
@@ -81,12 +87,47 @@ class Scene:
             c, s = np.cos(azimuth), np.sin(azimuth)
             grey = pattern(c * e - s * n, s * e + c * n)
             sharp = np.where(np.isnan(grey), sharp, grey)
+        if cover:
+            sharp = self._covered(sharp, e, n, cover)
         if shadow:
             a, off = self.rng.uniform(0, 2 * np.pi), self.rng.uniform(-0.12, 0.12)
             sharp = sharp * np.where(np.cos(a) * e + np.sin(a) * n > off, 1.0, 0.45)
         sharp = gaussian_filter(sharp, blur * SUB, mode="nearest")
         out = sharp.reshape(SIZE, SUB, SIZE, SUB).mean(axis=(1, 3))
-        return np.clip(np.rint(out + noise * self.rng.normal(size=out.shape)), 0, 255)
+        out = np.clip(np.rint(out + noise * self.rng.normal(size=out.shape)), 0, 255)
+        return _developed(out) if developed else out
+
+    def _covered(self, sharp: Array, e: Array, n: Array, cover: str) -> Array:
+        """What lies on the ground about the point: a leaf of 3 to 9 cm, or a car of 1.8 x 4.5 m."""
+        a, rng = self.rng.uniform(0, 2 * np.pi), self.rng
+        if cover == "leaf":
+            at, half = rng.uniform(-0.1, 0.1, 2), np.array([rng.uniform(0.015, 0.045), 0.02])
+        else:
+            half = np.array([2.25, 0.9])
+            beyond = rng.uniform(-0.1, 0.12) if cover == "car" else -0.5
+            at = (beyond + 0.9) * np.array([-np.sin(a), np.cos(a)])
+        along = (e - at[0]) * np.cos(a) + (n - at[1]) * np.sin(a)
+        across = -(e - at[0]) * np.sin(a) + (n - at[1]) * np.cos(a)
+        if cover == "leaf":
+            on = (along / half[0]) ** 2 + (across / half[1]) ** 2 < 1.0
+        else:
+            on = (np.abs(along) < half[0]) & (np.abs(across) < half[1])
+            # a windscreen and a roof: edges of its own
+            sharp = np.where(on & (np.abs(along - 0.3) < 0.4), 60.0, sharp)
+            on &= np.abs(along - 0.3) >= 0.4
+        return np.where(on, rng.uniform(30.0, 220.0), sharp)
+
+
+def _developed(grey: Array) -> Array:
+    """Gamma of 2.2 and a JPEG of quality 90, as cameras write."""
+    import io
+
+    from PIL import Image
+
+    out = io.BytesIO()
+    levels = np.rint(255.0 * (grey / 255.0) ** (1 / 2.2)).astype(np.uint8)
+    Image.fromarray(levels).save(out, "JPEG", quality=90)
+    return np.asarray(Image.open(out), dtype=np.float64)
 
 
 def board(size_m: float, dark: float = 40.0, bright: float = 200.0) -> Pattern:

@@ -36,7 +36,14 @@ class Taken:
 
 
 def taken(
-    kind: str, count: int, seed: int, missing: bool = False, shadow: bool = False, off: float = 3.0
+    kind: str,
+    count: int,
+    seed: int,
+    missing: bool = False,
+    shadow: bool = False,
+    off: float = 3.0,
+    cover: str = "",
+    developed: bool = False,
 ) -> Taken:
     """Targets of all azimuths, blurs of 0.4 to 1.1 px, noise of 1 to 6 of 256 grey values."""
     rng = np.random.default_rng(seed)
@@ -50,6 +57,8 @@ def taken(
             rng.uniform(0.4, 1.1),
             rng.uniform(1, 6),
             shadow,
+            cover=cover,
+            developed=developed,
         )
         got = measure(
             image,
