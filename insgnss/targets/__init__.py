@@ -36,6 +36,13 @@ Least-squares matching
 
         s^2 2 pi (blur^2 + 0.3^2) / r_0^2 I                                               (GT.4)
 
+    A disc is known by its outline alone. Where a part of it is covered it looks shorter across the
+    cover, and its centre moves by half of what is missing: with a the uneven part of M, beyond what
+    its errors explain, and R its radius, by 2 a R if that is so, and not at all if the ground is
+    steep; t is the direction,
+
+        C grows by 2 a^2 R^2 t t^T                                                         (GT.6)
+
     What tells a target from what only resembles it is the same s^2: with w^2 the variance of white
     errors and V that of the grey values, the correlation r of template and image freed from noise
     is

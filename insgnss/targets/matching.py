@@ -14,6 +14,7 @@ CONVERGED_PX = 1e-3
 HUBER = 2.0
 CORRELATED_PX = 4.0  # of errors: the width of what the model misses (rims of shadows, stains)
 _NOISE = 0.3  # largest share of white errors that a correlation is freed from: 3 sigma of contrast
+_BY_CHANCE = 3.0  # of the mean square of two normal errors: 95 % are below
 _BLUR_PX = (0.25, 3.0)
 SHADE = (0.15, 0.9)
 """Share of the light that the shadow of (GT.2) takes away: less is none, more leaves nothing."""
@@ -36,7 +37,7 @@ class Freedom:
         Of the logarithm of the blur.
     """
 
-    deformation: float = 0.08
+    deformation: float = 0.04
     turn_rad: float = 0.15
     blur: float = 0.5
 
@@ -284,6 +285,7 @@ def _iterated(
     cov = _covariance(x, w * e, J, N, s2)
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
     cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
+    cov += _one_sided(template, state.M, s2 * np.linalg.inv(N)[_M, _M])
     r = _likeness(x, radiometry[:, 3] / light, grey / light, e / light)
     if not (np.isfinite(cov).all() and np.isfinite(r)):
         return None
@@ -301,6 +303,19 @@ def _iterated(
         np.asarray(np.linalg.solve(state.M, template.to_pixel), dtype=np.float64),
         0.0 if state.shadow is None else float(state.shadow[0]),
     )
+
+
+def _one_sided(template: Template, M: Array, cov: Array) -> Array:
+    """(2, 2) covariance of a centre that an outline alone tells, of an uneven deformation with its
+    covariance (4, 4): (GT.6).
+    """
+    radius = template.signal.outline_m / template.pixel_m
+    p, q = 0.5 * (M[0, 0] - M[1, 1]), 0.5 * (M[0, 1] + M[1, 0])
+    by = 0.5 * np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]])
+    known = max(p * p + q * q - _BY_CHANCE * float(np.trace(by @ cov @ by.T)), 0.0)
+    along = 0.5 * np.arctan2(q, p)
+    t = np.array([np.cos(along), np.sin(along)])
+    return np.asarray(2.0 * known * radius**2 * np.outer(t, t))
 
 
 def _likeness(x: Array, T: Array, grey: Array, e: Array) -> float:

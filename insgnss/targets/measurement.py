@@ -63,7 +63,7 @@ class Rules:
     contrast: float = 5.0
     sigma_px: float = 0.4
     moved: float = 2.5
-    deformed: float = 3.5
+    deformed: float = 2.4
     step_rad: float = np.pi / 12.0
     blur_px: float = 0.7
     freedom: Freedom = field(default_factory=Freedom)

@@ -25,12 +25,15 @@ class Signal:
         Turn after which it looks the same; 0 where any turn leaves it as it is.
     value : callable
         Grey value 0 (dark) to 1 (bright) of arrays of east and north, m.
+    outline_m : float
+        Radius of the outline that alone tells where its centre is, m; 0 where edges meet in it.
     """
 
     name: str
     radius_m: float
     period_rad: float
     value: Callable[[Array, Array], Array]
+    outline_m: float = 0.0
 
 
 def quadrants(size_m: float) -> Signal:
@@ -77,6 +80,7 @@ def disc(diameter_m: float, around: float = 1.6, bright: bool = True) -> Signal:
         half * around,
         0.0,
         lambda e, n: np.asarray((np.hypot(e, n) < half) == bright, dtype=np.float64),
+        half,
     )
 
 
