@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
+from .matching import SHADE
 
 Array = NDArray[np.float64]
 
 SAMPLES = 16  # of the azimuth, in a segment
 _WIDTH = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the ring, where it is sampled: its rims are blurred
-LEAST_CLEAR = 0.2
-"""Least distance of a segment from the middle of dark and bright, of the contrast: a segment that
-blur or dirt has taken half of its contrast from is at 0.25."""
+_LIT = 0.1  # of the brighter of disc and gap: a darker gap tells nothing of the light on it
+LEAST_CLEAR = 0.25
+"""Least distance of a segment from the middle of dark and bright, of the contrast: blur or dirt has
+taken half of it there, and which of the two a segment is begins to be chance."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
     Reading or None
         None where the ring leaves the image or nothing about the disc contrasts with it.
     """
-    from scipy.ndimage import map_coordinates
+    from scipy.ndimage import map_coordinates, uniform_filter1d
 
     grey = np.asarray(image, dtype=np.float64)
     centre, G = np.asarray(uv, dtype=np.float64), np.asarray(to_pixel, dtype=np.float64)
@@ -103,10 +105,14 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
 
     azimuth = 2.0 * np.pi * np.arange(ring.bits * SAMPLES) / (ring.bits * SAMPLES)
     own = float(np.median(at(np.array([0.0, 0.3]), azimuth)))
-    gap = float(np.median(at(np.array([0.5 * (1.0 + ring.inner)]), azimuth)))
+    beside = at(1.0 + (ring.inner - 1.0) * np.array(_WIDTH), azimuth)
+    gap = float(np.median(beside))
     around = at(ring.inner + (ring.outer - ring.inner) * np.array(_WIDTH), azimuth)
     if not np.isfinite(around).all() or not abs(own - gap) > 1e-9:
         return None
+    if gap > _LIT * max(own, gap):  # the gap tells the light of each azimuth: rims of shadows
+        light = uniform_filter1d(beside, SAMPLES, mode="wrap") / gap
+        around = around / np.clip(light, 1.0 - SHADE[1], 1.0 / (1.0 - SHADE[1]))
     value = np.clip((around - gap) / (own - gap), 0.0, 1.0)
     inner = slice(SAMPLES // 8, SAMPLES - SAMPLES // 8)  # segments without their blurred ends
     best, bits = -1.0, np.zeros(ring.bits, dtype=bool)

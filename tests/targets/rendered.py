@@ -159,3 +159,19 @@ def bars(size_m: float, arm_m: float) -> Pattern:
         return np.where(np.maximum(np.abs(e), np.abs(n)) < size_m / 2, value, np.nan)
 
     return grey
+
+
+def ringed(diameter_m: float, bits: int, number: int) -> Pattern:
+    """A bright disc in a ring from 2 to 3 of its diameters on a dark board; segments of the number
+    from its highest digit on, clockwise seen from above.
+    """
+    on = np.array([bool(number >> (bits - 1 - k) & 1) for k in range(bits)])
+
+    def grey(e: Array, n: Array) -> Array:
+        r = np.hypot(e, n) / (0.5 * diameter_m)
+        segment = (np.mod(np.arctan2(e, n), 2 * np.pi) / (2 * np.pi) * bits).astype(int) % bits
+        lit = (r < 1.0) | ((r >= 2.0) & (r < 3.0) & on[segment])
+        value = np.where(lit, 210.0, 50.0)
+        return np.where(r < 3.6, value, np.nan)
+
+    return grey
