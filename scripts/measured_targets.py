@@ -1,15 +1,15 @@
 """Targets in rendered images: found to a tenth of a pixel, and none where there is none?
 
-Windows of 96 x 96 pixels at 20 mm are rendered by rays (tests/targets/rendered.py): perspective of
+Windows of 96 x 96 pixels at 20 mm are rendered by rays (tests/rendered_targets.py): perspective of
 a camera tilted by some 5 deg, any azimuth, blur of 0.4 to 1.1 px, noise of 1 to 6 of 256 grey
-values, ground with edges of roofs and markings. A fifth of the targets is missing or wholly covered
-by a car; of the others some are as a camera writes them (gamma and JPEG), some lie in the rim of a
-shadow that takes 55 % of the light, some have a leaf on them or a car over a part. The prediction is
-off by 3 to 8 px (sigma), and the ellipse of that is searched.
+values, ground with edges of roofs and markings. A fifth of the targets is missing or wholly
+covered by a car; of the others some are as a camera writes them (gamma and JPEG), some lie in the
+rim of a shadow that takes 55 % of the light, some have a leaf on them or a car over a part. The
+prediction is off by 3 to 8 px (sigma), and the ellipse of that is searched.
 
 A measurement is false where the target is missing or covered, and where it is more than 1 px off.
-Errors over sigmas are those of both coordinates in units of their covariance, rms; the bar is 0.7 to
-1.5, and 0.2 px rms.
+Errors over sigmas are those of both coordinates in units of their covariance, rms; the bar is 0.7
+to 1.5, and 0.2 px rms.
 
     python scripts/measured_targets.py --write
         500 windows a kind of target, the page into benchmarks/
@@ -34,14 +34,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "targets"))
+sys.path.insert(0, str(ROOT / "tests"))
 
-from rendered import Scene, bars, board, camera, plate, ringed
+from rendered_targets import Scene, bars, board, camera, plate, ringed  # noqa: E402
 
-from insgnss.targets.codes import LEAST_CLEAR, Ring, read_ring, smallest
-from insgnss.targets.measurement import Measurement, measure
-from insgnss.targets.prediction import predict
-from insgnss.targets.signals import cross, disc, quadrants
+from insgnss.targets.codes import LEAST_CLEAR, Ring, read_ring, smallest  # noqa: E402
+from insgnss.targets.measurement import Measurement, measure  # noqa: E402
+from insgnss.targets.prediction import predict  # noqa: E402
+from insgnss.targets.signals import cross, disc, quadrants  # noqa: E402
 
 Array = NDArray[np.float64]
 PAGE = ROOT / "benchmarks" / "measured_targets.md"
@@ -192,9 +192,9 @@ def page(windows: list[Taken], seed: int) -> str:
     """The page."""
     intro = (
         "Written by `python scripts/measured_targets.py --write`, which says what is rendered and"
-        f" how it is judged. Seed {seed}; errors in pixels of 20 mm, both coordinates; largest: of a"
-        f" distance. False: measured where the target is missing or covered, or more than {FALSE_PX:g}"
-        " px off."
+        f" how it is judged. Seed {seed}; errors in pixels of 20 mm, both coordinates; largest: of"
+        " a distance. False: measured where the target is missing or covered, or more than"
+        f" {FALSE_PX:g} px off."
     )
     out = ["# Targets measured in rendered images", "", *textwrap.wrap(intro, 150), ""]
     for kind in KINDS:

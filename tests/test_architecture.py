@@ -71,7 +71,7 @@ STANDS_ON |= {
     | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
     | {"target_measurement"},
     # loaded when a public name is first used
-    "__init__": ROOMS | {"api", "processing", "tuning"},
+    "__init__": ROOMS | {"api", "processing", "target_measurement", "tuning"},
     "__main__": {"cli"},
 }
 INNER = {  # folders inside rooms, from below; a folder stands on those before it

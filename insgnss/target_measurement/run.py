@@ -27,6 +27,8 @@ DOCUMENT = "targets.json"
 FEW = 0.2
 """Share of the targets below which it is likelier that files do not belong together than that the
 others are covered: of a survey's targets four of five are there."""
+OTHER_SIZE = 0.02
+"""Least difference of the targets from the size that was given that is told, of it."""
 JUDGED = 5
 """Windows below which a share says nothing."""
 
@@ -255,6 +257,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         names = [path.name for path in photographs.strangers]
         some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
         notes.append(f"{len(names)} photographs have no pose in the orientation: {some}")
+    notes += _size(inputs, windows)
     never = [
         name
         for name, (looked, found) in zip(inputs.ground.points, count.tolist(), strict=True)
@@ -287,6 +290,22 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         "size_m": inputs.request.target.size_m,
         "notes": notes,
     }
+
+
+def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
+    """Say that targets have another size than was given."""
+    matches = [w.measurement.match for w in windows if w.measurement.accepted]
+    areas = [abs(float(np.linalg.det(m.M))) for m in matches if m is not None]
+    if len(areas) < JUDGED:
+        return []
+    given = inputs.request.target.size_m
+    found = given / float(np.median(np.sqrt(areas)))
+    if abs(found / given - 1.0) < OTHER_SIZE:
+        return []
+    return [
+        f"targets look {found / given:.3f} times as large as --size {given:g}: {found:.4g} m fits"
+        " better, or the images are lower or higher above them than their orientation says"
+    ]
 
 
 def _kind(reason: str) -> str:

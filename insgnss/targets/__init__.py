@@ -38,8 +38,8 @@ Least-squares matching
 
     A disc is known by its outline alone. Where a part of it is covered it looks shorter across the
     cover, and its centre moves by half of what is missing: with a the uneven part of M, beyond what
-    its errors explain, and R its radius, by 2 a R if that is so, and not at all if the ground is
-    steep; t is the direction,
+    its errors and slopes of the ground explain, and R its radius, by 2 a R if that is so, and not
+    at all if the ground is steep. With the direction t
 
         C grows by 2 a^2 R^2 t t^T                                                         (GT.6)
 

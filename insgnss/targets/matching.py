@@ -23,23 +23,61 @@ _SHADOW_STEP = np.array([[-0.2, -0.05, -1.0], [0.2, 0.05, 1.0]])
 _C, _M, _S, _RADIOMETRY, _SHADOW = slice(0, 2), slice(2, 6), 6, slice(7, 13), slice(13, 16)
 
 
+_SCALE = np.array([[1.0, 0.0, 0.0, 1.0]]).T  # deformations, row by row
+_UNEVEN = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]]).T
+
+
 @dataclass(frozen=True)
 class Freedom:
     """Standard deviations of what the exterior orientation and level ground leave open.
 
     Parameters
     ----------
-    deformation : float
-        Of each scale and shear, without unit.
+    size : float
+        Of the scale, without unit: what the target's own size and the height leave.
+    uneven : float
+        Of each of both uneven parts of the deformation, without unit.
+    slope : float
+        Of the slopes of the ground towards east and north, which deform a target that is seen from
+        the side.
     turn_rad : float
         Of the azimuth.
     blur : float
         Of the logarithm of the blur.
     """
 
-    deformation: float = 0.04
+    size: float = 0.05
+    uneven: float = 0.015
+    slope: float = 0.15
     turn_rad: float = 0.15
     blur: float = 0.5
+
+    def deformation(self, template: Template) -> Array:
+        """Return the covariance of a deformation M.
+
+        Parameters
+        ----------
+        template : Template
+            The template that it deforms.
+
+        Returns
+        -------
+        ndarray, (4, 4)
+            Of its components row by row. With slopes s and g the pixels by height the plane is
+            taken to pixels by G + g s^T instead of G: M = I - g s^T G^-1; with a turn t on the
+            ground M = I + t G J G^-1.
+        """
+        inverse = np.linalg.inv(template.to_pixel)
+        by_slope = [np.outer(template.by_height, inverse[k]).ravel() for k in (0, 1)]
+        root = np.column_stack(
+            [
+                self.size * _SCALE,
+                self.uneven * _UNEVEN,
+                self.turn_rad * template.turn,
+                self.slope * np.column_stack(by_slope),
+            ]
+        )
+        return np.asarray(root @ root.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +228,8 @@ def _design(
     slope = np.stack([du, dv], axis=1)
     by_c = -slope @ state.M
     by_M = (slope[:, :, None] * d[:, None, :]).reshape(-1, 4)
+    if template.signal.period_rad == 0.0:  # what the grid seems to say of its turn
+        by_M -= np.outer(by_M @ template.turn, template.turn) / (template.turn @ template.turn)
     far = d / reach
     linear = np.concatenate([np.ones((len(x), 1)), far], axis=1)
     radiometry = np.concatenate([light[:, None] * linear, T[:, None] * linear], axis=1)
@@ -232,13 +272,10 @@ def _first_shadow(x: Array, grey: Array, template: Template, state: _State) -> A
     return out
 
 
-def _prior(free: Freedom) -> Array:
+def _prior(template: Template, free: Freedom) -> Array:
     """(16, 16) weights of deformation and blur, for errors of variance one."""
-    a, t = free.deformation**-2, free.turn_rad**-2
-    turn, others = np.array([0.0, 1.0, -1.0, 0.0]) / np.sqrt(2.0), np.eye(4)
-    weights = a * (others - np.outer(turn, turn)) + 0.5 * t * np.outer(turn, turn)
     out = np.zeros((_SHADOW.stop, _SHADOW.stop))
-    out[_M, _M] = weights
+    out[_M, _M] = np.linalg.inv(free.deformation(template))
     out[_S, _S] = free.blur**-2
     return out
 
@@ -248,7 +285,7 @@ def _iterated(
 ) -> Match | None:
     """The iteration over given pixels; `state` is moved."""
     unknowns = _RADIOMETRY.stop if state.shadow is None else _SHADOW.stop
-    prior, reach = _prior(free)[:unknowns, :unknowns], max(template.reach_px, 1.0)
+    prior, reach = _prior(template, free)[:unknowns, :unknowns], max(template.reach_px, 1.0)
     w, converged = np.ones(len(x)), False
     for _ in range(ITERATIONS):
         light, by_shadow = _light(x, state)
@@ -285,7 +322,8 @@ def _iterated(
     cov = _covariance(x, w * e, J, N, s2)
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
     cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
-    cov += _one_sided(template, state.M, s2 * np.linalg.inv(N)[_M, _M])
+    open_ = replace(free, size=0.0, turn_rad=0.0).deformation(template)
+    cov += _one_sided(template, state.M, s2 * np.linalg.inv(N)[_M, _M] + open_)
     r = _likeness(x, radiometry[:, 3] / light, grey / light, e / light)
     if not (np.isfinite(cov).all() and np.isfinite(r)):
         return None
@@ -306,8 +344,8 @@ def _iterated(
 
 
 def _one_sided(template: Template, M: Array, cov: Array) -> Array:
-    """(2, 2) covariance of a centre that an outline alone tells, of an uneven deformation with its
-    covariance (4, 4): (GT.6).
+    """(2, 2) covariance of a centre that an outline alone tells, of an uneven deformation, with the
+    covariance (4, 4) of what explains it: (GT.6).
     """
     radius = template.signal.outline_m / template.pixel_m
     p, q = 0.5 * (M[0, 0] - M[1, 1]), 0.5 * (M[0, 1] + M[1, 0])

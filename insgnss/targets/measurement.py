@@ -1,6 +1,6 @@
 """One target in one image: search, matching, and the rules that reject what is no target."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 WIDE_PX = 16.0  # radius of a signal from which on its places are less sharp in proportion
 _SHADOW_EXPLAINS = 0.6  # of what is left without it, for three unknowns in 150 pixels
 _SHADOW_FROM = 0.75  # correlation below which a shadow cannot be all that is wrong
-_NO_TURN = 1e-3  # rad, of signals that look the same in all azimuths
 _SMALLEST_PX = 4.0  # of the radius of a signal: below, its rim is all that is left of it
 
 
@@ -46,7 +45,8 @@ class Rules:
         Largest distance of the match from the place of the search, pixels; of larger targets
         more in proportion (`WIDE_PX`).
     deformed : float
-        Largest deformation, in standard deviations of `freedom`.
+        Largest deformation, root mean square of its four components in standard deviations of
+        `freedom`: one good target in 10 000 is lost.
     step_rad : float
         Step of the azimuths that are tried where the azimuth is not known.
     blur_px : float
@@ -139,7 +139,8 @@ def measure(
     if not all(np.isfinite(a).all() for a in (expected, C, B)):
         raise InputError("prediction of a target: not finite; take the visible ones only")
     templates = [
-        Template(signal, rotated(B, angle)) for angle in _azimuths(signal, azimuth_rad, limits)
+        Template(signal, rotated(B, angle), B[:, 2])
+        for angle in _azimuths(signal, azimuth_rad, limits)
     ]
     if (radius := signal.radius_m / templates[0].pixel_m) < _SMALLEST_PX:
         return Measurement(
@@ -161,23 +162,20 @@ def measure(
     if (first := peaks[0]).correlation < limits.found:
         why = f"correlation {first.correlation:.2f} of the search, below {limits.found:g}"
         return Measurement(why, None, first.correlation, first.second)
-    free = limits.freedom
-    if signal.period_rad == 0.0:  # nothing tells its turn
-        free = replace(free, turn_rad=_NO_TURN)
     likely = [p for p in peaks if p.correlation >= limits.found]
-    best = _best(window, corner, likely, limits, free)
+    best = _best(window, corner, likely, limits)
     if best is None:
         why = "the matching has no solution within the image"
         return Measurement(why, None, first.correlation, first.second)
     peak, result = best
     off = result.uv - expected
     distance = float(np.sqrt(off @ np.linalg.solve(C + result.cov, off)))
-    why = _rejected(peak, result, distance, limits, free)
+    why = _rejected(peak, result, distance, limits)
     return Measurement(why, result, peak.correlation, peak.second, distance)
 
 
 def _best(
-    window: Array, corner: tuple[int, int], peaks: list[Peak], rules: Rules, free: Freedom
+    window: Array, corner: tuple[int, int], peaks: list[Peak], rules: Rules
 ) -> tuple[Peak, Match] | None:
     """The place whose match correlates best; with a shadow where none does well without."""
     low = np.array(corner, dtype=np.float64)
@@ -193,7 +191,7 @@ def _best(
                 for _, m in pairs
             ):
                 continue  # the same target, from another of its places
-            m = match(window, p.template, p.uv - low, rules.blur_px, free, shadow=shadow)
+            m = match(window, p.template, p.uv - low, rules.blur_px, rules.freedom, shadow=shadow)
             if m is not None:
                 pairs.append((p, m.moved_by(low)))
         return max(pairs, key=lambda pair: (pair[1].converged, pair[1].correlation), default=None)
@@ -217,13 +215,13 @@ def _azimuths(signal: Signal, azimuth_rad: float | None, rules: Rules) -> Array:
     return np.arange(count) * signal.period_rad / count
 
 
-def _rejected(peak: Peak, result: Match, distance: float, rules: Rules, free: Freedom) -> str:
+def _rejected(peak: Peak, result: Match, distance: float, rules: Rules) -> str:
     """The first rule that a match breaks, with the number and its limit."""
     sigma = float(np.sqrt(np.linalg.eigvalsh(result.cov)[-1]))
     contrast = result.contrast / result.sigma_0
     moved = float(np.hypot(*(result.uv - peak.uv)))
     far = rules.moved * max(1.0, peak.template.reach_px / WIDE_PX)
-    deformed = deformation(result.M, free)
+    deformed = deformation(result.M, rules.freedom.deformation(peak.template))
     for broken, words in (
         (not result.converged, "the matching has not converged"),
         (
@@ -248,23 +246,20 @@ def _rejected(peak: Peak, result: Match, distance: float, rules: Rules, free: Fr
     return ""
 
 
-def deformation(M: Array, freedom: Freedom) -> float:
+def deformation(M: Array, cov: Array) -> float:
     """Return the size of a deformation in standard deviations of what is open.
 
     Parameters
     ----------
     M : ndarray, (2, 2)
         The deformation; I is none.
-    freedom : Freedom
-        Standard deviations.
+    cov : ndarray, (4, 4)
+        Covariance of what is open, row by row.
 
     Returns
     -------
     float
-        Root of the mean square of its four components: scale, turn and two of shear.
+        Root of the mean square of its four components in units of their covariance.
     """
-    d = M - np.eye(2)
-    parts = np.array([d[0, 0] + d[1, 1], d[0, 0] - d[1, 1], d[0, 1] + d[1, 0]]) / np.sqrt(2.0)
-    turn = (d[0, 1] - d[1, 0]) / 2.0
-    squares = [*(parts / freedom.deformation) ** 2, (turn / freedom.turn_rad) ** 2]
-    return float(np.sqrt(np.mean(squares)))
+    d = (M - np.eye(2)).ravel()
+    return float(np.sqrt(d @ np.linalg.solve(cov, d) / 4.0))

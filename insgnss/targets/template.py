@@ -1,6 +1,6 @@
 """A signal to the scale and the rotation of an image."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -26,10 +26,13 @@ class Template:
         The signal.
     to_pixel : ndarray
         (2, 2) pixels right and down by metres along the signal's own axes; its azimuth is in it.
+    by_height : ndarray
+        (2,) pixels right and down by metres of height.
     """
 
     signal: Signal
     to_pixel: Array
+    by_height: Array = field(default_factory=lambda: np.zeros(2))
 
     @property
     def pixel_m(self) -> float:
@@ -40,6 +43,12 @@ class Template:
     def reach_px(self) -> float:
         """Largest distance of a point of the signal from its centre, pixels."""
         return float(self.signal.radius_m * np.linalg.norm(self.to_pixel, 2))
+
+    @property
+    def turn(self) -> Array:
+        """(4,) deformation in the image, row by row, by a turn on the ground, 1/rad."""
+        J = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return np.asarray(self.to_pixel @ J @ np.linalg.inv(self.to_pixel)).ravel()
 
     def inside(self, d: Array) -> NDArray[np.bool_]:
         """Return which pixels lie within the signal, its rim excluded.

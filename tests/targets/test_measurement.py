@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rendered import Scene, bars, board, camera, plate
+from rendered_targets import Scene, bars, board, camera, plate
 
 from insgnss.base.errors import InputError
 from insgnss.targets.measurement import Measurement, Rules, measure
