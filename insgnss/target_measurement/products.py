@@ -173,9 +173,9 @@ def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[st
     )
     notes: list[str] = []
     ground, crs = _in_crs(inputs, plane)
-    size = (inputs.camera.width, inputs.camera.height)
+    camera = inputs.camera
     for name, write in (
-        ("markers.xml", lambda path: write_metashape_markers(measured, ground, crs, size, path)),
+        ("markers.xml", lambda path: write_metashape_markers(measured, ground, crs, camera, path)),
         ("pix4d_marks.csv", lambda path: write_pix4d_marks(measured, path)),
         ("gcp_list.txt", lambda path: write_gcp_list(measured, ground, crs, path)),
     ):

@@ -36,6 +36,11 @@ class Target:
         Inner and outer diameter of a ring, in diameters of its disc.
     picture : Path, optional
         Image of a target, north up.
+
+    Raises
+    ------
+    UsageError
+        A kind that is none, or a picture without its kind.
     """
 
     kind: str = "quadrants"
@@ -105,6 +110,11 @@ class Request:
         covariances do not know.
     whole : bool
         Whether predictions list points that are not seen, too.
+
+    Raises
+    ------
+    UsageError
+        A file that is not there.
     """
 
     eo: Path

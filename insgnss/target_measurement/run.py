@@ -233,7 +233,7 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     if not names:
         return []
     some = ", ".join(names[:5]) + (" ..." if names[5:] else "")
-    return [f"{len(names)} ground points lie in no image: {some}"]
+    return [f"{len(names)} of {len(count)} ground points lie in no image: {some}"]
 
 
 def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
@@ -265,7 +265,9 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     ]
     if never and good:
         some = ", ".join(never[:5]) + (" ..." if never[5:] else "")
-        notes.append(f"{len(never)} ground points were measured in no photograph: {some}")
+        notes.append(
+            f"{len(never)} of {len(count)} ground points were measured in no photograph: {some}"
+        )
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} ground points in"
@@ -309,8 +311,14 @@ def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
 
 
 def _kind(reason: str) -> str:
-    """A reason without its own number: the rule."""
-    return re.sub(r"(?<![\w.])-?\d+(\.\d+)?(?= |,|$)", "#", reason, count=1)
+    """A reason without the numbers of its window: the rule."""
+    for start, rule in (
+        ("its ring says", "another number in its ring"),
+        ("a second place", "another place that is as likely"),
+    ):
+        if reason.startswith(start):
+            return rule
+    return re.sub(r" ?-?\d+(\.\d+)? ?", " ", reason, count=1).replace(" ,", "").strip()
 
 
 def _refusal(windows: list[Window], figures: dict[str, Any]) -> DataError | None:

@@ -103,7 +103,7 @@ def _window(inputs: Inputs, window: Window) -> str:
     caption = [escape(inputs.eo.images[seen.image[window.row]])]
     if got.match is not None:
         u, v = got.match.uv - window.corner
-        colour, arm = ("#00e08a" if got.accepted else "#ff4d40"), 4.0 * stroke
+        colour, arm = ("#00e08a" if got.accepted else "#ff4d40"), 6.0 * stroke
         parts.append(
             f'<path d="M{u - arm:.2f} {v:.2f}H{u + arm:.2f}M{u:.2f} {v - arm:.2f}V{v + arm:.2f}"'
             f' stroke="{colour}" stroke-width="{stroke:.2f}"/>'

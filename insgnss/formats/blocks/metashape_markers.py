@@ -7,6 +7,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from ...base.files import atomic_write
+from ...records.block import BrownCamera
 from ..text.text import Source
 from .ground_points import GroundTable
 from .image_points import ImagePoints
@@ -15,7 +16,7 @@ VERSION = "1.5.0"
 
 
 def write_metashape_markers(
-    measured: ImagePoints, ground: GroundTable, crs: str, size: tuple[int, int], path: Source
+    measured: ImagePoints, ground: GroundTable, crs: str, camera: BrownCamera, path: Source
 ) -> None:
     """Write markers with their coordinates and where images show them.
 
@@ -27,8 +28,8 @@ def write_metashape_markers(
         The points, in the axes of `crs`.
     crs : str
         CRS of the points, as pyproj takes it.
-    size : tuple of int
-        Width and height of the images, pixels.
+    camera : BrownCamera
+        The camera, of which size and camera constant are written.
     path : path
         The file, written whole or not at all.
 
@@ -49,8 +50,12 @@ def write_metashape_markers(
         yield f'<document version="{VERSION}">'
         yield '  <chunk label="targets" enabled="true">'
         yield '    <sensors next_id="1">'
-        yield '      <sensor id="0" label="camera" type="frame">'
-        yield f'        <resolution width="{size[0]}" height="{size[1]}"/>'
+        resolution = f'<resolution width="{camera.width}" height="{camera.height}"/>'
+        yield f'      <sensor id="0" label={quoteattr(camera.name)} type="frame">'
+        yield f"        {resolution}"
+        yield '        <calibration type="frame" class="initial">'
+        yield f"          {resolution}<f>{camera.of('f'):.6f}</f>"
+        yield "        </calibration>"
         yield "      </sensor>"
         yield "    </sensors>"
         yield f'    <cameras next_id="{len(measured.images)}" next_group_id="0">'
@@ -66,7 +71,7 @@ def write_metashape_markers(
                 sx, sy, sz = sigma[row].tolist()
                 use = "false" if ground.check[row] else "true"
                 yield (
-                    f'        <reference x="{x:.10g}" y="{y:.10g}" z="{z:.4f}" sx="{sx:.5g}"'
+                    f'        <reference x="{x:.13g}" y="{y:.13g}" z="{z:.4f}" sx="{sx:.5g}"'
                     f' sy="{sy:.5g}" sz="{sz:.5g}" enabled="{use}"/>'
                 )
             yield "      </marker>"
