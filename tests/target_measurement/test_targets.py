@@ -5,6 +5,7 @@ Oracle: a rendered flight (`rendered_flight`), whose pixels are those of a pinho
 
 import csv
 import json
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +30,7 @@ from insgnss.targets.codes import smallest
 
 Array = NDArray[np.float64]
 MISSING = "G2"
+SPECS = Path(__file__).parents[2] / "data_specs"
 
 
 @pytest.fixture(scope="module")
@@ -279,8 +281,6 @@ def test_wrong_input_is_named_in_one_line_and_no_observations_are_written(
     assert main(["targets", "measure", *own.arguments, "-q"]) == code
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    import re
-
     assert re.search(words, lines[0]), lines[0]
     assert not (own.directory / "targets" / "image_points.csv").exists()
 
@@ -365,6 +365,23 @@ def test_ring_coded_targets_are_told_by_their_numbers(tmp_path: Path) -> None:
     reasons = {w.measurement.rejected for w in result.windows}
     assert f"its ring says {number}, not 1" in reasons
     assert f"its ring says {number}; the name of the point has no number" in reasons
+
+
+def test_pages_of_the_files(flight: RenderedFlight, tmp_path: Path) -> None:
+    """Oracle: the pages; their examples are read, and have the columns that are written."""
+    out = tmp_path / "p.csv"
+    assert main(["targets", "predict", *flight.arguments[:3], "--out", str(out), "-q"]) == 0
+    assert example("targets", "predictions").splitlines()[:3] == out.read_text().splitlines()[:3]
+    markers = tmp_path / "markers.xml"
+    markers.write_text(example("metashape_markers", "true"))
+    got = read_measured_block(markers)
+    assert got.measured.observations.uv.tolist() == [[195.4372, 155.5939]]
+    assert len(example("pix4d_marks", "true").strip().split(",")) == 5
+
+
+def example(page: str, kind: str) -> str:
+    text = (SPECS / f"{page}.md").read_text(encoding="utf-8")
+    return text.partition(f"```{kind}\n")[2].partition("```")[0]
 
 
 def test_numbers_of_names_and_of_rings() -> None:
