@@ -329,8 +329,8 @@ def test_a_refusal_is_json_too(flight: RenderedFlight, tmp_path: Path, capsys) -
 
 
 def test_one_image_that_lies_is_found_by_the_others(flight: RenderedFlight, tmp_path: Path) -> None:
-    """Oracle: a target moved by 8 px in one photograph of four, by hand. Its point is known to 5 px,
-    so the ellipse allows it; the poses are known to half a pixel.
+    """Oracle: a target moved by 8 px in one photograph of four, by hand. Its point is known to
+    5 px, so the ellipse allows it; the poses are known to half a pixel.
     """
     from PIL import Image
 
