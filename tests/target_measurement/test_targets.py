@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from rendered_flight import HEIGHT, WIDTH, RenderedFlight, mirrored, rendered_flight
 from rendered_targets import Pattern, ringed
 
+from insgnss.base.errors import InputError
 from insgnss.cli.main import main
 from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.ground_points import GroundAxes, GroundTable
 from insgnss.formats.blocks.image_points import ImagePoints
 from insgnss.formats.blocks.reading import read_measured_block
 from insgnss.geodesy.frames import TangentPlane
+from insgnss.target_measurement.photographs import photographs_in, read_grey
 from insgnss.target_measurement.request import Request, Target
 from insgnss.target_measurement.run import MeasurementResult, measure_targets
 from insgnss.target_measurement.windows import number_in
@@ -382,6 +384,25 @@ def test_pages_of_the_files(flight: RenderedFlight, tmp_path: Path) -> None:
 def example(page: str, kind: str) -> str:
     text = (SPECS / f"{page}.md").read_text(encoding="utf-8")
     return text.partition(f"```{kind}\n")[2].partition("```")[0]
+
+
+def test_photographs_of_all_depths_are_read_as_they_are_stored(tmp_path: Path) -> None:
+    """Oracle: the pixels that were written; an Orientation tag turns nothing."""
+    from PIL import Image
+
+    grey = np.arange(12, dtype=np.uint16).reshape(3, 4)
+    Image.fromarray(grey * 4000).save(tmp_path / "deep.tif")
+    assert read_grey(tmp_path / "deep.tif", (4, 3)).tolist() == (grey * 4000.0).tolist()
+    tags = Image.Exif()
+    tags[0x0112] = 6
+    colours = np.repeat(grey.astype(np.uint8)[:, :, None] * 20, 3, axis=2)
+    Image.fromarray(colours).save(tmp_path / "turned.png", exif=tags)
+    assert read_grey(tmp_path / "turned.png", (4, 3)).tolist() == (grey * 20.0).tolist()
+    with pytest.raises(InputError, match="Orientation 6"):
+        read_grey(tmp_path / "turned.png", (3, 4))
+    found = photographs_in(tmp_path, ["DEEP.JPG", "other.tif"])
+    assert found.files == (tmp_path / "deep.tif", None)
+    assert found.strangers == (tmp_path / "turned.png",)
 
 
 def test_numbers_of_names_and_of_rings() -> None:

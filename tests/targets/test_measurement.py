@@ -110,10 +110,13 @@ def test_nothing_is_found_where_nothing_lies() -> None:
 
 
 def test_the_rim_of_a_shadow_is_no_edge_of_the_target() -> None:
-    """Oracle: the renderer; a shadow that takes 55 % of the light of a part of the target."""
-    got = taken("quadrants", 3, 23, shadow=True)
-    assert len(got.errors) >= 2
-    assert rms(got.errors) < 0.2
+    """Oracle: the renderer; a shadow that takes 55 % of the light of a part of the target, before
+    the image is blurred. Errors are those of the covariance, which has no floor for shadows.
+    """
+    got = taken("quadrants", 8, 23, shadow=True)
+    assert len(got.errors) >= 6
+    assert rms(got.errors) < 0.1
+    assert rms(got.normalised) < 1.6
 
 
 def test_a_disc_of_which_a_part_is_covered_is_less_certain_by_what_it_is_off() -> None:
