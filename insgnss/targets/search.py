@@ -1,5 +1,6 @@
 """Normalised cross-correlation of a template with a window of an image."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,27 +51,55 @@ def correlation_map(window: Array, template: Template, blur_px: float) -> Array:
         Correlation with the signal centred on each pixel; NaN where it leaves the window, zero
         where the window is of one grey value.
     """
-    from scipy.signal import fftconvolve
+    return correlation_maps(window, [template], blur_px)[0]
 
-    half = int(np.ceil(template.reach_px))
-    out = np.full(window.shape, np.nan)
+
+def correlation_maps(window: Array, templates: Sequence[Template], blur_px: float) -> Array:
+    """Return `correlation_map` of one signal in several azimuths.
+
+    Its pixels are the same in all of them, and so is what the window has of them.
+
+    Parameters
+    ----------
+    window : ndarray, (h, w)
+        Grey values.
+    templates : sequence of Template
+        The k templates.
+    blur_px : float
+        Their blur.
+
+    Returns
+    -------
+    ndarray, (k, h, w)
+        A map each.
+    """
+    from scipy.fft import irfft2, next_fast_len, rfft2
+
+    half = int(np.ceil(max(t.reach_px for t in templates) - 1e-9))
+    out = np.full((len(templates), *window.shape), np.nan)
     if min(window.shape) < 2 * half + 1:
         return out
     steps = np.arange(-half, half + 1.0)
     d = np.stack(np.meshgrid(steps, steps), axis=-1)
-    w = template.inside(d).astype(np.float64)
-    T = template.blurred(blur_px).at(d.reshape(-1, 2))[0].reshape(w.shape)
-    T = w * (T - (w * T).sum() / w.sum())
+    w = templates[0].inside(d).astype(np.float64)
     I = window - window.mean()
+    shape = [next_fast_len(n, real=True) for n in window.shape]
+    rows, columns = (n - 2 * half for n in window.shape)
 
-    def summed(values: Array, kernel: Array) -> Array:
-        return np.asarray(fftconvolve(values, kernel[::-1, ::-1], mode="valid"))
+    def summed(transformed: NDArray[np.complex128], kernel: Array) -> Array:
+        """Sums of a window times a kernel, with the kernel wholly within the window."""
+        product = transformed * np.conj(rfft2(kernel, shape))
+        return np.asarray(irfft2(product, shape)[:rows, :columns])
 
-    power = summed(I * I, w) - summed(I, w) ** 2 / w.sum()
+    F = rfft2(I, shape)
+    power = summed(rfft2(I * I, shape), w) - summed(F, w) ** 2 / w.sum()
     floor = 1e-9 * max(float((I * I).mean()) * w.sum(), 1e-300)
-    whole = summed(I, T) / np.sqrt(np.maximum(power, floor) * (T * T).sum())
     inner = slice(half, -half or None)
-    out[inner, inner] = np.where(power > floor, whole, 0.0)
+    for k, template in enumerate(templates):
+        T = template.blurred(blur_px).value(d.reshape(-1, 2)).reshape(w.shape)
+        T = w * (T - (w * T).sum() / w.sum())
+        whole = summed(F, T) / np.sqrt(np.maximum(power, floor) * (T * T).sum())
+        out[k, inner, inner] = np.where(power > floor, whole, 0.0)
     return out
 
 
@@ -108,7 +137,7 @@ def find(
     list of Peak
         From the best on, some pixels apart; none where no pixel of the window can be the centre.
     """
-    maps = np.stack([correlation_map(window, t, blur_px) for t in templates])
+    maps = correlation_maps(window, templates, blur_px)
     best = np.max(np.where(np.isfinite(maps), maps, -np.inf), axis=0)
     v, u = np.indices(window.shape)
     d = np.stack([u + 0.5 + corner[0], v + 0.5 + corner[1]], axis=-1) - uv

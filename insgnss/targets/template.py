@@ -186,6 +186,21 @@ class Sampled:
 
     grid: Array
 
+    def value(self, d: ArrayLike) -> Array:
+        """Return values.
+
+        Parameters
+        ----------
+        d : array_like, (n, 2)
+            Pixels from the centre.
+
+        Returns
+        -------
+        ndarray, (n,)
+            The values.
+        """
+        return self._between(self.grid, self._cells_of(d))
+
     @cached_property
     def _layers(self) -> tuple[Array, Array, Array]:
         dv, du = (np.gradient(self.grid, 1.0 / OVERSAMPLING, axis=k) for k in (0, 1))
@@ -204,15 +219,21 @@ class Sampled:
         value, du, dv : ndarray, (n,)
             The value, and its derivatives by both coordinates, 1/px.
         """
+        cells = self._cells_of(d)
+        value, du, dv = (self._between(layer, cells) for layer in self._layers)
+        return value, du, dv
+
+    def _cells_of(self, d: ArrayLike) -> Array:
+        """Rows and columns of the grid, (2, n)."""
+        half = self.grid.shape[0] / 2.0
+        return np.asarray(d, dtype=np.float64)[:, ::-1].T * OVERSAMPLING + half - 0.5
+
+    @staticmethod
+    def _between(layer: Array, cells: Array) -> Array:
+        """Values between the points of a grid."""
         from scipy.ndimage import map_coordinates
 
-        half = self.grid.shape[0] / 2.0
-        cells = np.asarray(d, dtype=np.float64)[:, ::-1].T * OVERSAMPLING + half - 0.5
-        value, du, dv = (
-            np.asarray(map_coordinates(layer, cells, order=1, mode="nearest"))
-            for layer in self._layers
-        )
-        return value, du, dv
+        return np.asarray(map_coordinates(layer, cells, order=1, mode="nearest"))
 
 
 def rotated(by_point: ArrayLike, azimuth_rad: float) -> Array:
