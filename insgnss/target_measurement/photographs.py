@@ -53,20 +53,20 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
     """
     if not directory.is_dir():
         raise InputError.at_line(directory, None, "no directory; give that of the photographs")
-    found = sorted(
+    paths = sorted(
         path
         for path in directory.rglob("*")
         if path.suffix.lower() in ENDINGS and not path.name.startswith(".")
     )
-    if not found:
+    if not paths:
         raise InputError.at_line(
             directory, None, f"no photograph ({' '.join(ENDINGS)}) in it or in its folders"
         )
-    names = [path.name for path in found]
+    names = [path.name for path in paths]
     wanted = {Path(name).stem.lower() for name in images}
     for name in names:
         if names.count(name) > 1 and Path(name).stem.lower() in wanted:
-            twice = [path for path in found if path.name == name][:2]
+            twice = [path for path in paths if path.name == name][:2]
             raise InputError(
                 f"{twice[0]} and {twice[1]} have one name; give the directory of one flight"
             )
@@ -75,13 +75,13 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
         raise InputError.at_line(
             directory,
             None,
-            f"none of its {len(found)} photographs ({names[0]}, ...) is an image of the orientation"
+            f"none of its {len(paths)} photographs ({names[0]}, ...) is an image of the orientation"
             f" ({images[0]}, ...); the same names must stand in both",
         )
     own = set(rows[rows >= 0].tolist())
     return Photographs(
-        tuple(found[row] if row >= 0 else None for row in rows),
-        tuple(path for k, path in enumerate(found) if k not in own),
+        tuple(paths[row] if row >= 0 else None for row in rows),
+        tuple(path for k, path in enumerate(paths) if k not in own),
     )
 
 

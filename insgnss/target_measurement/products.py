@@ -141,8 +141,8 @@ def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
             point = inputs.ground.points[seen.point[w.row]]
             u, v = seen.uv[w.row]
             match = w.measurement.match
-            at = "," if match is None else f"{match.uv[0]:.3f},{match.uv[1]:.3f}"
-            yield f'{image},{point},{u:.3f},{v:.3f},{at},"{w.measurement.rejected}"\n'
+            pixel = "," if match is None else f"{match.uv[0]:.3f},{match.uv[1]:.3f}"
+            yield f'{image},{point},{u:.3f},{v:.3f},{pixel},"{w.measurement.rejected}"\n'
 
     head = ("image", "point", "predicted_x", "predicted_y", "matched_x", "matched_y", "reason")
     write_table(path, (f"targets that were not measured: {PIXEL_ORIGIN}",), head, lines())

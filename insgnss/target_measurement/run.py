@@ -260,8 +260,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
     notes += _size(inputs, windows)
     never = [
         name
-        for name, (looked, found) in zip(inputs.ground.points, count.tolist(), strict=True)
-        if looked and not found
+        for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
+        if looked and not measured
     ]
     if never and good:
         some = ", ".join(never[:5]) + (" ..." if never[5:] else "")
@@ -283,8 +283,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         "measured": len(good),
         "rejected_by": dict(reasons.most_common()),
         "points": {
-            name: {"windows": looked, "measured": found}
-            for name, (looked, found) in zip(inputs.ground.points, count.tolist(), strict=True)
+            name: {"windows": looked, "measured": measured}
+            for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
         },
         "median_sigma_px": float(np.median(sigma)) if sigma else None,
         "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(off)))) if off else None,
@@ -301,12 +301,12 @@ def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
     if len(areas) < JUDGED:
         return []
     given = inputs.request.target.size_m
-    found = given / float(np.median(np.sqrt(areas)))
-    if abs(found / given - 1.0) < OTHER_SIZE:
+    fitting = given / float(np.median(np.sqrt(areas)))
+    if abs(fitting / given - 1.0) < OTHER_SIZE:
         return []
     return [
-        f"targets look {found / given:.3f} times as large as --size {given:g}: {found:.4g} m fits"
-        " better, or the images are lower or higher above them than their orientation says"
+        f"targets look {fitting / given:.3f} times as large as --size {given:g}: {fitting:.4g} m"
+        " fits better, or the images are lower or higher above them than their orientation says"
     ]
 
 
@@ -323,13 +323,13 @@ def _kind(reason: str) -> str:
 
 def _refusal(windows: list[Window], figures: dict[str, Any]) -> DataError | None:
     """Why so few targets are no answer; None of enough."""
-    found, n = figures["measured"], figures["windows"]
-    if found and (n < JUDGED or found >= FEW * n):
+    measured, n = figures["measured"], figures["windows"]
+    if measured and (n < JUDGED or measured >= FEW * n):
         return None
     reasons = figures["rejected_by"]
     most = ", ".join(f"{count} with {reason}" for reason, count in list(reasons.items())[:2])
     return DataError(
-        f"{found} of {n} targets found ({most}): nearly nothing is where it is expected, so no"
+        f"{measured} of {n} targets found ({most}): nearly nothing is where it is expected, so no"
         f" observations are written; {PAGE} shows the windows. If the targets can be seen there"
         " beside their ellipses, the orientation is worse than its covariances: --search-px. If"
         " they cannot, check size and kind of the targets (--signal, --size), the CRS of the ground"

@@ -108,8 +108,8 @@ def number_in(name: str) -> int | None:
     int or None
         Such as 17; None of a name without.
     """
-    found = re.search(r"(\d+)$", name)
-    return int(found[1]) if found else None
+    digits = re.search(r"(\d+)$", name)
+    return int(digits[1]) if digits else None
 
 
 def _decoded(

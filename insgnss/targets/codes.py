@@ -93,7 +93,7 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
     centre, G = np.asarray(uv, dtype=np.float64), np.asarray(to_pixel, dtype=np.float64)
     radius = 0.5 * ring.diameter_m
 
-    def at(radii: Array, azimuth: Array) -> Array:
+    def grey_at(radii: Array, azimuth: Array) -> Array:
         """Mean over radii (in radii of the disc) for each azimuth."""
         e = radius * radii[:, None] * np.sin(azimuth)
         n = radius * radii[:, None] * np.cos(azimuth)
@@ -104,10 +104,10 @@ def read_ring(image: ArrayLike, ring: Ring, uv: ArrayLike, to_pixel: ArrayLike) 
         return np.asarray(values).mean(axis=0)
 
     azimuth = 2.0 * np.pi * np.arange(ring.bits * SAMPLES) / (ring.bits * SAMPLES)
-    own = float(np.median(at(np.array([0.0, 0.3]), azimuth)))
-    beside = at(1.0 + (ring.inner - 1.0) * np.array(_WIDTH), azimuth)
+    own = float(np.median(grey_at(np.array([0.0, 0.3]), azimuth)))
+    beside = grey_at(1.0 + (ring.inner - 1.0) * np.array(_WIDTH), azimuth)
     gap = float(np.median(beside))
-    around = at(ring.inner + (ring.outer - ring.inner) * np.array(_WIDTH), azimuth)
+    around = grey_at(ring.inner + (ring.outer - ring.inner) * np.array(_WIDTH), azimuth)
     if not np.isfinite(around).all() or not abs(own - gap) > 1e-9:
         return None
     if gap > _LIT * max(own, gap):  # the gap tells the light of each azimuth: rims of shadows

@@ -218,7 +218,7 @@ def _design(
     both times the light; it is blurred with its shadow, for light falls before the camera blurs.
     """
     d = x - state.c
-    T, du, dv, by_s = (light * part for part in template.at(d @ state.M.T, state.s))
+    T, du, dv, by_s = (light * term for term in template.at(d @ state.M.T, state.s))
     if state.shadow is not None:
         k, angle, rim = state.shadow
         a = np.array([np.cos(angle), np.sin(angle)])
@@ -350,10 +350,10 @@ def _one_sided(template: Template, M: Array, cov: Array) -> Array:
     radius = template.signal.outline_m / template.pixel_m
     p, q = 0.5 * (M[0, 0] - M[1, 1]), 0.5 * (M[0, 1] + M[1, 0])
     by = 0.5 * np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, 1.0, 0.0]])
-    known = max(p * p + q * q - _BY_CHANCE * float(np.trace(by @ cov @ by.T)), 0.0)
+    excess = max(p * p + q * q - _BY_CHANCE * float(np.trace(by @ cov @ by.T)), 0.0)
     along = 0.5 * np.arctan2(q, p)
     t = np.array([np.cos(along), np.sin(along)])
-    return np.asarray(2.0 * known * radius**2 * np.outer(t, t))
+    return np.asarray(2.0 * excess * radius**2 * np.outer(t, t))
 
 
 def _likeness(x: Array, T: Array, grey: Array, e: Array) -> float:
