@@ -21,6 +21,7 @@ from .products import PREDICTIONS, write_measured, write_predictions, write_reje
 from .products import REJECTED as REJECTED_TABLE
 from .request import DIRECTORY, Request
 from .sheet import PAGE, write_sheet
+from .trials import advice
 from .windows import Window, windows_of
 
 DOCUMENT = "targets.json"
@@ -218,7 +219,10 @@ def measure_targets(
             f"no ground point lies in an image that has a photograph in {request.images}; the"
             " photographs of the others are missing there"
         )
-    refusal = _refusal(windows, figures)
+    refusal = _refusal(figures)
+    if refusal is not None:
+        trial = advice(inputs, photographs, rules or Rules(), progress)
+        refusal = _refusal(figures, trial)
     files: tuple[Path, ...] = ()
     if write:
         directory = out or request.eo.parent / DIRECTORY
@@ -321,19 +325,22 @@ def _kind(reason: str) -> str:
     return re.sub(r" ?-?\d+(\.\d+)? ?", " ", reason, count=1).replace(" ,", "").strip()
 
 
-def _refusal(windows: list[Window], figures: dict[str, Any]) -> DataError | None:
-    """Why so few targets are no answer; None of enough."""
+def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
+    """Why so few targets are no answer, with what finds them; None of enough."""
     measured, n = figures["measured"], figures["windows"]
     if measured and (n < JUDGED or measured >= FEW * n):
         return None
     reasons = figures["rejected_by"]
     most = ", ".join(f"{count} with {reason}" for reason, count in list(reasons.items())[:2])
+    guesses = (
+        "If the targets can be seen there beside their ellipses, the orientation is worse than its"
+        " covariances: --search-px. If they cannot, check size and kind of the targets (--signal,"
+        " --size), the CRS of the ground points, and whether these are the photographs and the"
+        " camera of this orientation"
+    )
     return DataError(
         f"{measured} of {n} targets found ({most}): nearly nothing is where it is expected, so no"
-        f" observations are written; {PAGE} shows the windows. If the targets can be seen there"
-        " beside their ellipses, the orientation is worse than its covariances: --search-px. If"
-        " they cannot, check size and kind of the targets (--signal, --size), the CRS of the ground"
-        " points, and whether these are the photographs and the camera of this orientation"
+        f" observations are written; {trial or f'{PAGE} shows the windows. {guesses}'}"
     )
 
 

@@ -24,6 +24,7 @@ from insgnss.formats.blocks.ground_points import GroundAxes, GroundTable
 from insgnss.formats.blocks.image_points import ImagePoints
 from insgnss.formats.blocks.reading import read_measured_block
 from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.target_measurement.photographs import photographs_in, read_grey
 from insgnss.target_measurement.request import Request, Target
 from insgnss.target_measurement.run import MeasurementResult, measure_targets
@@ -324,6 +325,28 @@ def test_mirrored_axes_are_refused_in_json_too(
         "targets.html",
         "targets.json",
     }
+
+
+@pytest.mark.parametrize(
+    ("target", "turned", "words"),
+    [
+        (Target(size_m=0.6), 0.0, "with --size 0.3 "),
+        (Target(), 0.02, "with --search-px 10 "),
+        pytest.param(Target("disc", 0.2), 0.0, "shows the windows. If the", marks=pytest.mark.slow),
+    ],
+)
+def test_what_would_have_found_the_targets_is_said(
+    target: Target, turned: float, words: str, flight: RenderedFlight, tmp_path: Path
+) -> None:
+    """Oracle: the size that was rendered; poses tilted by 0.03 rad, some 11 px; targets of another
+    kind, of which no trial finds any.
+    """
+    own = copied(flight, tmp_path / "wrong")
+    R = rotation_from_vector([turned, -turned, 0.0])
+    own.write(replace(own.eo, C_mc=R @ own.eo.C_mc))
+    result = measure_targets(request(own, target=target), write=False)
+    assert result.refusal is not None
+    assert words in str(result.refusal)
 
 
 def test_one_image_that_lies_is_found_by_the_others(flight: RenderedFlight, tmp_path: Path) -> None:
