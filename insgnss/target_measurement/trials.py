@@ -18,7 +18,7 @@ WIDER_PX = (
     10.0,
     30.0,
 )  # the second: half a degree of bore-sight that was not estimated, at 3500 px
-TRIED = 6
+SAMPLE = 6
 """Windows that are tried, of as many images as there are."""
 MOST = 0.5
 """Share of them that must be found for an advice."""
@@ -48,7 +48,7 @@ def advice(
     seen = inputs.predictions
     taken = np.array([photographs.files[i] is not None for i in seen.image])
     rows = np.flatnonzero(seen.visible & taken)
-    rows = rows[np.unique(np.linspace(0, rows.size - 1, TRIED).astype(int))]
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE).astype(int))]
     plain = replace(rules, clear=-1.0)  # no shadow is looked for
     for words, target, wider_px in _trials(inputs.request.target):
         progress(f"trying {words}")
