@@ -261,8 +261,12 @@ WRONG: list[tuple[Callable[[RenderedFlight], None], int, str]] = [
 ]
 
 
+NOTHING = "targets found .* nearly nothing is where it is expected"
+SHIFTED = pytest.param(_spoil_shifted, 4, NOTHING, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
-    ("spoil", "code", "words"), WRONG, ids=lambda x: getattr(x, "__name__", "")
+    ("spoil", "code", "words"), [*WRONG, SHIFTED], ids=lambda x: getattr(x, "__name__", "")
 )
 def test_wrong_input_is_named_in_one_line_and_no_observations_are_written(
     spoil: Callable[[RenderedFlight], None],
