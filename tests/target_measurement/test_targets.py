@@ -334,7 +334,7 @@ def test_mirrored_axes_are_refused_in_json_too(
 @pytest.mark.parametrize(
     ("target", "turned", "words"),
     [
-        (Target(size_m=0.6), 0.0, "with --size 0.3 "),
+        pytest.param(Target(size_m=0.6), 0.0, "with --size 0.3 ", marks=pytest.mark.slow),
         (Target(), 0.02, "with --search-px 10 "),
         pytest.param(Target("disc", 0.2), 0.0, "shows the windows. If the", marks=pytest.mark.slow),
     ],
