@@ -14,6 +14,7 @@ Run
     `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
     `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`, `calibrate_mounting`: lever
     arms, bore-sight and camera delay with verdicts.
+    `predict_targets` and `measure_targets`: ground points in photographs, where a `Target` lies.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
     `load_flight`, `load_block`, `load_noise_model`, `write_noise_model`, `read_mounting`.
@@ -73,6 +74,7 @@ if _TYPE_CHECKING:
     from .api.estimation import estimate
     from .api.products import compare, export, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
+    from .api.targets import measure_targets, predict_targets
     from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
     from .base.errors import DataError, InputError, InsgnssError, UsageError
     from .config.block_file import load_block
@@ -107,6 +109,7 @@ if _TYPE_CHECKING:
     from .stochastic.moments.theory import haar_variance
     from .stochastic.moments.wavelet import wavelet_variance
     from .stochastic.processes import simulate_noise
+    from .target_measurement.request import Target
     from .tuning.options import TuneOptions
 
 _settle()
@@ -121,6 +124,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.estimation": ("estimate",),
     "api.products": ("compare", "export", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
+    "api.targets": ("measure_targets", "predict_targets"),
     "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
     "config.filter_options": ("FilterOptions", "InitialAttitude"),
     "config.flight_file": ("Flight",),
@@ -147,6 +151,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "stochastic.moments.theory": ("haar_variance",),
     "stochastic.moments.wavelet": ("wavelet_variance",),
     "stochastic.processes": ("simulate_noise",),
+    "target_measurement.request": ("Target",),
     "tuning.options": ("TuneOptions",),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
@@ -174,6 +179,7 @@ __all__ = [
     "NoiseModel",
     "ProcessResult",
     "RelativeControl",
+    "Target",
     "Trajectory",
     "TuneOptions",
     "UsageError",
@@ -194,7 +200,9 @@ __all__ = [
     "load_block",
     "load_flight",
     "load_noise_model",
+    "measure_targets",
     "ppk",
+    "predict_targets",
     "process",
     "read_barometer",
     "read_eo",

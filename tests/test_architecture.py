@@ -39,6 +39,8 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     # which error model explains the innovations
     "diagnosis": BELOW_ALL | {"calibrate", "navigation", "orient", "stochastic"},
     "adjust": BELOW_ALL | {"orient"},
+    # pixels of cameras
+    "targets": BELOW_ALL | {"adjust"},
     # formats: a simulated flight is written as a data set;
     # gnss: a simulated receiver flies under broadcast orbits
     # adjust: pixels of its cameras
@@ -52,25 +54,26 @@ STANDS_ON |= {
     "proof": ROOMS | {"exporting"},
     # exporting: formats of the adjusted orientation; processing: files that appear whole
     "block_adjustment": ROOMS | {"exporting", "processing"},
-    # comparison: its readers of poses
     # comparison: poses of any format; processing: a flight is solved with each mounting
     "mounting_calibration": ROOMS | {"comparison", "processing"},
+    # block_adjustment: ground points in the axes of the orientation
+    "target_measurement": ROOMS | {"block_adjustment", "processing"},
     "processing": ROOMS | {"exporting"},
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "cli": (
-        (ROOMS - {"adjust"})
+        (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
-        | {"block_adjustment", "mounting_calibration"}
+        | {"block_adjustment", "mounting_calibration", "target_measurement"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
     "api": ROOMS
     | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
-    | {"mounting_calibration"},
+    | {"mounting_calibration", "target_measurement"},
     # loaded when a public name is first used
-    "__init__": ROOMS | {"api", "processing", "tuning"},
+    "__init__": ROOMS | {"api", "processing", "target_measurement", "tuning"},
     "__main__": {"cli"},
 }
 INNER = {  # folders inside rooms, from below; a folder stands on those before it

@@ -145,6 +145,19 @@ def test_wrong_blocks() -> None:
 
 
 @pytest.mark.slow
+def test_measured_targets() -> None:
+    """Oracle: the renderer; 60 windows of each kind of target, of which none is false, within the
+    script's own bars of 0.2 px rms and 0.7 to 1.5 sigma.
+    """
+    command = [sys.executable, str(SCRIPTS / "measured_targets.py"), "--windows", "60"]
+    done = subprocess.run(
+        [*command, "--seed", "5"], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("60 windows, 0 false targets.") == 4
+
+
+@pytest.mark.slow
 def test_good_flights() -> None:
     """Oracle: the simulated truth, in the script's own assertion: circles at 30 and 45 deg of bank
     and multirotors that fly sideways and backwards, accepted and within 5 sigma.

@@ -109,7 +109,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     ground = ground_in_plane(file, source, eo, notes)
     source = _oriented_only(source, eo, notes)
     made = joined(source, ground, eo)
-    _refuse_fields_of_view(made.block)
+    for camera in made.block.cameras:
+        refuse_field_of_view(camera)
     block, rows = made.block, made.eo_row
     if eo is None and crs_of(file, source) is None and not source.local:
         block = replace(block, position_m=made.position_m, C_mc=made.C_mc)  # axes of the ground
@@ -167,16 +168,26 @@ def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation,
     return (InteriorObservation(0, rows, camera.interior[rows], weight),)
 
 
-def _refuse_fields_of_view(block: ImageBlock) -> None:
-    """Refuse camera constants that are no pixels."""
-    for camera in block.cameras:
-        f, size = camera.of("f"), max(camera.width, camera.height)
-        if not SHORTEST * size < f < LONGEST * size:
-            angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
-            raise InputError(
-                f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
-                f" of {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
-            )
+def refuse_field_of_view(camera: BrownCamera) -> None:
+    """Refuse a camera constant that is no pixels.
+
+    Parameters
+    ----------
+    camera : BrownCamera
+        The camera.
+
+    Raises
+    ------
+    InputError
+        Its field of view cannot be.
+    """
+    f, size = camera.of("f"), max(camera.width, camera.height)
+    if not SHORTEST * size < f < LONGEST * size:
+        angle = 2.0 * np.degrees(np.arctan(0.5 * size / f))
+        raise InputError(
+            f"camera {camera.name}: camera constant f {f:g} px sees {angle:.3g} deg in images"
+            f" of {size} px; f counts in pixels: of millimetres divide by the size of a pixel"
+        )
 
 
 def _seen_once(block: ImageBlock) -> list[str]:
@@ -281,7 +292,7 @@ def ground_in_plane(
         ground, crs = source.ground, source.crs
     if file.ground.file is not None:
         path = file.ground.file
-        ground, crs = _ground_of(path, file.ground.columns)
+        ground, crs = ground_of(path, file.ground.columns)
     if ground is None or not ground.points:
         return None
     crs = file.ground.crs or crs
@@ -330,8 +341,28 @@ def crs_of(file: BlockFile, source: MeasuredBlock) -> str | None:
     return file.ground.crs or source.crs
 
 
-def _ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | None]:
-    """Return ground points and their CRS from a table, or from a file of a program."""
+def ground_of(path: Path, columns: Columns) -> tuple[GroundTable | None, str | None]:
+    """Return ground points and their CRS from a table, or from a file of a program.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : sequence or mapping, optional
+        Columns of a table.
+
+    Returns
+    -------
+    ground : GroundTable or None
+        The points; None where the file has none.
+    crs : str or None
+        Their CRS, where the file says it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
     if path.is_dir() or recognised(path) not in ("image_points", "bingo"):
         source = read_measured_block(path)
         return source.ground, source.crs

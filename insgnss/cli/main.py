@@ -29,6 +29,7 @@ from . import (
     ppk,
     process,
     simulate,
+    targets,
     tune,
     verify,
 )
@@ -40,7 +41,7 @@ VERBS = tuple(
     module.VERB
     for module in (
         *(demo, simulate, inspect, process, verify, export, adjust),
-        *(calibrate, tune, compare, ppk),
+        *(targets, calibrate, tune, compare, ppk),
     )
 )
 

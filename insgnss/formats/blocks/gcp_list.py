@@ -7,15 +7,20 @@ x is easting or longitude. The program counts pixels from the centre of the firs
 normalises them; here they count from its outer corner, 0.5 more.
 """
 
+import re
+
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.files import atomic_write
+from ...geodesy.projection import is_geographic
+from ..orientation.exported import check_names
 from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
 from .columns import first_repeat, positive_sigma
 from .ground_points import GroundTable
-from .image_points import SIGMA_PX
+from .image_points import SIGMA_PX, ImagePoints
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 SIGMA_M = (0.02, 0.02, 0.04)
@@ -154,3 +159,48 @@ def _crs(path: Source, row: tuple[int, str]) -> str:
     except CRSError:
         raise InputError.at_line(path, line, f"CRS {shown(text)} is unknown; {MISSING}") from None
     return text
+
+
+def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: Source) -> None:
+    """Write control points and where images show them; check points are left out.
+
+    Parameters
+    ----------
+    measured : ImagePoints
+        Image observations of ground points.
+    ground : GroundTable
+        The points, in the axes of `crs`: easting or longitude first.
+    crs : str
+        An EPSG code.
+    path : path
+        The file, written whole or not at all.
+
+    Raises
+    ------
+    InputError
+        A CRS that is no code, a name that has a blank, or no control point.
+    UsageError
+        The file cannot be written.
+    """
+    if not re.fullmatch(r"EPSG:\d+", crs):
+        raise InputError(f"gcp_list: CRS {crs!r} is no EPSG code, which the file asks for")
+    check_names(measured.images, None)
+    check_names(measured.points, None, "point")
+    row_by_name = {name: k for k, name in enumerate(ground.points) if not ground.check[k]}
+    digits = 10 if is_geographic(crs) else 4
+    # what the program reads is two-dimensional, heights behind it as they are
+    code = "EPSG:4326" if crs == "EPSG:4979" else crs
+    seen = measured.observations
+    rows = []
+    for i, p, (u, v) in zip(
+        seen.image.tolist(), seen.point.tolist(), (seen.uv - ORIGIN_PX).tolist(), strict=True
+    ):
+        if (row := row_by_name.get(measured.points[p])) is not None:
+            x, y, z = ground.position_m[row]
+            rows.append(
+                f"{x:.{digits}f} {y:.{digits}f} {z:.4f} {u:.4f} {v:.4f} {measured.images[i]}"
+                f" {measured.points[p]}\n"
+            )
+    if not rows:
+        raise InputError("gcp_list: all points are check points, which the file does not know")
+    atomic_write(path, "".join([f"{code}\n", *rows]))

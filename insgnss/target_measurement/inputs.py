@@ -1,0 +1,134 @@
+"""Exterior orientation, camera and ground points in one frame, and what is predicted of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.errors import DataError, InputError
+from ..block_adjustment.inputs import ground_in_plane, ground_of, refuse_field_of_view
+from ..config.block_file import BlockFile, GroundTableInput
+from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
+from ..formats.blocks.ground_points import GroundTable
+from ..formats.orientation.eo_json import read_eo_json
+from ..records import ExteriorOrientation
+from ..records.block import BrownCamera
+from ..targets.prediction import VISIBILITY, Predictions, predict
+from .request import Request
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """A flight and its ground points.
+
+    Parameters
+    ----------
+    request : Request
+        What was asked for.
+    eo : ExteriorOrientation
+        The exterior orientation.
+    camera : BrownCamera
+        The camera of all images.
+    ground : GroundTable
+        Ground points in the tangent plane.
+    given : GroundTable
+        The same as their file has them.
+    crs : str or None
+        CRS of `given`; None of the tangent plane.
+    predictions : Predictions
+        Pixels of all points in all images, with what was asked to be added to their covariance.
+    notes : tuple of str
+        What was assumed, sentence by sentence.
+    """
+
+    request: Request
+    eo: ExteriorOrientation
+    camera: BrownCamera
+    ground: GroundTable
+    given: GroundTable
+    crs: str | None
+    predictions: Predictions
+    notes: tuple[str, ...]
+
+
+def inputs_of(request: Request) -> Inputs:
+    """Read and join the files of a request.
+
+    Parameters
+    ----------
+    request : Request
+        The request.
+
+    Returns
+    -------
+    Inputs
+        Of points of which at least one lies in an image.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    DataError
+        No ground point lies in any image.
+    """
+    eo = read_eo_json(request.eo)
+    camera = read_camera_toml(request.camera)
+    camera_cov = read_camera_covariance(request.camera)
+    refuse_field_of_view(camera)
+    table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
+    notes: list[str] = []
+    given, own_crs = ground_of(request.ground, None)
+    ground = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
+    if ground is None or given is None:
+        raise InputError.at_line(request.ground, None, "no ground point; write one line a point")
+    if not len(eo.images):
+        raise InputError.at_line(request.eo, None, "no image; process the flight with its camera")
+    seen = predict(
+        camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
+    )
+    if not seen.visible.any():
+        raise DataError(_unseen(eo, ground, camera, seen))
+    extra = request.search_px**2 * np.eye(2)
+    widened = Predictions(
+        seen.image, seen.point, seen.uv, seen.cov + extra, seen.by_point, seen.visibility
+    )
+    if camera_cov is None:
+        notes.append(
+            f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"
+            " are too small by what it is not"
+        )
+    crs = request.crs or own_crs
+    return Inputs(request, eo, camera, ground, given, crs, widened, tuple(notes))
+
+
+def _unseen(
+    eo: ExteriorOrientation, ground: GroundTable, camera: BrownCamera, seen: Predictions
+) -> str:
+    """Say why no ground point lies in any image."""
+    n = len(ground.points)
+    why = {word: int((seen.visibility == k).sum()) for k, word in enumerate(VISIBILITY)}
+    apart = np.linalg.norm(
+        ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2
+    )  # images x points
+    i, p = np.unravel_index(int(apart.argmin()), apart.shape)
+    above = float(np.median(eo.position_m[:, 2]) - np.median(ground.position_m[:, 2]))
+    words = ", ".join(f"{count} {word}" for word, count in why.items() if count)
+    if above <= 0.0:
+        advice = (
+            f"the images lie {-above:.0f} m below the points: heights are of another reference"
+            " (geoid, ellipsoid), or the points of another place"
+        )
+    elif why["behind the camera"] > 0.9 * len(seen):
+        advice = "the cameras look up: their axes are others, look at the mounting of the flight"
+    elif apart.min() > 2.0 * above:
+        advice = (
+            "they are of another place, or in other axes than the images: name their CRS, --crs"
+        )
+    else:
+        advice = (
+            "axes of the camera, its mounting or its camera constant are not those of the images"
+        )
+    return (
+        f"no ground point lies in any image ({n} points, {len(eo.images)} images: {words}); the"
+        f" nearest, {ground.points[p]!r}, is {apart[i, p]:.0f} m beside {eo.images[i]!r} and the"
+        f" images are {above:.0f} m above the points; {advice}"
+    )

@@ -1,0 +1,59 @@
+"""The images of one point against each other."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LIMIT = 4.0  # sigmas: one good measurement in 3000 is lost
+_FEWEST = 3  # images, for one of them to be told from the others
+
+
+def disagreeing(
+    off: Array, cov: Array, by_point: Array, point_cov: Array, limit: float = LIMIT
+) -> Array:
+    """Return by how much the others contradict measurements of a ground point.
+
+    Measured minus predicted pixels of one point have in common the error dX of its coordinates:
+    off = B dX + error, with the covariance of (GT.1) without the point, and that of the match. dX
+    follows by least squares with the covariance of the point; the measurement that is worst in its
+    own covariance leaves, and so on while one is beyond the limit and enough are left.
+
+    Parameters
+    ----------
+    off : ndarray, (n, 2)
+        Measured minus predicted pixels.
+    cov : ndarray, (n, 2, 2)
+        Covariance of each without that of the point.
+    by_point : ndarray, (n, 2, 3)
+        Derivatives of the pixels by the point.
+    point_cov : ndarray, (3, 3)
+        Covariance of the point, m^2.
+    limit : float
+        Sigmas of a residual.
+
+    Returns
+    -------
+    ndarray, (n,)
+        Sigmas of the residual of each that the others contradict, NaN of those that stay; all stay
+        where fewer than three images see the point.
+    """
+    out = np.full(len(off), np.nan)
+    weight = np.linalg.inv(cov)
+    prior = np.linalg.inv(point_cov)
+    while np.isnan(out).sum() >= _FEWEST:
+        size = np.full(len(off), -np.inf)
+        for k in np.flatnonzero(np.isnan(out)):  # each against what the others say
+            others = np.flatnonzero(np.isnan(out))
+            others = others[others != k]
+            BtP = by_point[others].transpose(0, 2, 1) @ weight[others]
+            Q = np.linalg.inv(prior + (BtP @ by_point[others]).sum(axis=0))
+            dX = Q @ np.einsum("nij,nj->i", BtP, off[others])
+            e = off[k] - by_point[k] @ dX
+            C = cov[k] + by_point[k] @ Q @ by_point[k].T
+            size[k] = np.sqrt(e @ np.linalg.solve(C, e))
+        worst = int(size.argmax())
+        if size[worst] <= limit:
+            break
+        out[worst] = size[worst]
+    return out
