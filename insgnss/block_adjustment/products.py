@@ -25,8 +25,8 @@ from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready, sha256
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
-from ..formats.blocks.pose_covariance import FILE as COVARIANCE
-from ..formats.blocks.pose_covariance import write_pose_covariance
+from ..formats.orientation.pose_covariance import FILE as COVARIANCE
+from ..formats.orientation.pose_covariance import write_pose_covariance
 from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ..orient.mounting_file import MountingFile, write_mounting_file

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..formats.blocks.joined import matched
-from ..formats.blocks.pose_covariance import FILE, read_pose_covariance
+from ..formats.orientation.pose_covariance import FILE, read_pose_covariance
 from ..geodesy.frames import TangentPlane
 from ..records import ExteriorOrientation
 from ..records.block import Array

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.formats.blocks.pose_covariance import read_pose_covariance, write_pose_covariance
+from insgnss.formats.orientation.pose_covariance import read_pose_covariance, write_pose_covariance
 
 NAMES = ("3.tif", "5.tif", "7.tif")
 PAGE = Path(__file__).parents[2] / "data_specs/pose_covariance.md"

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...base.files import atomic_write
 from ...records.block import BrownCamera
+from ..blocks.ground_points import GroundTable
+from ..blocks.image_points import ImagePoints
 from ..text.text import Source
-from .ground_points import GroundTable
-from .image_points import ImagePoints
 
 VERSION = "1.5.0"
 

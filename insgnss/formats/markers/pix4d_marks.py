@@ -3,9 +3,9 @@
 import numpy as np
 
 from ...base.files import atomic_write
+from ..blocks.image_points import ImagePoints
 from ..orientation.exported import check_names
 from ..text.text import Source
-from .image_points import ImagePoints
 
 
 def write_pix4d_marks(measured: ImagePoints, path: Source) -> None:

@@ -1,0 +1,1 @@
+"""Image observations of ground points as other programs take them."""
