@@ -83,6 +83,7 @@ def in_sigmas(a, b):
     return max(float(np.abs((x - y) / s).max()) for x, y, s in pairs)
 
 
+@pytest.mark.slow
 def test_records_give_the_numbers_of_the_flight_file(estimated, processed):
     """Oracle: `process` of the flight file that says the same."""
     assert estimated.eo.images == processed.eo.images

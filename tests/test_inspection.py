@@ -730,6 +730,7 @@ def _inspected(*parts):
     return inspect_files([path])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parts", "axes", "offset", "width"),
     [

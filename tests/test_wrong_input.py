@@ -835,6 +835,8 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     ),
 }
 SLOW = {
+    "initial heading wrong",
+    "lever arm wrong by 5 m",
     "GNSS 50 ms off",
     "lever arm wrong by 1 m",
     "the same without tangent plane",

@@ -90,6 +90,7 @@ def test_products(flown, adjusted, tmp_path, capsys) -> None:
     capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_the_command_line_asks_for_the_same(flown, adjusted, tmp_path, capsys) -> None:
     """Oracle: the result of the block file."""
     root = flown.directory
@@ -150,6 +151,7 @@ def turned(eo, boresight, delay):
     return replace(eo, position_m=eo.position_m - delay * eo.velocity_mps, C_mc=C)
 
 
+@pytest.mark.slow
 def test_a_wrong_delay_is_named_and_estimated(flown, tmp_path) -> None:
     """Oracle: what was done to the orientation: 6 ms and half a degree."""
     from insgnss.formats.orientation.eo_json import write_eo_json
@@ -256,6 +258,7 @@ def test_columns_of_tables(flown, adjusted, tmp_path) -> None:
     assert result.figures["counts"] == adjusted.figures["counts"]
 
 
+@pytest.mark.slow
 def test_weights_without_the_covariance_of_lines_are_noted(flown, tmp_path) -> None:
     """Oracle: the file beside eo.json, which is taken away; scripts/adjust_simulated.py has by how
     much the standard deviations are too small.

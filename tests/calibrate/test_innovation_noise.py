@@ -119,6 +119,7 @@ def test_a_true_static_model_stays(quiet):
     assert n.factor[2] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_fixes_that_claim_too_little_are_no_noise_of_the_imu(quiet):
     """Oracle: sigmas claimed at half of what the simulator drew, with an IMU as its model says:
     twice for the fixes, one for the IMU.

@@ -102,6 +102,7 @@ def test_exactly_one_attitude(tilt_deg):
     assert (got.sigma_m > 10.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tilt_deg", "points", "attitude"), [(4.0, 0, 0.02), (4.0, 2, 0.02), (0.1, 1, 1e-3)]
 )

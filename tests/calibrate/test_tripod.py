@@ -53,6 +53,7 @@ def test_table_1_is_recovered(origin, seed):
     assert got.consistent
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_covariance_says():
     """Oracle: Monte Carlo; NEES and variance factor within 99 % of chi-square, an antenna at half a
     metre with 0.05 deg and pose covariances of very different size, so that weights matter.

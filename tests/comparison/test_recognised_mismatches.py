@@ -71,6 +71,7 @@ FILES = {  # name: (file, change of its fields, names of what must be found)
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", FILES)
 def test_a_changed_file_is_recognised(flight: Written, tmp_path: Path, what: str) -> None:
     """Oracle: what was changed in the text of the file; what remains is what its digits leave."""

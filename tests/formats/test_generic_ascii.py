@@ -181,6 +181,7 @@ def test_sigmas(where: str, attitude: str, tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "where", ["tangent plane", "geographic", "geocentric", "EPSG:2056", "EPSG:32632", "EPSG:3413"]
 )

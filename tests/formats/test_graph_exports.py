@@ -200,6 +200,7 @@ def test_g2o_vertices_reproject(tmp_path: Path, where: str) -> None:
     assert_reprojects(eo, read)
 
 
+@pytest.mark.slow
 def test_g2o_as_gtsam_reads_it(tmp_path: Path) -> None:
     """Oracle: GTSAM's reader and its between factors: chi^2_6 of drawn poses with rotation
     "vector"; with g2o's own, 3 + 4 x 3.

@@ -87,6 +87,7 @@ def three(motion):
     return [mounted(ideal(motion, LEVERS[j]), AXES[j], seed=10 + j, bias=1.0) for j in range(3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
 def test_the_lever_arm_is_taken_off(motion, quantity):
     """Oracle: exact motion of both points (second difference of the path of the second); what

@@ -59,6 +59,7 @@ def at_middle(sim, fixes, middle: float, heights=None):
     return error, float(np.sqrt(path.cov[k, 2, 2])), result
 
 
+@pytest.mark.slow
 def test_it_holds_the_height_while_there_are_no_fixes():
     """Oracle: the exact motion; sigmas with and without, of the same flight."""
     sim, fixes, middle = flown(3)

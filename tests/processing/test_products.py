@@ -142,6 +142,7 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
     )
 
 
+@pytest.mark.slow
 def test_the_covariance_of_strips_stands_beside_the_images(flight, tmp_path):
     """Oracle: the result in memory, bit by bit; a file of an earlier run is not taken for one of
     this run, and where none is asked for there is none.

@@ -44,6 +44,7 @@ def agrees(result: ProcessResult, within: float = 1e-9) -> None:
         assert np.linalg.eigvalsh(rest).min() > 1e-6
 
 
+@pytest.mark.slow
 def test_strips_of_two_segments(sim):
     """Oracle: eo.json's own covariances; no strip reaches over a gap of 15 s, between whose sides
     nothing is known.

@@ -109,6 +109,7 @@ def places() -> Iterator[tuple[str, str | None]]:
         yield from ((name, crs) for crs in ("EPSG:2056", "EPSG:32632") if PROJECTED in form.frames)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize(("name", "crs"), list(places()))
 def test_every_format_has_a_proof(name: str, crs: str | None, tmp_path: Path, geoid: Path) -> None:

@@ -103,6 +103,7 @@ RECORDINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recording", RECORDINGS)
 def test_recording_is_recognised(recording):
     """Oracle: what the README of the recording says and others have found (see above)."""

@@ -222,6 +222,7 @@ def test_intervals_hold_the_truth_and_errors_are_those_seen(inferred):
     assert (np.abs(scaled.mean(axis=0)) < 1.0 / 3.0).all()
 
 
+@pytest.mark.slow
 def test_j_test_rejects_as_often_as_it_says(inferred):
     """Oracle: simulation; p-values of the true model are below 0.2 in a fifth of recordings, within
     binomial bounds at 0.1 %.

@@ -314,6 +314,7 @@ def test_options_that_do_not_go_together_are_refused(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_mirrored_axes_are_refused_in_json_too(
     flight: RenderedFlight, tmp_path: Path, capsys
 ) -> None:
