@@ -109,7 +109,8 @@ def calibrate(
     if options.own_frame:
         R = rotation_from_vector(np.array([0.3, -1.0, 2.0]))
         X, C = 0.02 * (X - X.mean(axis=0)) @ R.T + 5.0, R @ C
-    block = BlockPoses(result.eo.images, X, C, None, not options.own_frame)
+    independent = np.zeros((6, 6))  # errors that images share in camera axes: there are none
+    block = BlockPoses(result.eo.images, X, C, None, not options.own_frame, shared=independent)
     posed = FlightPoses(result.eo, result.strips, result.common, flight.mounting, -DELAY_S)
     stated = Stated(flight.mounting, -DELAY_S)
     every = np.arange(len(X))

@@ -1,5 +1,6 @@
 """Verbs of the mounting calibration: tripod, similarity in flight, targets, the joint one."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -198,6 +199,7 @@ def calibrate_mounting(
     shift_sigma_m: float | None = None,
     lever_arm_sigma_m: float = 0.3,
     imu_sigma_m: float = 0.3,
+    pose_sigma: tuple[float, float] = (0.03, 0.01),
     photo: Source | None = None,
     date: str | None = None,
 ) -> "CalibratedMounting":
@@ -213,6 +215,8 @@ def calibrate_mounting(
     shift_sigma_m : of a shift between ground control and fixes; None: not known.
     lever_arm_sigma_m : of the antenna's lever arm from the IMU, as the flight file has it.
     imu_sigma_m : of the IMU's lever arm from the camera, as the flight file has it.
+    pose_sigma : m and deg, what the block's camera calibration moves poses by, all alike in
+        camera axes, where they have no covariances.
     photo : an image of the camera, which names it.
     date : of the data, ISO; by default that of the flight.
 
@@ -233,6 +237,7 @@ def calibrate_mounting(
     from ..mounting_calibration.solution import Assumptions
 
     own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    assumptions = Assumptions(shift_sigma_m, imu_sigma_m, lever_arm_sigma_m, frame)
+    alike = pose_sigma[0], math.radians(pose_sigma[1])
+    assumptions = Assumptions(shift_sigma_m, imu_sigma_m, lever_arm_sigma_m, frame, *alike)
     result = calibrated(calibrate(own, Path(poses), assumptions), own, _path(photo), date)
     return result if out is None else written(result, Path(out))

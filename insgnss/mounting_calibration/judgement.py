@@ -27,12 +27,13 @@ from ..geodesy.rotation import (
 from ..orient.mounting import ANTENNA_SIGMA_M
 from ..records.block import Array
 from .records import Stated
-from .solution import SCALE, TRANSLATION, TURN, Solved, Variant
+from .solution import CAMERA_FIXED, SCALE, TRANSLATION, TURN, Solved, Variant
 
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
 USEFUL["shift"] = 0.02
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
+ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
 CONTRADICTS, DOUBTFUL = 4.0, 2.5
 HELPS = 0.5  # of a sigma, that remains if something else were known
@@ -265,18 +266,22 @@ def linear_functions(
     moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
     slice_of = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
     slice_of |= {"turn": TURN, "scale": SCALE}
+    if CAMERA_FIXED in solved.place:
+        slice_of["camera"] = CAMERA_FIXED
     shift = (
         solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
     )
     delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
     value_of = {"boresight": beta, "delay": delay, moved: shift}
-    value_of |= {"turn": np.zeros(3), "scale": np.zeros(1)}
+    value_of |= {"turn": np.zeros(3), "scale": np.zeros(1), "camera": np.zeros(6)}
     words_of = {
         "boresight": [f"bore-sight about {a}" for a in "xyz"],
         "delay": ["camera delay"],
         moved: [f"{moved} {a}" for a in ("east", "north", "up")],
         "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
         "scale": ["scale of the block"],
+        "camera": [f"{what} by the block's camera" for what in ("x", "y", "z")]
+        + [f"turn about {axis} by the block's camera" for axis in "xyz"],
     }
     for group, key in slice_of.items():
         where = solved.place[key]
@@ -325,7 +330,9 @@ def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) 
     words += f" instead of {factor * first:.{digits}f})"
     groups = {names[k][0], *(names[j][0] for j in others)}
     vertical = any(w in names[i][2] for i in (k, *others) for w in ("up", "down"))
-    if "delay" in groups:
+    if groups == {names[k][0], "camera"}:
+        words += ": its principal point and camera constant move all poses alike"
+    elif "delay" in groups:
         low, high = facts.speed
         words += f": speed was {low:.1f} to {high:.1f} m/s throughout"
     elif not vertical and facts.headings > ONE_HEADING:
@@ -363,6 +370,14 @@ def _advise(
     """Try each variant, and write what determines a component beside it."""
     hypothetical = [(v.name, solved.with_line(v)) for v in _variants()]
     none = np.zeros(3)
+    if CAMERA_FIXED in solved.place:
+        words = (
+            "poses with the covariance of their whole block (adjust --pose-covariance), or a camera"
+            " known to move them by 5 mm and 0.002 deg alike (--pose-sigma 0.005,0.002)"
+        )
+        alike = np.eye(len(solved.cov))[solved.place[CAMERA_FIXED]]
+        alike[3:] *= ALIKE_M / ALIKE_RAD
+        hypothetical.append((words, solved.conditioned(alike, np.zeros(6), ALIKE_M)[1]))
     if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
         words = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
         frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]

@@ -38,6 +38,9 @@ class BlockPoses:
         What was taken on trust.
     cameras : tuple of BrownCamera
         Those of the block, as far as it names them.
+    shared : ndarray, (6, 6), optional
+        Covariance of errors that all images have alike in camera axes, m (of the flight) and rad;
+        None: as `solution` assumes them. Not beside the covariance of all images together.
 
     Raises
     ------
@@ -53,6 +56,7 @@ class BlockPoses:
     source: str = "poses"
     notes: tuple[str, ...] = ()
     cameras: tuple[BrownCamera, ...] = ()
+    shared: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.images)
@@ -102,6 +106,7 @@ class BlockPoses:
             self.source,
             self.notes,
             self.cameras,
+            self.shared,
         )
 
 

@@ -148,7 +148,8 @@ def posed(
         X_b, C_b = s * (X_b - [3.0, 4.0, 5.0]) @ R.T, R @ C_b
         G = np.kron(np.diag([s, 1.0]), R)
         P = G @ P @ G.T
-    block = BlockPoses(names, X_b, C_b, P, georeferenced, "block.xml")
+    independent = np.zeros((6, 6))  # no image shares its error with another
+    block = BlockPoses(names, X_b, C_b, P, georeferenced, "block.xml", shared=independent)
     flight = FlightPoses(eo, tuple(strips), common, believed)
     stated = Stated(believed, 0.0, frozenset({"antenna_m", "imu_m"}))
     return Posed(flight, block, np.arange(n), stated, true)

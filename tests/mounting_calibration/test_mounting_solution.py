@@ -28,6 +28,7 @@ from insgnss.mounting_calibration.judgement import (
 )
 from insgnss.mounting_calibration.records import Stated
 from insgnss.mounting_calibration.solution import SCALE, TRANSLATION, Assumptions, solve
+from insgnss.records.strips import CommonErrors
 
 KNOWN = Assumptions(lever_arm_sigma_m=LEVER_SIGMA_M)
 
@@ -73,6 +74,26 @@ def test_errors_have_the_covariance_that_is_told() -> None:
     assert low < np.mean(squares) / 7.0 < high
 
 
+def test_images_weighed_alone_make_the_bore_sight_seem_better_than_it_is() -> None:
+    """Why the whole covariance weighs: tilts that all images share do not average out.
+
+    Oracle: chi-square of 10 flights; alone its bound is left behind by far.
+    """
+    alone, whole, flights = 0.0, 0.0, 10
+    for seed in range(flights):
+        of = posed(seed=100 + seed)
+        n = of.rows.size
+        none = CommonErrors(np.zeros(n, dtype=np.int64), np.zeros((n, 6, 3)))
+        single = replace(of, flight=replace(of.flight, lines=(), common=none))
+        for flight in (of, single):
+            e, P = errors(flight, solved(flight))
+            square = e[:2] @ np.linalg.solve(P[:2, :2], e[:2])
+            whole, alone = (whole + square, alone) if flight is of else (whole, alone + square)
+    bound = chi2.ppf(0.999, 2 * flights)
+    assert whole < bound
+    assert alone > 2.0 * bound
+
+
 def test_whole_covariance_is_that_of_images_where_they_are_independent() -> None:
     """Oracle: the other path through the adjustment, without the bending that it has not."""
     of = posed(seed=3)
@@ -97,6 +118,32 @@ def test_bending_of_a_block_is_no_mounting() -> None:
     sigma = np.sqrt(np.diag(P))
     assert (np.abs(e_bent - e) < 0.2 * sigma).all()
     np.testing.assert_allclose(np.sqrt(np.diag(P_bent)), sigma, rtol=0.1)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_what_the_camera_of_the_block_moves_is_no_lever_arm(stated) -> None:
+    """A principal point 1 px off moves poses by 2 cm in camera axes, as a lever arm does.
+
+    Oracle: the true lever arm; without (L.6) 10 sigma away.
+    """
+    of = posed(seed=5)
+    block = of.block
+    moved = block.position + block.C_rc @ [0.02, -0.01, 0.1]
+    cov = np.array(block.cov)
+    cov[:, :3, :3] = np.diag([0.02, 0.02, 0.1]) ** 2
+    of = replace(of, block=replace(block, position=moved, cov=cov if stated else None, shared=None))
+    result = solved(of)
+    e, P = errors(of, result)
+    assert (np.abs(e) < 3.0 * np.sqrt(np.diag(P))).all()
+    judged = {c.name: c for c in components(result, of.stated)}
+    right = judged["antenna lever arm y (left)"]
+    assert right.verdict == UNDETERMINED
+    assert "x by the block's camera" in right.why or "y by the block's camera" in right.why
+    assert any("--pose-sigma" in remedy for remedy in right.remedies)
+    assert judged["camera delay"].determined
+    independent = replace(of, block=replace(of.block, shared=np.zeros((6, 6))))
+    e, P = errors(independent, solved(independent))
+    assert np.abs(e[3:5] / np.sqrt(np.diag(P))[3:5]).max() > 5.0
 
 
 def test_poses_without_covariance_get_it_from_their_residuals() -> None:

@@ -1,12 +1,13 @@
 """`insgnss calibrate mounting`: lever arms, bore-sight and camera delay of one ordinary flight."""
 
 import argparse
+import math
 from pathlib import Path
 
 from ...base.errors import UsageError
 from ..console import Progress
 from ..verb import Verb
-from .mounting_options import add_products, finished
+from .mounting_options import add_products, finished, pair
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="of the IMU's lever arm from the camera, as the flight file has it (default: 0.3)",
     )
+    parser.add_argument(
+        "--pose-sigma",
+        type=pair,
+        default=(0.03, 0.01),
+        metavar="M,DEG",
+        help="what the block's camera calibration moves poses by, all alike in camera axes, where"
+        " they have no covariances (default: 0.03,0.01)",
+    )
     add_products(parser)
 
 
@@ -80,7 +89,12 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         )
     flight = load_flight(options.flight)
     assumptions = Assumptions(
-        options.shift_sigma, options.imu_sigma, options.lever_arm_sigma, options.frame
+        options.shift_sigma,
+        options.imu_sigma,
+        options.lever_arm_sigma,
+        options.frame,
+        options.pose_sigma[0],
+        math.radians(options.pose_sigma[1]),
     )
     result = calibrate_mounting(flight, options.poses, assumptions, progress)
     made = calibrated(result, flight, options.photo, options.date)
