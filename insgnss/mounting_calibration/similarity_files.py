@@ -54,6 +54,10 @@ STAMPS = 2.0  # residuals along the flight direction over those across it: of th
 DOWNWARDS = -0.3  # vertical part of the mean viewing direction of what is named
 TILTED_DEG, LEVEL_DEG = 20.0, 10.0  # rms tilts beyond which, and below which, a reading is named
 MISS_PX, MISS_FACTOR = 5.0, 25.0  # rays to a ground point, and over their covariance: other data
+ALIKE = (
+    "standard errors take the poses' errors as independent: what all have alike in camera axes, as"
+    " of a principal point, moves the lever arm by as much (calibrate mounting counts it)"
+)
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
 
@@ -143,6 +147,7 @@ def calibrate_similarity(
     if direction is not None:
         notes += (_of_direction(result, direction),)
     notes += _as_they_stand(camera, position, fixes.plane)
+    notes += (ALIKE,)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     sensors = () if camera.block is None else camera.block.cameras
     origin = provenance(inputs, sensors, options.photo, options.date or camera.date)
