@@ -35,8 +35,8 @@ likelihood in fixed-point steps),
 
     f_i <- f_i e' W V_i W e / tr(P_r V_i),   W = V^-1,   P_r = W - W A N^-1 A' W               (L.3)
 
-for which a part needs at least `ENOUGH` redundant observations; the flight's P has a factor by the
-same right side, by which nothing is changed: it is a check.
+for which a stated Q needs `ENOUGH` redundant observations; the flight's P has a factor by the same
+right side, by which nothing is changed: it is a check.
 
 What a self-calibrating adjustment leaves in its camera (a principal point of 1 px off, a camera
 constant) moves all poses alike in camera axes, and there looks as a lever arm and a bore-sight do.
@@ -80,18 +80,16 @@ TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
 BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
 SIZES = {BORESIGHT: 3, LEVER_ARM: 3, TIME_OFFSET: 1, TRANSLATION: 3, TURN: 3, SCALE: 1}
 UNINFORMED = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
+"""A-priori sigmas of what nothing is known of; rad, s, m, 1."""
 BENDS = 24  # coefficients of (L.5)
 BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
-"""A-priori sigmas of what nothing is known of; rad, s, m, 1."""
 ITERATIONS, CONVERGED = 30, 1e-3
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01
 ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarter
 LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
 FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
 SHARED_M, SHARED_RAD = 0.03, float(np.radians(0.01))  # of (L.6), where nothing is stated
-ALONG_VIEW = (
-    10.0  # times as much: camera constant and height of a level block are hardly told apart
-)
+ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
 BANK = np.radians(20.0)
 HELD = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
 LEAST_FACTOR = 1e-4
