@@ -6,7 +6,8 @@ names (`poses`), what does not belong together is named (`readings`), and result
 (`products`). `calibrate mounting` has its adjustment here, since it processes the flight:
 
     records, block_poses    poses of a block, and of the flight with its whole covariance
-    solution                the joint adjustment (L.1 to L.5)
+    solution                the joint adjustment (L.1 to L.6)
+    block_errors            what errors of a block's poses look like
     judgement               a verdict each, and which further flight line would determine it
     plausibility            poses that are not of this flight, and why
     in_flight               flight file and poses in, mounting out, which was tried

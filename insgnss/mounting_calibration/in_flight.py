@@ -27,6 +27,7 @@ from ..orient.mounting import Mounting
 from ..orient.mounting_file import DELAY, VECTORS
 from ..processing.pipeline import ProcessResult, process
 from ..records.block import Array
+from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
 from .judgement import (
     CONTRADICTING,
@@ -39,7 +40,7 @@ from .judgement import (
 from .plausibility import Path as FlownPath
 from .plausibility import refuse_frame, refuse_implausible
 from .records import BlockPoses, FlightPoses, Stated
-from .solution import FIRST_ATTITUDE, FIRST_POSITION, Assumptions, Solved, solve
+from .solution import Assumptions, Solved, solve
 
 ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again

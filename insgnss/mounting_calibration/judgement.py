@@ -280,7 +280,7 @@ def linear_functions(
         moved: [f"{moved} {a}" for a in ("east", "north", "up")],
         "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
         "scale": ["scale of the block"],
-        "camera": [f"{what} by the block's camera" for what in ("x", "y", "z")]
+        "camera": [f"{axis} by the block's camera" for axis in "xyz"]
         + [f"turn about {axis} by the block's camera" for axis in "xyz"],
     }
     for group, key in slice_of.items():

@@ -74,6 +74,18 @@ from ..geodesy.rotation import (
 )
 from ..geodesy.similarity import Similarity, similarity
 from ..records.block import Array
+from .block_errors import (
+    BEND_ATTITUDE,
+    BEND_POSITION_M,
+    BENDS,
+    SHARED_M,
+    SHARED_RAD,
+    bending,
+    block_diagonal,
+    pose_covariances,
+    propagated,
+    shared_covariance,
+)
 from .records import BlockPoses, FlightPoses, Rows
 
 TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
@@ -81,15 +93,9 @@ BENDING, CAMERA_FIXED = "bending of the block", "camera of the block"
 SIZES = {BORESIGHT: 3, LEVER_ARM: 3, TIME_OFFSET: 1, TRANSLATION: 3, TURN: 3, SCALE: 1}
 UNINFORMED = {BORESIGHT: 1.0, TIME_OFFSET: 10.0, TRANSLATION: 1e3, TURN: 1.0, SCALE: 1.0}
 """A-priori sigmas of what nothing is known of; rad, s, m, 1."""
-BENDS = 24  # coefficients of (L.5)
-BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
 ITERATIONS, CONVERGED = 30, 1e-3
 VARIANCE_ROUNDS, VARIANCE_SETTLED = 40, 0.01
 ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarter
-LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
-FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
-SHARED_M, SHARED_RAD = 0.03, float(np.radians(0.01))  # of (L.6), where nothing is stated
-ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
 BANK = np.radians(20.0)
 HELD = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
 LEAST_FACTOR = 1e-4
@@ -499,13 +505,15 @@ class _Model:
             TURN: start.rotation,
             SCALE: np.array([start.scale]),
         }
-        self.S = _shared(block, start, assumptions)
+        self.S = shared_covariance(
+            block, start.scale, (assumptions.camera_m, assumptions.camera_rad)
+        )
         self.shared = not self.whole and bool(np.diagonal(self.S).all())
         if self.shared:
             self.values[CAMERA_FIXED] = np.zeros(6)
         if self.bends:
             self.values[BENDING] = np.zeros(BENDS)
-            self.H = _bending(start.scale * (block.position - self.origin) @ start.rotation.T)
+            self.H = bending(start.scale * (block.position - self.origin) @ start.rotation.T)
         q = flight.common.factor.shape[2]
         self.segments = np.unique(flight.common.segment[rows])
         more = ({BENDING: BENDS} if self.bends else {}) | ({CAMERA_FIXED: 6} if self.shared else {})
@@ -520,7 +528,7 @@ class _Model:
         self.assumptions = assumptions
         self.pieces = flight.pieces(rows)
         self.where = {int(row): k for k, row in enumerate(rows)}
-        self.Q = _covariances(block, start.scale)
+        self.Q = pose_covariances(block, start.scale)
         self.georeferenced = block.georeferenced
         self.arms = self._same_arms()
 
@@ -630,7 +638,7 @@ class _Model:
         if self.whole:
             pieces = [_joined(pieces)]
         return tuple(
-            Line(rows, e, A, P, tuple(_propagated(D, Q) for Q in self._of_images(rows)))
+            Line(rows, e, A, P, tuple(propagated(D, Q) for Q in self._of_images(rows)))
             for rows, e, A, P, D in pieces
         )
 
@@ -638,7 +646,7 @@ class _Model:
         """Return the parts of the covariance (6 m, 6 m) of the block's poses of some images."""
         own = np.array([self.where[int(row)] for row in rows])
         if not self.whole:
-            return tuple(_diagonal(share[own]) for share in self.Q)
+            return tuple(block_diagonal(share[own]) for share in self.Q)
         columns = (6 * own[:, None] + np.arange(6)).ravel()
         return tuple(np.asarray(share[np.ix_(columns, columns)]) for share in self.Q)
 
@@ -744,60 +752,6 @@ def covariance(line: Line, factors: tuple[float, ...]) -> Array:
     return V
 
 
-def _diagonal(blocks: Array) -> Array:
-    m = len(blocks)
-    out = np.zeros((m, 6, m, 6))
-    out[np.arange(m), :, np.arange(m)] = blocks
-    return out.reshape(6 * m, 6 * m)
-
-
-def _covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
-    """Return the parts of Q in the unit of the block.
-
-    What is stated is one part, with a floor, (n, 6, 6) of each image alone or (6 n, 6 n) of all; of
-    poses without covariance positions and attitudes are one part each, of a first size.
-    """
-    n = len(block.images)
-    if block.cov is None:
-        variance = (FIRST_POSITION / scale) ** 2, FIRST_ATTITUDE**2
-        return tuple(
-            np.tile(np.diag([v if k // 3 == share else 0.0 for k in range(6)]), (n, 1, 1))
-            for share, v in enumerate(variance)
-        )
-    floor = np.array([(LEAST_POSITION / scale) ** 2] * 3 + [LEAST_ATTITUDE**2] * 3)
-    if block.cov.ndim == 2:
-        return (block.cov + np.diag(np.tile(floor, n)),)
-    return (block.cov + np.diag(floor),)
-
-
-def _shared(block: BlockPoses, start: Similarity, assumed: Assumptions) -> Array:
-    """Return the covariance (6, 6) of errors that all images have alike in camera axes (L.6)."""
-    if block.shared is not None:
-        return block.shared
-    if block.cov is None or block.cov.ndim == 2:
-        sigma = assumed.camera_m * np.array([1.0, 1.0, ALONG_VIEW])
-        return np.diag(np.square([*sigma, *(assumed.camera_rad,) * 3]))
-    turn = np.zeros((len(block.images), 6, 6))
-    turn[:, :3, :3] = start.scale * block.C_rc.swapaxes(1, 2)
-    turn[:, 3:, 3:] = block.C_rc.swapaxes(1, 2)
-    mean = (turn @ block.cov @ turn.swapaxes(1, 2)).mean(axis=0)
-    return mean + np.diag([LEAST_POSITION**2] * 3 + [LEAST_ATTITUDE**2] * 3)
-
-
-def _bending(arm: Array) -> Array:
-    """Return the derivatives (n, 6, `BENDS`) of positions and attitudes by (L.5).
-
-    arm : (n, 3) from the middle of the block, axes of the tangent plane, m.
-    """
-    x, y = arm[:, :2].T / max(float(np.abs(arm[:, :2]).max()), 1e-9)
-    second = np.stack([x * x, x * y, y * y], axis=1)
-    both = np.concatenate([np.stack([x, y], axis=1), second], axis=1)
-    H = np.zeros((len(arm), 6, BENDS))
-    H[:, :3, :9] = np.einsum("nk,ij->nikj", second, np.eye(3)).reshape(-1, 3, 9)
-    H[:, 3:, 9:] = np.einsum("nk,ij->nikj", both, np.eye(3)).reshape(-1, 3, 15)
-    return H
-
-
 def _joined(pieces: list[_Piece]) -> _Piece:
     """Join flight lines to one piece, whose images the block's covariance ties."""
     rows, e, A, P, D = zip(*pieces, strict=True)
@@ -807,10 +761,3 @@ def _joined(pieces: list[_Piece]) -> _Piece:
         whole[begin : begin + len(share), begin : begin + len(share)] = share
         begin += len(share)
     return np.concatenate(rows), np.concatenate(e), np.vstack(A), whole, np.concatenate(D)
-
-
-def _propagated(D: Array, Q: Array) -> Array:
-    """Return D Q D^T with D (m, 6, 6) of each image and Q (6 m, 6 m)."""
-    m = len(D)
-    half = np.einsum("iab,ibjc->iajc", D, Q.reshape(m, 6, m, 6), optimize=True)
-    return np.asarray(np.einsum("iajc,jdc->iajd", half, D, optimize=True).reshape(6 * m, 6 * m))
