@@ -5,8 +5,10 @@
 
 import argparse
 import warnings
+from pathlib import Path
 from typing import Any
 
+from ..base.errors import UsageError
 from .calibration import imu, materialise, mounting, similarity, tripod
 from .console import Parser, Progress
 from .verb import Verb
@@ -28,6 +30,9 @@ def _with_kind(parse: Any, words: Any, namespace: Any) -> Any:
     """Parse the words, which before there were kinds named the recording of an IMU at once."""
     words = list(words)
     values = [word for word in words if not word.startswith("-")]
+    first = values[0] if values else ""
+    if first and not set(NAMES) & set(values) and "." not in first and not Path(first).exists():
+        raise UsageError(f"calibrate: {first!r} is none of {', '.join(NAMES)}, and no file")
     if values and not set(NAMES) & set(values) and not {"-h", "--help"} & set(words):
         warnings.warn(
             "insgnss calibrate IMU_FILE is called insgnss calibrate imu IMU_FILE now; the next"

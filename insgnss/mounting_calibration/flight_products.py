@@ -92,8 +92,8 @@ def mounting_file(result: MountingResult, flight: Flight, origin: Provenance) ->
     for group, key in GROUPS.items():
         own = [c for c in result.components if c.group == group]
         undetermined = [c for c in own if not c.determined]
-        if len(undetermined) == len(own):
-            missing[key] = "; ".join(dict.fromkeys(c.sentence for c in undetermined))
+        if len(undetermined) == len(own) or not all(c.held for c in undetermined):
+            missing[key] = "; ".join(c.sentence for c in own)
             continue
         for c in undetermined:
             remarks.append(f"{key}: the flight file's value about this axis: {c.sentence}")

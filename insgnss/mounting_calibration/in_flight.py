@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.errors import InputError
+from ..base.errors import InputError, UsageError
 from ..base.files import sha256
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
@@ -30,7 +30,6 @@ from ..records.block import Array
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
 from .judgement import (
-    CONTRADICTING,
     USEFUL,
     Component,
     components,
@@ -38,7 +37,7 @@ from .judgement import (
     misread_boresight,
 )
 from .plausibility import Path as FlownPath
-from .plausibility import refuse_frame, refuse_implausible
+from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .records import BlockPoses, FlightPoses, Stated
 from .solution import Assumptions, Solved, solve
 
@@ -95,16 +94,24 @@ class MountingResult:
         determined = [c for c in judged if c.determined]
         words = f"{len(determined)} of {len(judged)} components determined by"
         words += f" {self.solved.rows.size} images"
-        against = [_group(c) for c in judged if c.verdict == CONTRADICTING]
+        against = list(dict.fromkeys(_group(c) for c in judged if c.against))
         if against:
-            listed = _listed(list(dict.fromkeys(against)))
-            words = f"the flight file's {listed} contradict the poses; {words}"
+            verb = "contradicts" if len(against) == 1 else "contradict"
+            words = f"the flight file's {_listed(against)} {verb} the poses; {words}"
+        if (times := self.solved.enlarged) > 1.0:
+            words = (
+                f"the flight's errors are {times:.1f} times as large as its covariances say, by"
+                f" which all standard deviations are multiplied; {words}"
+            )
         return words
 
 
 def _group(component: Component) -> str:
     return (
-        component.name.partition(" about ")[0].partition("arm ")[0].replace("lever ", "lever arm")
+        component.name.partition(" about ")[0]
+        .partition(" against ")[0]
+        .partition("arm ")[0]
+        .replace("lever ", "lever arm")
     )
 
 
@@ -157,32 +164,41 @@ def calibrate_mounting(
         if given is None:
             assert isinstance(poses, Path)
             given = block_poses(poses, flight_poses.eo)
+        if assumptions.frame == "shift" and not given.georeferenced:
+            raise UsageError(
+                f"--frame shift: {given.source} stands in axes of its own, with a scale and a turn"
+                " that are not known; leave the option out"
+            )
         block, rows = common_images(given, flight_poses.eo)
         if number == 0:
             progress("are these poses of this flight")
             refuse_implausible(block, flight_poses, rows, _path(result, flight_poses))
         progress("adjusting the mounting")
         solved = solve(block, flight_poses, rows, assumptions)
+        good, gross = gross_errors(solved)
+        if gross:
+            block, rows = block.taken(np.flatnonzero(good)), rows[good]
+            solved = solve(block, flight_poses, rows, assumptions)
         refuse_frame(solved)
         judged = components(solved, stated)
-        new, new_delay = determined(solved, stated, judged)
+        new, new_delay, judged = determined(solved, stated, judged)
         corrections.append(_largest(solved, judged, new, new_delay))
         mounting, delay = new, new_delay
         if corrections[-1] < SETTLED:
             break
     assert given is not None
-    left = len(given.images) - block.position.shape[0]
-    notes = list(block.notes)
+    left = len(given.images) - block.position.shape[0] - len(gross)
+    notes = [*gross, *block.notes]
     if left:
         notes.append(f"{left} of {len(given.images)} poses are of images that the flight has not")
-    if (missing := len(flight_poses.eo) - block.position.shape[0]) > 0:
+    if (missing := len(flight_poses.eo) - block.position.shape[0] - len(gross)) > 0:
         notes.append(f"{missing} of {len(flight_poses.eo)} images of the flight have no pose there")
     if (words := misread_boresight(stated, judged, mounting.boresight)) is not None:
         notes.insert(0, words)
-    if not all(c.determined for c in judged):
+    if any(c.held for c in judged):
         notes.append(
-            "mounting.toml holds what is not determined at the flight file's values, and the rest"
-            " follows by its correlations"
+            "what is not determined is held at the flight file's value, and the rest follows by its"
+            " correlations"
         )
     notes += _statistics(solved)
     notes.append(
@@ -262,11 +278,11 @@ def _path(result: ProcessResult, flight_poses: FlightPoses) -> FlownPath:
 
 def determined(
     solved: Solved, stated: Stated, judged: tuple[Component, ...]
-) -> tuple[Mounting, float]:
-    """Return the mounting that was found, the flight file's where nothing was determined.
+) -> tuple[Mounting, float, tuple[Component, ...]]:
+    """Return the mounting that was found.
 
-    What is not determined is held at the flight file's value, and the rest follows by its
-    correlations.
+    What is not determined is held at the flight file's value where that may be right
+    (`Component.held`), and the rest follows by its correlations.
 
     Parameters
     ----------
@@ -283,10 +299,12 @@ def determined(
         Lever arms and bore-sight.
     delay_s : float
         The delay.
+    judged : tuple of Component
+        The verdicts with these values.
     """
     names, J, values, before = linear_functions(solved, stated)
-    undetermined = {(c.group, c.axis) for c in judged if not c.determined and c.group != "shift"}
-    held = [k for k, (group, axis, _) in enumerate(names) if (group, axis) in undetermined]
+    standing = {(c.group, c.axis) for c in judged if c.held and c.group != "shift"}
+    held = [k for k, (group, axis, _) in enumerate(names) if (group, axis) in standing]
     change = np.zeros(len(values))
     if held:
         dx, _ = solved.conditioned(J[held], before[held] - values[held], FIXED_SIGMA)
@@ -306,7 +324,9 @@ def determined(
         imu_m=of["imu_m"],
         boresight=nearest_rotation(T.T @ C_cb),
     )
-    return mounting, float(of["delay"][0])
+    value = {(group, axis): float(x) for (group, axis, _), x in zip(names, mixed, strict=True)}
+    judged = tuple(replace(c, value=value[c.group, c.axis]) if c.determined else c for c in judged)
+    return mounting, float(of["delay"][0]), judged
 
 
 def _turned(C_cb: Array, beta: Array) -> Array:
@@ -335,7 +355,6 @@ def _largest(
 
 def _statistics(solved: Solved) -> list[str]:
     """Say how the covariances of both sides agree with the residuals."""
-    f, redundancy = solved.flight_factor
     own = [float(np.sqrt(x)) for x in solved.factors]
     notes = []
     if solved.stated:
@@ -346,12 +365,6 @@ def _statistics(solved: Solved) -> list[str]:
             "the block's poses have no covariances; their residuals give"
             f" {1e3 * own[0] * FIRST_POSITION:.0f} mm and"
             f" {np.degrees(own[1] * FIRST_ATTITUDE):.4f} deg"
-        )
-    spread = np.sqrt(2.0 / max(redundancy, 1.0))
-    if abs(f - 1.0) > 4.0 * spread:
-        notes.append(
-            f"the flight's errors are {np.sqrt(f):.2f} times as large as its covariances say; so"
-            " may be those of the mounting"
         )
     return notes
 

@@ -66,6 +66,11 @@ class Component:
         What it cannot be told from, or by how much it contradicts; empty otherwise.
     remedies : tuple of str
         What would determine it, each tried.
+    against : bool
+        Whether it contradicts the flight file, determined or not.
+    held : bool
+        Whether it is not determined and the flight file's value stands in: one that the file
+        states, within `DOUBTFUL` sigmas.
     """
 
     group: str
@@ -78,6 +83,8 @@ class Component:
     verdict: str
     why: str = ""
     remedies: tuple[str, ...] = ()
+    against: bool = False
+    held: bool = False
 
     @property
     def determined(self) -> bool:
@@ -95,7 +102,9 @@ class Component:
         factor, unit, digits = UNITS.get(self.group, METRES)
         sigma = f"{factor * self.sigma:.{digits}f} {unit}"
         if not self.determined:
-            words = f"sigma {sigma} (limit {factor * self.limit:g} {unit})"
+            own = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
+            whose = "mounting.antenna_sigma_m" if own else "limit"
+            words = f"sigma {sigma} ({whose} {factor * self.limit:g} {unit})"
             return "; ".join([words, self.why, *self.remedies])
         value = f"{factor * self.value:+.{digits}f} +- {sigma}"
         return f"{value}; {self.why}" if self.why else value
@@ -183,15 +192,16 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
             limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
         verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
         off = 0.0 if own is None else float(abs(values[k] - before[k]) / np.hypot(sigma[k], own))
-        if off > CONTRADICTS:
-            factor, unit, digits = UNITS.get(group, METRES)
-            verdict = CONTRADICTING
-            why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
-        elif verdict == UNDETERMINED:
+        factor, unit, digits = UNITS.get(group, METRES)
+        if verdict == UNDETERMINED:
             undetermined.append(len(out))
             why = _why(names, V, k, facts)
             if off > DOUBTFUL:
-                why += f"; the flight file's value is {off:.1f} sigma away"
+                there = f"{factor * before[k]:.{digits}f} {unit}"
+                why += f"; the flight file's {there} lies {off:.1f} sigma from what was found"
+        elif off > CONTRADICTS:
+            verdict = CONTRADICTING
+            why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
         out.append(
             Component(
                 group,
@@ -203,6 +213,8 @@ def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
                 float(limit),
                 verdict,
                 why,
+                against=off > CONTRADICTS,
+                held=verdict == UNDETERMINED and own is not None and off <= DOUBTFUL,
             )
         )
     if undetermined:
@@ -274,8 +286,9 @@ def linear_functions(
     delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
     value_of = {"boresight": beta, "delay": delay, moved: shift}
     value_of |= {"turn": np.zeros(3), "scale": np.zeros(1), "camera": np.zeros(6)}
+    change = " against the flight file's" if "boresight" in stated.keys else ""
     words_of = {
-        "boresight": [f"bore-sight about {a}" for a in "xyz"],
+        "boresight": [f"bore-sight{change} about {a}" for a in "xyz"],
         "delay": ["camera delay"],
         moved: [f"{moved} {a}" for a in ("east", "north", "up")],
         "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],

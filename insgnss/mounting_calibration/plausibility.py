@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..geodesy.gpstime import calendar_from_gps, leap_seconds
@@ -31,6 +32,8 @@ HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
 HOPELESS_SIGMAS = 6.0
 FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
 FEWEST = 4
+GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
+GROSS_SHARE = 0.05
 OWN_FACTOR, ENOUGH = 0.01, 50.0  # of the flight's variances by the residuals, and redundancy
 NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
@@ -232,6 +235,36 @@ def _other_times(
     yield misfit(block.position, block.C_rc, *pose), text
 
 
+def gross_errors(solved: Solved) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Find single poses far from what all others say.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Returns
+    -------
+    good : ndarray of bool, (n,)
+        The images that stay: all, where more than a twentieth stand apart.
+    words : tuple of str
+        Which do not, and by how much.
+    """
+    e = solved.residuals
+    apart = [np.linalg.norm(triple, axis=1) for triple in (e[:, :3], e[:, 3:])]
+    bad = np.zeros(len(e), dtype=bool)
+    for size, least in zip(apart, (GROSS_M, GROSS_RAD), strict=True):
+        bad |= size > max(GROSS * float(np.median(size)), least)
+    if not bad.any() or bad.sum() > GROSS_SHARE * len(e):
+        return np.ones(len(e), dtype=bool), ()
+    words = tuple(
+        f"{solved.block.images[k]} is left out: its pose is {apart[0][k]:.2f} m and"
+        f" {np.degrees(apart[1][k]):.2f} deg from where all others put it"
+        for k in np.flatnonzero(bad)
+    )
+    return ~bad, words
+
+
 def refuse_frame(solved: Solved) -> None:
     """Refuse poses of the flight itself, a bore-sight that is none, and a block of another scale.
 
@@ -255,15 +288,23 @@ def refuse_frame(solved: Solved) -> None:
     if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > TURNED:
         near = np.round(E)
         T = near.T @ solved.flight.eo.camera_from_body
-        raise InputError(
+        words = (
             f"{source}: its camera axes are turned by {np.degrees(angle):.0f} deg against those of"
-            " the flight, which is no bore-sight: mounting.camera_from_body is another"
-            + (
-                f"; with {T.astype(int).tolist()} {_rest(E, near):.1f} deg remain"
-                if np.linalg.det(near) == 1.0
-                else ""
-            )
+            " the flight, which is no bore-sight"
         )
+        whole = float(np.linalg.det(near)) == 1.0
+        if whole and near[2, 2] == 1.0:  # about the viewing direction: the camera sits otherwise
+            raise InputError(
+                f"{words}: mounting.camera_from_body is another; with {T.astype(int).tolist()}"
+                f" {_rest(E, near):.1f} deg remain"
+            )
+        if whole and near[2, 2] == -1.0:  # it would look at the sky
+            raise InputError(
+                f"{words}: attitudes are those of a camera with other axes, such as right, up,"
+                " back; give them with x image right, y image down, z viewing direction, or as"
+                " omega phi kappa of the usual right, up, back"
+            )
+        raise InputError(f"{words}: check camera axes and mounting.camera_from_body")
     if not solved.block.georeferenced or solved.assumptions.frame == "similarity":
         return
     s, sigma = float(solved.values[SCALE][0]), float(solved.sigma(SCALE)[0])

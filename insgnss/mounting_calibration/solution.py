@@ -99,6 +99,7 @@ ENOUGH = 30.0  # redundant observations, of which a factor comes out to a quarte
 BANK = np.radians(20.0)
 HELD = 1e-7  # of turn and scale of a block that keeps its own, rad and 1
 LEAST_FACTOR = 1e-4
+SIGNIFICANT, WORTH_SAYING = 4.0, 1.5  # sigmas, and factor of the flight's variances
 FEWEST_BENDING = 30  # images
 SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
 
@@ -369,6 +370,11 @@ class Solved:
             return own, inverse(covariance(own, self.factors))
         raise AssertionError("a flight line stands in one of the lines")
 
+    @property
+    def enlarged(self) -> float:
+        """By how much the flight's errors exceed its covariances, significantly; else one."""
+        return _enlarged(self.flight_factor)
+
     def sigma(self, name: str) -> Array:
         """Return the standard deviations of one of the unknowns.
 
@@ -474,7 +480,7 @@ def solve(
         dict(model.values),
         model.place,
         model.common,
-        inverse(N),
+        inverse(N) * _enlarged(flight_factor) ** 2,
         lines,
         factors,
         stated,
@@ -709,9 +715,19 @@ class _Model:
         # that of the unknowns
         new = list(factors)
         for i, factor in enumerate(factors):
-            if trace[i] >= ENOUGH or (self.block.cov is None and trace[i] > 0.0):
+            if (
+                trace[i] >= ENOUGH
+                or square[-1] > WORTH_SAYING * trace[-1]
+                or (self.block.cov is None and trace[i] > 0.0)
+            ):
                 new[i] = max(factor * float(square[i] / trace[i]), LEAST_FACTOR)
         return tuple(new), (float(square[-1] / max(trace[-1], 1e-12)), float(trace[-1]))
+
+
+def _enlarged(factor: tuple[float, float]) -> float:
+    f, redundancy = factor
+    far = f > 1.0 + SIGNIFICANT * np.sqrt(2.0 / max(redundancy, 1.0)) and f > WORTH_SAYING
+    return float(np.sqrt(f)) if far else 1.0
 
 
 def inverse(matrix: Array) -> Array:

@@ -104,6 +104,9 @@ class MeasurementResult:
         return self.figures
 
 
+LARGEST_SHARE = 0.2  # of a photograph that a target may fill
+
+
 def predict_targets(
     request: Request,
     out: Path | None = None,
@@ -211,6 +214,7 @@ def measure_targets(
     _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
+    _refuse_size(inputs)
     photographs = photographs_in(request.images, inputs.eo.images)
     windows = windows_of(inputs, photographs, rules or Rules(), progress)
     figures = _figures(inputs, photographs, windows)
@@ -296,6 +300,20 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         "size_m": inputs.request.target.size_m,
         "notes": notes,
     }
+
+
+def _refuse_size(inputs: Inputs) -> None:
+    """Refuse targets that would fill the photograph: a size in centimetres, as a rule."""
+    seen, size = inputs.predictions, inputs.request.target.size_m
+    rows = np.flatnonzero(seen.visible)
+    away = inputs.ground.position_m[seen.point[rows]] - inputs.eo.position_m[seen.image[rows]]
+    width = size * inputs.camera.of("f") / float(np.median(np.linalg.norm(away, axis=1)))
+    most = LARGEST_SHARE * min(inputs.camera.width, inputs.camera.height)
+    if width > most:
+        raise UsageError(
+            f"targets: --size {size:g}: targets of {size:g} m are {width:.0f} px wide, and"
+            f" {most:.0f} are the most (a fifth of the image); give metres"
+        )
 
 
 def _size(inputs: Inputs, windows: list[Window]) -> list[str]:

@@ -203,6 +203,30 @@ def test_a_slower_line_tells_delay_from_lever_arm() -> None:
     assert again["camera delay"].verdict == DETERMINED
 
 
+def test_what_the_flight_file_does_not_state_is_not_held() -> None:
+    """A lever arm that nobody stated, or one far off, stays out; a stated one near by stands in."""
+    of = posed(ONE_HEADING, seed=2)
+    result = solved(of)
+    stated = {c.name: c for c in components(result, of.stated)}
+    assert stated["antenna lever arm y (left)"].held
+    nobody = components(result, replace(of.stated, keys=frozenset()))
+    assert not [c.name for c in nobody if c.held]
+    far = replace(of.stated.mounting, antenna_m=np.array([9.0, -9.0, 9.0]))
+    judged = components(result, replace(of.stated, mounting=far))
+    lever = [c for c in judged if c.group == "antenna_m"]
+    assert not any(c.held for c in lever)
+    assert all(c.against and c.verdict == UNDETERMINED for c in lever)
+
+
+def test_errors_beyond_their_covariance_enlarge_it() -> None:
+    """Poses that claim a hundredth of their errors: the factor, and the true values within it."""
+    of = posed(seed=12)
+    claimed = replace(of, block=replace(of.block, cov=1e-4 * of.block.cov))
+    result = solved(claimed)
+    e, P = errors(of, result)
+    assert (np.abs(e) < 4.0 * np.sqrt(np.diag(P))).all()
+
+
 def test_ground_control_determines_the_vertical_lever_arm() -> None:
     of = posed(seed=6)
     free = {c.name: c for c in components(solved(of), of.stated)}

@@ -181,8 +181,19 @@ def test_one_setup_is_not_determined_and_two_are(tmp_path, capsys) -> None:
 def test_an_input_is_not_overwritten(tmp_path, capsys) -> None:
     """Oracle: the inputs' bytes."""
     write(tmp_path, *GOOD)
-    before = (tmp_path / "pin.csv").read_bytes()
-    words = [str(tmp_path / name) for name in ("poses.csv", "pin.csv")]
+    (tmp_path / "pin.csv").rename(tmp_path / "pin.toml")
+    before = (tmp_path / "pin.toml").read_bytes()
+    words = [str(tmp_path / name) for name in ("poses.csv", "pin.toml")]
     assert main(["calibrate", "tripod", *words, "--out", words[1], "-q"]) == 2
     assert "would overwrite an input" in capsys.readouterr().err
-    assert (tmp_path / "pin.csv").read_bytes() == before
+    assert (tmp_path / "pin.toml").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["mounting.html", "none/mounting.toml"])
+def test_a_name_that_cannot_be_is_refused_before_the_work(tmp_path, capsys, name) -> None:
+    write(tmp_path, *GOOD)
+    words = [str(tmp_path / given) for given in ("poses.csv", "pin.csv")]
+    with pytest.raises(SystemExit) as stop:
+        main(["calibrate", "tripod", *words, "--out", str(tmp_path / name), "-q"])
+    assert stop.value.code == 2
+    assert "--out" in capsys.readouterr().err

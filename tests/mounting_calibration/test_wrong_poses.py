@@ -7,8 +7,10 @@ import pytest
 from posed_flights import PLAIN, Posed, only, posed
 
 from insgnss.base.errors import InputError
+from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.mounting_calibration.plausibility import (
     Path,
+    gross_errors,
     misfit,
     refuse_frame,
     refuse_implausible,
@@ -114,11 +116,28 @@ def test_a_scale_that_was_held_wrong() -> None:
 
 
 def test_camera_axes_of_another_program() -> None:
-    """Right-up-back axes are half a turn away; what is said is the T that fits."""
+    """A camera that sits the other way has another T, one with axes right-up-back has not."""
     of = posed(seed=3)
+    other = changed(of, C_rc=of.block.C_rc * np.array([-1.0, -1.0, 1.0]))
+    with pytest.raises(InputError, match=r"camera_from_body is another; with \[\[1, 0, 0\]"):
+        refuse_frame(solve(other.block, other.flight, other.rows, Assumptions()))
     up = changed(of, C_rc=of.block.C_rc * np.array([1.0, -1.0, -1.0]))
-    with pytest.raises(InputError, match=r"camera_from_body is another; with \[\[-1, 0, 0\]"):
+    with pytest.raises(InputError, match="a camera with other axes, such as right, up, back"):
         refuse_frame(solve(up.block, up.flight, up.rows, Assumptions()))
+
+
+@pytest.mark.parametrize(("off_m", "off_deg"), [(1.0, 0.0), (0.0, 2.0)])
+def test_a_single_pose_that_is_wrong_is_named(off_m, off_deg) -> None:
+    """Oracle: the image that was changed, by so much."""
+    of = posed(seed=4)
+    assert gross_errors(solve(of.block, of.flight, of.rows, Assumptions()))[1] == ()
+    X, C = of.block.position.copy(), of.block.C_rc.copy()
+    X[17, 2] += off_m
+    C[17] = rotation_from_vector(np.radians([0.0, 0.0, off_deg])) @ C[17]
+    wrong = replace(of, block=replace(of.block, position=X, C_rc=C))
+    good, (words,) = gross_errors(solve(wrong.block, wrong.flight, wrong.rows, Assumptions()))
+    assert np.flatnonzero(~good).tolist() == [17]
+    assert words.startswith("0017.tif is left out")
 
 
 def test_exposures_in_utc() -> None:

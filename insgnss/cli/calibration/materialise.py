@@ -1,8 +1,10 @@
 """`insgnss calibrate materialise`: the lever arm from targets on camera and receiver."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
+from ...base.errors import UsageError
 from ..console import Progress
 from ..verb import Verb, positive
 from .mounting_options import add_products, finished, pair
@@ -64,6 +66,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_products(parser)
 
 
+def _resolved(paths: Sequence[Path]) -> list[Path]:
+    return [path.resolve() for path in paths]
+
+
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     from ...mounting_calibration.materialise_files import (
@@ -73,6 +79,13 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     )
     from ...mounting_calibration.poses import PoseSigma
 
+    files = [p for p in (options.mounted, *options.receiver, options.after) if p is not None]
+    twice = next((p for k, p in enumerate(files) if p.resolve() in _resolved(files[:k])), None)
+    if twice is not None:
+        raise UsageError(
+            f"calibrate materialise: {twice} is given twice; sessions are independent"
+            " measurements, one file each"
+        )
     more = {} if options.pose_sigma is None else {"pose_sigma": PoseSigma(*options.pose_sigma)}
     given = MaterialiseOptions(
         receiver=tuple(options.receiver),

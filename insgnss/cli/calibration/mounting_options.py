@@ -56,11 +56,21 @@ def add_products(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out",
-        type=Path,
+        type=toml_path,
         default=Path("mounting.toml"),
         metavar="FILE",
         help="what to write, and a page beside it (default: mounting.toml)",
     )
+
+
+def toml_path(text: str) -> Path:
+    """Return the name of a file of a mounting in a directory that is there."""
+    path = Path(text)
+    if path.suffix.lower() != ".toml":
+        raise argparse.ArgumentTypeError(f"{text!r}: give a name that ends in .toml")
+    if not path.absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text!r}: there is no directory {path.parent}")
+    return path
 
 
 def pair(text: str) -> tuple[float, float]:
