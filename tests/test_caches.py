@@ -54,6 +54,7 @@ def _python(installation, *words, **variables):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["", "import numba; "])
 def test_without_any_place_kernels_go_to_a_directory_of_the_user(locked, tmp_path, before):
     """Oracle: numba itself, which defines no kernel without a place; owner and mode of the

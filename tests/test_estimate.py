@@ -194,6 +194,7 @@ def test_a_flight_takes_arrays_and_tables_and_refuses_what_is_none(records, flig
         flight.with_(gnss__file=gnss, gnss__stationary=(46.5, 6.5, 500.0))
 
 
+@pytest.mark.slow
 def test_products_of_objects_can_be_written_and_read_back(records, flight, processed, tmp_path):
     """Oracle: the result in memory; eo.json holds it bit by bit, trajectory.csv to its digits
     (1e-10 deg, 1e-4 m).

@@ -110,6 +110,7 @@ def written(folder: Path, sim, shift_s: float = 0.0):
     write(folder / "Location.csv", "seconds_elapsed,lat,lon,height,sd_n,sd_e,sd_u", *place)
 
 
+@pytest.mark.slow
 def test_two_files_of_a_telephone_are_one_imu(tmp_path, sim):
     """Oracle: the simulated samples, in the axes and units that they have."""
     written(tmp_path, sim, 0.004)

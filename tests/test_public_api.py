@@ -271,6 +271,7 @@ LEFT_BEHIND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", programs(), ids=lambda text: text.splitlines()[0].lstrip("# "))
 def test_the_programs_of_the_readme_run(program, recorded, monkeypatch):
     """Oracle: what each leaves behind, by `LEFT_BEHIND`; at most a dozen lines, no import of an

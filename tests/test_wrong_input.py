@@ -1004,6 +1004,7 @@ def test_harmless_ways_of_writing_change_nothing(edit, data, capsys):
     assert report["counts"]["fixes_used"] == report["counts"]["fixes"] == 1500
 
 
+@pytest.mark.slow
 def test_an_outage_is_bridged_and_told(data, capsys):
     """Oracle: the three seconds that were taken away."""
     _rows(GNSS, lambda t: (t < 60.0) | (t >= 63.0))(data)
@@ -1039,6 +1040,7 @@ def test_the_advice_on_lever_arm_and_clock_puts_it_right(data, capsys, key, chan
     assert any("observed by this flight" in line for line in report["history"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.5, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_gap_is_bridged_or_divides_the_flight_and_is_told(data, capsys, length):
     """Oracle: the gap that was made, and a second as the limit; images within a gap that is not

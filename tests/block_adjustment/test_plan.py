@@ -18,6 +18,7 @@ def plan(flown):
     return planned(flown.block, quiet)
 
 
+@pytest.mark.slow
 def test_precision_is_that_of_the_measured_block(plan, adjusted) -> None:
     """Oracle: the standard deviations of the block as it was measured, with as many tie points."""
     got, measured = plan.figures, adjusted.figures

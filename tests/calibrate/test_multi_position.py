@@ -62,6 +62,7 @@ def within(nees, d, n):
     return low < np.mean(nees) < high
 
 
+@pytest.mark.slow
 def test_ideal_readings_give_the_calibration_back(ideal):
     """Oracle: exact motion; what remains is the interpolation of turns between samples of 10 ms."""
     got = calibrate_multi_position(recorded(ideal, 0, gyro=0.0, accel=0.0), float(LATITUDE), HEIGHT)

@@ -60,6 +60,7 @@ def test_a_lever_arm_that_is_estimated_is_judged_by_its_sigma(clean):
     assert verdicts["antenna lever arm forward"].moves_m == pytest.approx(sigma[0])
 
 
+@pytest.mark.slow
 def test_correlated_errors_are_found_and_make_the_sigmas_honest():
     """Oracle: exact motion; a Gauss-Markov error of 3 cm and 15 s, which white fixes of that size
     turn into errors of many sigma.

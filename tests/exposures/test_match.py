@@ -244,6 +244,7 @@ STAMPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stamps", STAMPS)
 @pytest.mark.parametrize(
     ("event", "image", "n"), [(8, 2, 9), (2, 8, 9), (41, 11, 60), (30, 32, 60), (1, 61, 60)]

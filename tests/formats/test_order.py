@@ -26,6 +26,7 @@ def imu_file(tmp_path: Path, rows: np.ndarray) -> Path:
     return path
 
 
+@pytest.mark.slow
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -266,6 +266,7 @@ FAULTS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("which", [0, 2])
 def test_of_three_the_faulty_one_is_named(three, fault, which):

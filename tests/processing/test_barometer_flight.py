@@ -108,6 +108,7 @@ def test_heights_that_do_not_follow_the_flight_are_a_contradiction():
     assert np.abs(error / np.sqrt(path.cov[:, 2, 2])).max() < 5.0
 
 
+@pytest.mark.slow
 def test_a_flight_file_names_it(tmp_path):
     """Oracle: the same heights as an array; half a second late and in centimetres, which the
     flight file says.

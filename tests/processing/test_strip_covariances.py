@@ -68,6 +68,7 @@ def test_strips_of_two_segments(sim):
     assert [line for line in result.eo.history if line.startswith(said)]
 
 
+@pytest.mark.slow
 def test_lines_share_what_the_common_errors_say(sim, monkeypatch):
     """Oracle: the covariance of all images at once, of a flight of two lines and more. Tilts of two
     lines correlate by 0.2 to 0.5, nearly all of it by common errors; what is left of neighbouring

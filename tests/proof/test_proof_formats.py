@@ -561,6 +561,7 @@ def costs(name: str, where: str, directory: Path) -> Iterator[tuple[str, float]]
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "where"), [place for place in PLACES if place.values[0] != "g2o edges"]
 )  # its vertices are in g2o

@@ -74,6 +74,7 @@ def answers(found):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "units",
     [next(iter(UNITS)), *(pytest.param(u, marks=pytest.mark.slow) for u in list(UNITS)[1:])],
@@ -101,6 +102,7 @@ def test_all_orientations_units_and_signs(block, corridor, sign, units):
         assert np.array_equal(found.curves["orientation"][best], C_b_imu)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("late", "velocity"),
     [
@@ -162,6 +164,7 @@ def test_increments(block, gyro_unit, rate_hz):
     ][1:] == ["ok"] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gyro_of_force", "words"),
     [

@@ -48,6 +48,7 @@ def test_a_simulated_flight_passes(flight_file, capsys):
     assert found["core_s"] < found["twin_s"]
 
 
+@pytest.mark.slow
 def test_the_part_is_where_it_is_asked_for_and_the_headline_says_the_result(dataset, capsys):
     """Oracle: the options, and the first instant of the simulated flight."""
     first = dataset.simulated.flight.motion.start
@@ -116,6 +117,7 @@ def test_a_defect_of_the_core_is_found(monkeypatch):
     assert found.refusal.exit_code == 4
 
 
+@pytest.mark.slow
 def test_what_does_not_agree_is_exit_code_4_with_the_table(flight_file, monkeypatch, capsys):
     """Oracle: the command line's contract: the result on standard output, one line on standard
     error.

@@ -150,6 +150,7 @@ def spectrum(sensor, axis, lines=(43.6, 87.2)):
     )
 
 
+@pytest.mark.slow
 def test_spectra_stand_in_a_column_a_sensor():
     """Oracle: the image library; three rows of 2.3 inches and their head, whether there are six
     channels, three or four.

@@ -169,6 +169,7 @@ def test_reading_gives_back_what_was_written(tmp_path):
     assert_array_equal(head.approx_position_m, STATION.position_m)
 
 
+@pytest.mark.slow
 def test_georinex_reads_the_same(tmp_path):
     """Oracle: georinex: values, loss of lock and strength of each satellite; full seconds, which
     its times keep.

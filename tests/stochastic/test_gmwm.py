@@ -118,6 +118,7 @@ def reference_q(theta, names, levels, variance, weights):
     return float(d @ (weights * d))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "seed"),
     [("WN+GM", 1), pytest.param("WN+2GM", 2, marks=pytest.mark.slow), ("QN+WN+GM+RW", 3)],

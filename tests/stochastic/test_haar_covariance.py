@@ -24,6 +24,7 @@ from insgnss.stochastic.processes import simulate_noise
 RATE = 8.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("n", [128, 151])
 @pytest.mark.parametrize("name", [*AXES, "drift"])

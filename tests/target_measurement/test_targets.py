@@ -377,6 +377,7 @@ def test_one_image_that_lies_is_found_by_the_others(flight: RenderedFlight, tmp_
     assert [own.eo.images[result.inputs.predictions.image[w.row]] for w in wrong] == ["8000.jpg"]
 
 
+@pytest.mark.slow
 def test_ring_coded_targets_are_told_by_their_numbers(tmp_path: Path) -> None:
     """Oracle: a pattern drawn with a number; a point of another number is not measured."""
     number = smallest([bool(0b000001011 >> (8 - k) & 1) for k in range(9)])

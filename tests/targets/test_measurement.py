@@ -109,6 +109,7 @@ def test_nothing_is_found_where_nothing_lies() -> None:
     assert [m.rejected == "" for m in got.rejected] == [False] * 3
 
 
+@pytest.mark.slow
 def test_the_rim_of_a_shadow_is_no_edge_of_the_target() -> None:
     """Oracle: the renderer; a shadow that takes 55 % of the light of a part of the target, before
     the image is blurred. Errors are those of the covariance, which has no floor for shadows.
