@@ -155,9 +155,9 @@ def measured(
     key = np.log(rng.random(len(seen.point))) / weight[seen.point]
     order = np.lexsort((-key, seen.point))
     first = np.concatenate([[0], np.cumsum(rays)])
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    key[place - first[seen.point] < fewest] = np.inf
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    key[rank - first[seen.point] < fewest] = np.inf
     keep = np.sort(np.argsort(-key, kind="stable")[:total])
     return Visible(seen.position, seen.image[keep], seen.point[keep], seen.uv[keep])
 
@@ -211,22 +211,24 @@ def near_one_end(
 
 
 def _apart(
-    place: Array, candidates: Rows, wanted: int, already: Rows | None = None
+    horizontal: Array, candidates: Rows, wanted: int, already: Rows | None = None
 ) -> NDArray[np.int64]:
     """Return candidates that lie as far from each other (and from others) as possible."""
     chosen: list[int] = []
-    others = place[already] if already is not None else place[candidates].mean(axis=0)[None]
-    gap = np.linalg.norm(place[candidates][:, None] - others, axis=2).min(axis=1)
+    others = (
+        horizontal[already] if already is not None else horizontal[candidates].mean(axis=0)[None]
+    )
+    gap = np.linalg.norm(horizontal[candidates][:, None] - others, axis=2).min(axis=1)
     for _ in range(min(wanted, len(candidates))):
         k = int(np.argmax(gap))
-        own = np.linalg.norm(place[candidates] - place[candidates[k]], axis=1)
+        own = np.linalg.norm(horizontal[candidates] - horizontal[candidates[k]], axis=1)
         gap = own if not chosen and already is None else np.minimum(gap, own)
         chosen.append(int(candidates[k]))
     return np.array(chosen, dtype=np.int64)
 
 
 def in_groups(
-    place: Callable[[Array], Array],
+    centreline: Callable[[Array], Array],
     across: Callable[[Array], Array],
     terrain: Terrain,
     groups: tuple[int, ...],
@@ -237,7 +239,7 @@ def in_groups(
 
     Parameters
     ----------
-    place, across : callable
+    centreline, across : callable
         Places (n, 2) of lengths along the road, and unit vectors to its right.
     terrain : Terrain
         Where they lie.
@@ -256,4 +258,4 @@ def in_groups(
     length = np.repeat(np.linspace(*length_m, len(groups)), groups)
     length = length + rng.uniform(-8.0, 8.0, length.size)
     side = np.where(np.arange(length.size) % 2, 1.0, -1.0) * rng.uniform(4.0, 20.0, length.size)
-    return terrain.points(place(length) + side[:, None] * across(length))
+    return terrain.points(centreline(length) + side[:, None] * across(length))

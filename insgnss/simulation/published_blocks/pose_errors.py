@@ -101,7 +101,7 @@ class PoseErrors:
 
     def covariance(self, time: Array) -> Array:
         """Return the covariance (6 n, 6 n) of all poses, image after image."""
-        return np.kron(self.correlation(time), np.diag(self.sigma**2))
+        return np.asarray(np.kron(self.correlation(time), np.diag(self.sigma**2)), dtype=np.float64)
 
     def strips(self, time: Array, rows: Sequence[NDArray[np.int64]]) -> list[StripCovariance]:
         """Return the covariance of each strip of which the rows are given."""

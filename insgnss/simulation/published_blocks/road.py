@@ -49,10 +49,10 @@ _RATE_DEGPS = 8.0
 
 @dataclass(frozen=True, eq=False)
 class Road:
-    """The road by its length: places (k, 2) at `length` (k,), from its first place."""
+    """The road by its length: positions (k, 2) at `length` (k,), from where photos begin."""
 
     length: Array
-    place: Array
+    position: Array
 
     @classmethod
     def built(cls) -> "Road":
@@ -61,14 +61,14 @@ class Road:
         middle = 0.5 * (length[1:] + length[:-1])
         way = np.array([unit(course(s)) for s in (length[:-1], middle, length[1:])])
         step = _GRID_M / 6.0 * (way[0] + 4.0 * way[1] + way[2])
-        place = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
-        return cls(length, place - place[np.argmin(np.abs(length))])
+        position = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
+        return cls(length, position - position[np.argmin(np.abs(length))])
 
     def at(self, length: Array) -> Array:
-        """Return the places (n, 2) at lengths (n,), by the cubic through place and course."""
+        """Return positions (n, 2) at lengths (n,), by the cubic through positions and courses."""
         k = np.clip(np.searchsorted(self.length, length) - 1, 0, self.length.size - 2)
         u = ((length - self.length[k]) / _GRID_M)[:, None]
-        a, b = self.place[k], self.place[k + 1]
+        a, b = self.position[k], self.position[k + 1]
         m, n = (_GRID_M * unit(course(self.length[i])) for i in (k, k + 1))
         cubic = (1.0 + 2.0 * u) * (1.0 - u) ** 2 * a + u * (1.0 - u) ** 2 * m
         return np.asarray(cubic + u * u * (3.0 - 2.0 * u) * b + u * u * (u - 1.0) * n)
@@ -215,10 +215,10 @@ def vehicle(
 def _motion(time: Array, road: Road, terrain: Terrain) -> tuple[Array, Array, Array]:
     """Return position, velocity and attitude C_mb of the vehicle, tangent plane."""
     length, speed = driven(time)
-    place, way = road.at(length), unit(course(length))
-    slope = np.cos(place @ terrain.wave + terrain.phase) * (way @ terrain.wave)
+    horizontal, way = road.at(length), unit(course(length))
+    slope = np.cos(horizontal @ terrain.wave + terrain.phase) * (way @ terrain.wave)
     rise = slope @ terrain.amplitude_m
-    position = terrain.points(place) + [0.0, 0.0, _NAVIGATION_M]
+    position = terrain.points(horizontal) + [0.0, 0.0, _NAVIGATION_M]
     velocity = speed[:, None] * np.column_stack([way, rise])
     rpy = np.column_stack([np.zeros(time.size), np.arctan(rise), course(length)])
     return position, velocity, ENU_NED @ rotation_from_rpy(rpy)

@@ -114,16 +114,16 @@ def flown(lines: Sequence[Line], rng: np.random.Generator) -> Stations:
     Stations
         In the order of time.
     """
-    time, place, course = [], [], []
+    time, planned, course = [], [], []
     clock, end = START_TOW, np.array(lines[0].first)
     for line in lines:
         first, last = np.array(line.first), np.array(line.last)
-        clock += np.linalg.norm(first - end) / _SPEED_MPS + _TURN_S
+        clock += float(np.linalg.norm(first - end)) / _SPEED_MPS + _TURN_S
         share = np.linspace(0.0, 1.0, line.photos)[:, None]
         horizontal = first + share * (last - first)
         length = float(np.linalg.norm(last - first))
         time.append(clock + share[:, 0] * length / _SPEED_MPS)
-        place.append(np.column_stack([horizontal, np.full(line.photos, line.height_m)]))
+        planned.append(np.column_stack([horizontal, np.full(line.photos, line.height_m)]))
         course.append(np.full(line.photos, np.arctan2(*(last - first))))
         clock, end = float(time[-1][-1]), last
     stamps, heading = np.concatenate(time), np.concatenate(course)
@@ -134,7 +134,7 @@ def flown(lines: Sequence[Line], rng: np.random.Generator) -> Stations:
     velocity = _SPEED_MPS * np.column_stack([np.sin(heading), np.cos(heading), np.zeros(n)])
     return Stations(
         stamps,
-        np.vstack(place) + gust[:, 3:] * _OFF_M,
+        np.vstack(planned) + gust[:, 3:] * _OFF_M,
         C_mb @ FORWARD_RIGHT_DOWN.T,
         velocity,
         np.radians(_RATE_DEGPS) * rng.standard_normal((n, 3)),

@@ -229,7 +229,7 @@ def _seen(
     if survey.name == MAPKITE.name:
         names = [f"D{k:02d}" for k in range(1, 43) if k not in _UNUSED]
         way = road.Road.built()
-        place = in_groups(
+        position = in_groups(
             way.at,
             lambda s: road.unit(road.course(s) + 0.5 * np.pi),
             terrain,
@@ -238,7 +238,7 @@ def _seen(
             targets,
         )
         control = np.flatnonzero([name in GCP_004 for name in names])
-        return _Seen(tie, seen_points(truth, place, camera), control, names, here)
+        return _Seen(tie, seen_points(truth, position, camera), control, names, here)
     (n_control, control_rays), (n_check, check_rays) = survey.control, survey.check
     numbers = (n_control, n_check, -(-control_rays // n_control), -(-check_rays // n_check))
     if survey.name == BLOCK_2015.name:
