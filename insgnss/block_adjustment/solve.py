@@ -15,7 +15,7 @@ from ..adjust.start import first_values
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import Reweighted, reweighted
 from ..base.errors import DataError
-from .control import Control, control_of
+from .aerial.control import Control, control_of
 from .inputs import Inputs
 
 IMAGE, GROUND = "image observations", "ground control"

@@ -26,8 +26,8 @@ from ..base.errors import DataError
 from ..config.block_file import AerialControlTable
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
+from .aerial.control import control_of
 from .check_points import check_points
-from .control import control_of
 from .inputs import Inputs
 from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
