@@ -13,6 +13,7 @@ import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..report.rules.wording import Limit, lengths, screen_unit
+from .aerial.relative import WEAK
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
@@ -138,7 +139,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
     for c in figures["components"]:
-        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] == "mounting":
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", WEAK):
             continue
         factor = c["factor"]
         if factor != 1.0:  # its variances were multiplied
@@ -334,6 +335,8 @@ def advice(trial: Trial) -> str:
         return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
     if trial.key == "camera.free":
         return "estimate it with camera.free"
+    if trial.key == "camera.file":
+        return "adjust the tie points in mode iso, and take the camera.toml that it writes"
     return f"estimate it with {trial.key}"
 
 
