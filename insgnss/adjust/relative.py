@@ -329,6 +329,8 @@ class Datum:
         Attitude.
     sigma : tuple of float
         Standard deviations of position, m, and of attitude, rad; infinite of what is not observed.
+    held : int
+        How many images relative control ties to this one, itself among them.
     name : str
         Name of the variance component.
     """
@@ -337,6 +339,7 @@ class Datum:
     position_m: Array
     C_mc: Array
     sigma: tuple[float, float]
+    held: int = 1
     name: str = "weak datum"
 
     @property

@@ -58,12 +58,15 @@ class Control:
         Rows of the block's images of each flight line.
     covariance : str
         Which covariances weigh them: "strip", "chain", "image", or "none" without aerial control.
+    of_lines : tuple of str
+        What is observed of each flight line, such as "Ap/Ra".
     """
 
     groups: tuple[ObservationGroup, ...]
     blocks: dict[Key, Array]
     lines: tuple[Rows, ...]
     covariance: str
+    of_lines: tuple[str, ...] = ()
 
 
 def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Control:
@@ -102,6 +105,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         _prior((name, 0), value, sigma) for name, (value, sigma) in shared.items()
     ]
     lines: list[Rows] = []
+    controls: list[str] = []
     for piece, whole in pieces:
         control = _control_of_line(piece, others, eo, options)
         seen = np.flatnonzero(image_of[piece] >= 0)
@@ -131,7 +135,8 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         else:
             groups.append(_absolute(strip, control, eo, motion, options))
         lines.append(image_of[rows])
-    return Control(tuple(groups), blocks, tuple(lines), kind)
+        controls.append(control)
+    return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
 
 
 def _absolute(

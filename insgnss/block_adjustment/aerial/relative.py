@@ -173,9 +173,8 @@ def relative_groups(
     )
     for chain in chains(rows.size, pairs):
         middle = int(chain[chain.size // 2])
-        groups.append(
-            Datum(int(strip.images[middle]), eo.position_m[rows[middle]], C[middle], sigma, WEAK)
-        )
+        i, size = int(strip.images[middle]), int(chain.size)
+        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, WEAK))
     return groups
 
 
@@ -199,23 +198,25 @@ def chains(n: int, pairs: Rows) -> list[Rows]:
     return np.split(np.arange(n), np.flatnonzero(~tied)[1:])
 
 
-def weakly_held(tests: Sequence[GroupTest], images: Sequence[str]) -> list[str]:
-    """Say which flight lines nothing but the weak datum holds.
+def weakly_held(
+    groups: Sequence[ObservationGroup], tests: Sequence[GroupTest]
+) -> list[tuple[int, int]]:
+    """Find the chains of images that nothing but their weak datum holds.
 
     Parameters
     ----------
+    groups : sequence of ObservationGroup
+        The groups of the adjustment.
     tests : sequence of GroupTest
-        Tests of all groups of the adjustment.
-    images : sequence of str
-        Names of the images of the block.
+        Their tests.
 
     Returns
     -------
-    list of str
-        Names of the images that have such a datum.
+    list of tuple
+        Row of the image with the datum, and number of images of the chain.
     """
     return [
-        images[test.keys[0][1]]
-        for test in tests
-        if test.name == WEAK and test.redundancy.min() < HELD_BY_NOTHING
+        (group.image, group.held)
+        for group, test in zip(groups, tests, strict=True)
+        if isinstance(group, Datum) and test.redundancy.min() < HELD_BY_NOTHING
     ]
