@@ -26,9 +26,10 @@ from ..base.errors import DataError
 from ..config.block_file import AerialControlTable
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
+from .aerial.control import control_of
 from .check_points import check_points
-from .control import control_of
 from .inputs import Inputs
+from .mode import CAMERA_HELD
 from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
 
@@ -141,6 +142,8 @@ def trials(
         Those that could be adjusted, the largest gain beyond its unknowns first.
     """
     done = []
+    if solved.direct:
+        return ()
     for name, key, unit, build in _remedies(solved.inputs):
         if key == "aerial_control.boresight_sigma_deg" and not everything:
             continue
@@ -219,8 +222,8 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
 
 
 def _remedies(inputs: Inputs) -> Iterator[tuple[str, str, str, tuple[AerialControlTable, Key]]]:
-    options = inputs.file.aerial_control
-    if inputs.eo is not None:
+    options, mode = inputs.file.aerial_control, inputs.file.adjustment.mode
+    if inputs.eo is not None and mode != "indirect":
         if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
             wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
@@ -228,13 +231,14 @@ def _remedies(inputs: Inputs) -> Iterator[tuple[str, str, str, tuple[AerialContr
         if options.lever_arm_sigma_m is None:
             wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
             yield "lever arm", "aerial_control.lever_arm_sigma_m", "m", (wider, (LEVER_ARM, 0))
-        if options.boresight_sigma_deg < LOOSE[BORESIGHT]:
+        if options.boresight_sigma_deg < LOOSE[BORESIGHT] and options.absolute_attitudes:
             wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
             yield "bore-sight", "aerial_control.boresight_sigma_deg", "rad", (wider, (BORESIGHT, 0))
         if len(inputs.block.control) > 1:
             yield "shift of ground control", "ground.crs", "m", (options, DATUM)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
-        yield "interior orientation", "camera.free", "px", (options, (CAMERA, 0))
+        key = "camera.file" if mode in CAMERA_HELD else "camera.free"
+        yield "interior orientation", key, "px", (options, (CAMERA, 0))
 
 
 def _with_usual(block: ImageBlock) -> ImageBlock:
