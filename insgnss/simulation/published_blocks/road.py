@@ -26,7 +26,7 @@ TARGET_M = (-0.35, 0.10, -1.20)
 """The target from the navigation centre of the vehicle, forward, right, down, m."""
 RIGHT_BACK_DOWN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Camera from body where the image's top points forward."""
-VEHICLE_ERRORS = PoseErrors((0.02, 0.02, 0.04), (0.015, 0.015, 0.03))
+VEHICLE_ERRORS = PoseErrors((0.02, 0.02, 0.04), (0.015, 0.015, 0.03), axes="tangent plane")
 """Table 2 of paper 004; of the attitude what its inertial unit is said to give."""
 REST_S = 1.0
 """Correlation time of what of the vehicle's errors does not last: rows 0.1 s apart are no noise."""

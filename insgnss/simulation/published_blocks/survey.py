@@ -137,7 +137,7 @@ def simulate_survey(
     stations, terrain, lines = _flight(survey, flight, ground)
     images = tuple(f"{k + 1:04d}.jpg" for k in range(stations.time.size))
     truth = _orientation(survey, images, stations)
-    drawn = errors.draw(stations.time, poses)
+    drawn = errors.draw(stations.time, stations.C_mc, poses)
     axis = np.array([2.0, -3.0, 1.5])
     E = rotation_from_vector(np.radians(boresight_deg) * axis / np.linalg.norm(axis))
     eo = replace(
@@ -152,8 +152,8 @@ def simulate_survey(
         truth,
         eo,
         drawn,
-        tuple(errors.strips(stations.time, rows)),
-        errors.common(stations.time, rows),
+        tuple(errors.strips(stations.time, stations.C_mc, rows)),
+        errors.common(stations.time, stations.C_mc, rows),
         E,
         *_measured(survey, truth, seen, noise),
         survey.calibrated(calibration),
@@ -186,7 +186,7 @@ def _orientation(
     time, (lat, lon) = stations.time, np.radians(survey.origin_deg)
     errors = survey.errors
     rho = errors.share * np.exp(-np.diff(time) / errors.correlation_s)
-    own = np.diag(errors.sigma**2)
+    T = errors.turned(stations.C_mc)
     return ExteriorOrientation(
         images,
         time,
@@ -194,8 +194,8 @@ def _orientation(
         np.array([lat, lon, survey.height_m]),
         stations.position_m,
         stations.C_mc,
-        np.tile(own, (time.size, 1, 1)),
-        rho[:, None, None] * own,
+        T @ T.transpose(0, 2, 1),
+        rho[:, None, None] * (T[:-1] @ T[1:].transpose(0, 2, 1)),
         np.eye(3),
         stations.camera_from_body,
         (f"simulated: {survey.name}, errors of the poses drawn by their statistics",),
