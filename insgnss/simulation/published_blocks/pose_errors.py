@@ -18,8 +18,8 @@ correlations L L' the shared errors are c = L^-1 g(nodes), of unit covariance, a
 
     A_k = T_k sqrt(s) cov(g_k, g(nodes)) L^-T                                                 (B.3)
 
-(T_k takes components to tangent-plane axes, times sigma) leaves no covariance between lines: nothing
-is lost, where a Karhunen-Loeve expansion of as many terms leaves neighbouring lines part of it. It
+(T_k takes components to tangent-plane axes, times sigma) leaves no covariance between lines:
+nothing is lost, where a Karhunen-Loeve expansion of as many terms leaves some of it. It
 takes six unknowns for each node.
 """
 
@@ -117,9 +117,9 @@ class PoseErrors:
         ndarray, (n, 6)
             Position, m, and psi, rad, tangent-plane axes.
         """
-        lasting = gauss_markov(time, self.correlation_s, 6, rng)
-        white = rng.standard_normal(lasting.shape)
-        errors = np.sqrt(self.share) * lasting + np.sqrt(1.0 - self.share) * white
+        slow = gauss_markov(time, self.correlation_s, 6, rng)
+        white = rng.standard_normal(slow.shape)
+        errors = np.sqrt(self.share) * slow + np.sqrt(1.0 - self.share) * white
         return np.einsum("nij,nj->ni", self.turned(C_mc), errors)
 
     def correlation(self, time: Array) -> Array:

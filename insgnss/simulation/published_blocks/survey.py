@@ -19,7 +19,7 @@ from . import road
 from .plans import BLOCK_2015, CORRIDOR_2014, MAPKITE, SURVEYS, Survey
 from .points import Texture, in_groups, measured, near_one_end, rolling, tie_points
 from .pose_errors import PoseErrors
-from .stations import Line, Stations, flown, parallel_lines
+from .stations import Line, Stations, along_lines, parallel_lines
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -177,7 +177,11 @@ def _flight(
         lines = parallel_lines(120.0, 35.3, 46.9, (15,) * 7, 60.0)
         lines += parallel_lines(150.0, 44.1, 58.6, (15, 14) * 3 + (15,), 150.0)
         along = 300.0 * np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 30)]), -1).reshape(-1, 2)
-    return flown(lines, flight), rolling(survey.relief_m, (300.0, 900.0), along, ground), lines
+    return (
+        along_lines(lines, flight),
+        rolling(survey.relief_m, (300.0, 900.0), along, ground),
+        lines,
+    )
 
 
 def _orientation(
@@ -248,8 +252,8 @@ def _seen(
         way_out = tuple((first - last) / np.linalg.norm(first - last))
     both, control = near_one_end(truth, camera, terrain, numbers, way_out, targets)
     own, rest = (
-        measured(part, count, 3, np.ones(len(part.position)), targets)
-        for part, count in (
+        measured(points, count, 3, np.ones(len(points.position)), targets)
+        for points, count in (
             (both.chosen(control), control_rays),
             (both.chosen(np.arange(n_control, n_control + n_check)), check_rays),
         )
