@@ -221,6 +221,14 @@ class AerialControlTable:
                     ' "IMG_0010 Rp/Ra"',
                 )
 
+        relative = {"Ap/Ra", "Rp/Ra", "Rp"} & {self.control, *self.of_lines.values()}
+        if self.relative_weights != "smoothed" and not relative:
+            raise OptionError(
+                "aerial_control.relative_weights",
+                "has no meaning without relative control; ask for it by aerial_control.control,"
+                ' such as "Ap/Ra"',
+            )
+
     @property
     def of_lines(self) -> dict[str, str]:
         """Control of the flight lines that have another one, by the name of an image."""
@@ -287,8 +295,8 @@ class AdjustmentTable:
     reweight: tuple[str, ...] = option(
         ("image observations",),
         "groups of observations whose variances are multiplied by their components: image "
-        "observations, ground control, aerial control; of the others a component that contradicts "
-        "them is reported",
+        "observations (not in mode fast_at, which has few), ground control, aerial control; of the "
+        "others a component that contradicts them is reported",
     )
     limit_w: float = option(
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
