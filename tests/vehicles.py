@@ -27,7 +27,9 @@ NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 def camera(free=("f", "cx", "cy"), f=4268.0) -> BrownCamera:
     value = {"f": f, "cx": 2448.7, "cy": 1681.0, "k1": -0.03, "k2": 0.02}
-    return BrownCamera("nex", 4920, 3276, np.array([value.get(n, 0.0) for n in INTERIOR]), free=free)
+    return BrownCamera(
+        "nex", 4920, 3276, np.array([value.get(n, 0.0) for n in INTERIOR]), free=free
+    )
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,9 @@ def driven(road: Road = Road()) -> Driven:
     seen = np.flatnonzero(rays >= 3)
     along = seen[np.argsort(s[seen])]
     ends = road.control // 2
-    control = np.concatenate([along[2 : 2 + 6 * ends : 6][:ends], along[-3 - 6 * ends : -3 : 6][-ends:]])
+    control = np.concatenate(
+        [along[2 : 2 + 6 * ends : 6][:ends], along[-3 - 6 * ends : -3 : 6][-ends:]]
+    )
     inner = along[np.linspace(12 * ends, len(along) - 1 - 12 * ends, road.check).astype(int)]
     surveyed = np.concatenate([control, inner])
     names = [f"P{p:03d}" for p in range(len(X))]

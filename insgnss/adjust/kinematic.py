@@ -98,7 +98,7 @@ class KinematicControl:
 
     @property
     def keys(self) -> tuple[Key, ...]:
-        """The object points, then the parameters that are unknowns, in the order of `PARAMETERS`."""
+        """The object points, then parameters that are unknowns, in the order of `PARAMETERS`."""
         points = tuple((POINT, p) for p in self.points)
         return points + tuple((p, self.parameters[p]) for p in PARAMETERS if p in self.parameters)
 
@@ -130,7 +130,7 @@ class KinematicControl:
         return e.ravel(), np.hstack([np.eye(3 * n), *of])
 
     def _by(self, name: str) -> Array:
-        """Return the derivative of (J.21) by a parameter, (n, 3, d); it is linear in all of them."""
+        """Return the derivative of (J.21) by a parameter, (n, 3, d); it is linear in all."""
         if name == TARGET_ARM:
             return -self.C_mv
         if name == VEHICLE_SHIFT:

@@ -15,6 +15,7 @@ from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, ImageBlock
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
+from .vehicle.verdict import vehicle_figures
 
 
 def figures_of(solved: Solved) -> dict[str, Any]:
@@ -51,6 +52,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {"point": c.point, "residual_m": c.off_m.tolist(), "w": c.w}
             for c in solved.rejected_control
         ],
+        "vehicle": vehicle_figures(solved.inputs.vehicle, solved.precision, residuals_px(result)),
         "check_points": _check(solved, checks),
         "check_points_together": {
             "normalised_square": checks.normalised_square,
@@ -97,6 +99,7 @@ def _counts(solved: Solved) -> dict[str, int]:
         - int(problem.rays.active.sum())
         - int(solved.rejected.size),
         "ground_control": len(problem.block.control),
+        "kinematic_ground_control": 0 if inputs.vehicle is None else len(inputs.vehicle.images),
         "check_points": len(problem.block.check),
         "flight_lines": len(solved.control.lines),
     }

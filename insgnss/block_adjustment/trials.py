@@ -34,6 +34,7 @@ from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
 from .vehicle.control import remedies as vehicle_remedies
 from .vehicle.control import vehicle_control
+from .vehicle.verdict import remedy as what_to_do
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 DATUM: Key = ("shift of ground control", 0)
@@ -110,6 +111,8 @@ class Trial:
         Whether it explains what was too much.
     key : str
         How a block file asks for it.
+    remedy : str
+        What to do about it, where that is more than to estimate it.
     """
 
     name: str
@@ -120,6 +123,7 @@ class Trial:
     unit: str
     explains: bool
     key: str
+    remedy: str = ""
 
 
 def trials(
@@ -218,8 +222,9 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
         if key[0] == CAMERA:
             value = value - block.cameras[0].interior[again.result.problem.layout.columns]
         sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
+        words = what_to_do(inputs.vehicle, key, value, sigma)
         trial = Trial(
-            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option
+            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, words
         )
         best = again.result.cost, trial
     return None if best is None else best[1]
@@ -338,6 +343,7 @@ def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
         remedy.unit,
         bool(enough),
         remedy.option,
+        what_to_do(inputs.vehicle, key, value, sigma),
     )
 
 

@@ -200,9 +200,9 @@ class VehicleTable:
 
     file: Path | None = option(
         None,
-        "where the vehicle was: `eo.json` of a run of `process` with the exposures of the images as "
-        "its events (its camera is the target), `trajectory.csv` of one, or a table of positions "
-        "of the target (target_positions.md)",
+        "where the vehicle was: `eo.json` of a run of `process` with the exposures of the images "
+        "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
+        "positions of the target (target_positions.md)",
         cli="--vehicle",
         metavar="FILE",
         cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
@@ -214,8 +214,8 @@ class VehicleTable:
     )
     target_m: Triple | None = option(
         None,
-        "the target from the point of the trajectory (of eo.json: from its camera), forward, right, "
-        "down in the axes of the vehicle",
+        "the target from the point of the trajectory (of eo.json: from its camera), forward, "
+        "right, down in the axes of the vehicle",
         unit="m",
         kind="lever",
         usual="zero of eo.json and of a table",
@@ -324,8 +324,10 @@ class AdjustmentTable:
 
     def __post_init__(self) -> None:
         check(self, "adjustment")
-        groups = ("image observations", "ground control", "aerial control")
-        groups += ("kinematic ground control", "target sizes")
+        groups = (
+            *("image observations", "ground control", "aerial control"),
+            *("kinematic ground control", "target sizes"),
+        )
         for name in self.reweight:
             if name not in groups:
                 raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")

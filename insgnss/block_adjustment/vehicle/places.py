@@ -209,7 +209,7 @@ def at_exposures(
         what = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
     if not there.any():
         _refuse_stamps(options, track, time)
-    if (missing := int((~there).sum())) :
+    if missing := int((~there).sum()):
         notes.append(
             f"{missing} of {len(there)} exposures of the vehicle's target {what},"
             f" {images[int(np.argmin(there))]} first: they have no kinematic ground control"
@@ -308,13 +308,15 @@ def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
         options.file,
         None,
         f"{text}; give the vehicle's file of this flight"
-        + (", at a higher rate, or a larger vehicle.longest_gap_s" if a < last and first < b else ""),
+        + (
+            ", at a higher rate, or a larger vehicle.longest_gap_s"
+            if a < last and first < b
+            else ""
+        ),
     )
 
 
-def _sizes(
-    options: VehicleTable, images: Sequence[str], notes: list[str]
-) -> tuple[Array, Array]:
+def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tuple[Array, Array]:
     """Return the apparent sizes of the target in images, and their standard deviations."""
     size, sigma = np.full(len(images), np.nan), np.full(len(images), np.nan)
     if options.sizes is None:

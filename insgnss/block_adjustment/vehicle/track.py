@@ -190,7 +190,9 @@ def _blocks_of(cov: Array, rows: Rows) -> Array:
     return np.asarray(cov[np.ix_(columns, columns)])
 
 
-def read_track(options: VehicleTable, plane: TangentPlane | None, eo: ExteriorOrientation | None) -> Track:
+def read_track(
+    options: VehicleTable, plane: TangentPlane | None, eo: ExteriorOrientation | None
+) -> Track:
     """Read where the vehicle's target was.
 
     Parameters
@@ -231,7 +233,9 @@ def _is_trajectory(path: Path) -> bool:
         with path.open(encoding="utf-8", errors="replace") as stream:
             for line in stream:
                 if line.strip() and not line.startswith("#"):
-                    return {"lat_deg", "lon_deg", "roll_deg"} <= {f.strip() for f in line.split(",")}
+                    return {"lat_deg", "lon_deg", "roll_deg"} <= {
+                        f.strip() for f in line.split(",")
+                    }
     except OSError as error:
         raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
     return False
@@ -241,8 +245,10 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
     given = read_trajectory_csv(path)
     if plane is None:
         raise InputError.at_line(
-            path, None, f"positions on the globe ({COLUMNS[2]} ...), which need aerial control, whose"
-            " tangent plane has the axes of the block; give a table of positions in these axes"
+            path,
+            None,
+            f"positions on the globe ({COLUMNS[2]} ...), which need aerial control, whose"
+            " tangent plane has the axes of the block; give a table of positions in these axes",
         )
     if options.target_m is None:
         raise InputError.at_line(
@@ -369,7 +375,9 @@ def _of_table(
                 path, None, "vehicle.crs needs aerial control, whose tangent plane the axes are"
             )
         names = tuple(str(k) for k in range(len(position)))
-        axes = GroundAxes(options.crs, options.geoid, eo.datum if eo else None, eo.epoch if eo else None)
+        axes = GroundAxes(
+            options.crs, options.geoid, eo.datum if eo else None, eo.epoch if eo else None
+        )
         table = GroundTable(names, position, cov, np.zeros(len(position), dtype=bool))
         moved = table.in_plane(axes, plane)
         position, cov = moved.position_m, moved.cov
@@ -452,5 +460,3 @@ def rows_by_name(track: Track, images: Sequence[str]) -> Rows | None:
         return None
     rows = matched(images, track.images)
     return rows if (rows >= 0).any() else None
-
-

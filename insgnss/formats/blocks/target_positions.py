@@ -149,7 +149,9 @@ def write_target_positions(
         if positions.gps_week is None:
             raise InputError("target positions: stamps without GPS week; give it")
         head += ["week", "tow"]
-        first = [f"{a}{positions.gps_week},{t:.6f}," for a, t in zip(first, positions.time, strict=True)]
+        first = [
+            f"{a}{positions.gps_week},{t:.6f}," for a, t in zip(first, positions.time, strict=True)
+        ]
     sigma = np.sqrt(np.diagonal(positions.cov, axis1=1, axis2=2))
     corr = positions.cov / sigma[:, :, None] / sigma[:, None, :]
     values = np.column_stack(
