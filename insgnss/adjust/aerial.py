@@ -31,6 +31,7 @@ where the corrections are those of C (psi on its left), E (beta on its left), d 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -135,37 +136,23 @@ class AerialControl:
         J : ndarray, (m, d)
             d computed / d unknown.
         """
-        n, images = len(self.images), list(self.images)
+        n = len(self.images)
         m = self.weight.shape[0] // n if n else 6
         value = {p: values.blocks[(p, row)] for p, row in self.parameters.items()}
-        since = (self.time - self.time.mean() if n else self.time)[:, None]
-        C, v = values.C_mc[images], self.velocity
-        # of each image: observed - computed, and derivatives by its pose and by the parameters
-        computed, own = values.position[images], np.zeros((n, m, 6))
-        own[:, :3, :3] = np.eye(3)
-        of = {p: np.zeros((n, m, _size(v))) for p, v in value.items()}
-        if LEVER_ARM in value:
-            arm = C @ value[LEVER_ARM]
-            computed = computed + arm
-            own[:, :3, 3:] = -skew(arm)
-            of[LEVER_ARM][:, :3] = C
-        if TIME_OFFSET in value:
-            computed = computed - v * value[TIME_OFFSET][0]
-            of[TIME_OFFSET][:, :3, 0] = -v
-        if SHIFT in value:
-            computed = computed + value[SHIFT]
-            of[SHIFT][:, :3] = np.eye(3)
-        if DRIFT in value:
-            computed = computed + since * value[DRIFT]
-            of[DRIFT][:, :3] = since[:, :, None] * np.eye(3)
+        computed, own_position, of_position = positions(self, values, value)
+        own = np.zeros((n, m, 6))
+        own[:, :3] = own_position
+        of = {p: np.zeros((n, m, size_of(v))) for p, v in value.items()}
+        for p, derivative in of_position.items():
+            of[p][:, :3] = derivative
         e = self.position_m - computed
         if m == 6:
-            psi = self._attitude(C, value, own, of)
+            psi = self._attitude(values.C_mc[list(self.images)], value, own, of)
             e = np.hstack([e, psi])
         if self.common is not None:
             e += self.common[:, :m] @ value[COMMON]
             of[COMMON][:] = -self.common[:, :m]
-        J = np.zeros((n, m, 6 * n + sum(_size(v) for v in value.values())))
+        J = np.zeros((n, m, 6 * n + sum(size_of(v) for v in value.values())))
         for k in range(n):
             J[k, :, 6 * k : 6 * k + 6] = own[k]
         if value:
@@ -192,7 +179,70 @@ class AerialControl:
         return psi
 
 
-def _size(value: Array) -> int:
+class Strip(Protocol):
+    """Poses of a strip that are observed in any way."""
+
+    @property
+    def images(self) -> tuple[int, ...]:
+        """Rows of the images."""
+
+    @property
+    def time(self) -> Array:
+        """(n,) stamps, s."""
+
+    @property
+    def velocity(self) -> Array:
+        """(n, 3) velocities, m/s."""
+
+
+def positions(
+    strip: Strip, values: Unknowns, value: Mapping[str, Array]
+) -> tuple[Array, Array, dict[str, Array]]:
+    """Compute the positions that a strip observes (J.8), without its common errors.
+
+    Parameters
+    ----------
+    strip : Strip
+        Images, stamps and velocities.
+    values : Unknowns
+        Where it is linearised.
+    value : mapping
+        Values of its parameters.
+
+    Returns
+    -------
+    computed : ndarray, (n, 3)
+        Positions, m.
+    own : ndarray, (n, 3, 6)
+        Their derivatives by the pose of the image.
+    of : dict of ndarray, (n, 3, d)
+        Their derivatives by each parameter.
+    """
+    n, images = len(strip.images), list(strip.images)
+    since = (strip.time - strip.time.mean() if n else strip.time)[:, None]
+    C, v = values.C_mc[images], strip.velocity
+    computed, own = values.position[images], np.zeros((n, 3, 6))
+    own[:, :, :3] = np.eye(3)
+    of = {p: np.zeros((n, 3, size_of(x))) for p, x in value.items()}
+    if LEVER_ARM in value:
+        arm = C @ value[LEVER_ARM]
+        computed = computed + arm
+        own[:, :, 3:] = -skew(arm)
+        of[LEVER_ARM][:] = C
+    if TIME_OFFSET in value:
+        computed = computed - v * value[TIME_OFFSET][0]
+        of[TIME_OFFSET][:, :, 0] = -v
+    if SHIFT in value:
+        computed = computed + value[SHIFT]
+        of[SHIFT][:] = np.eye(3)
+    if DRIFT in value:
+        computed = computed + since * value[DRIFT]
+        of[DRIFT][:] = since[:, :, None] * np.eye(3)
+    return computed, own, of
+
+
+def size_of(value: Array) -> int:
+    """Return how many parameters a value has: three of a rotation."""
     return 3 if value.ndim == 2 else value.size
 
 

@@ -319,7 +319,7 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
     if scale is None:
         scale = result.sigma0**2 if result.redundancy > 0 else 1.0
     normals = assembled(problem, result.values)
-    Q = _cofactors(problem, result.values, factorised(problem, normals))
+    Q = cofactors_from(problem, result.values, factorised(problem, normals))
     point = np.full((len(problem.block.points), 3, 3), np.nan)
     r = np.full_like(problem.rays.uv, np.nan)
     posterior.posterior(
@@ -342,12 +342,25 @@ def precision_of(result: Adjusted, scale: float | None = None) -> Precision:
         w = np.where(root > 0.0, residuals_px(result) / sigma / root / np.sqrt(scale), 0.0)
         w[np.isnan(redundancy)] = np.nan
         detectable = NONCENTRALITY * np.sqrt(scale) * sigma / root
-    tests = tuple(_tested(result, group, Q, point, scale) for group in problem.groups)
+    tests = tuple(tested(result, group, Q, point, scale) for group in problem.groups)
     return Precision(result, scale, Q, scale * point, redundancy, w, detectable, tests)
 
 
-def _cofactors(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
-    """Return all cofactors; the factor is used up."""
+def cofactors_from(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
+    """Return all cofactors.
+
+    Parameters
+    ----------
+    problem, values
+        The observations, and the adjusted values.
+    factor : Factor
+        Of their normal matrix; it is used up.
+
+    Returns
+    -------
+    Cofactors
+        Those that the envelope stores, and those of common motions.
+    """
     layout, block = problem.layout, problem.block
     motions = np.zeros((layout.size, len(COMMON) * len(block.cameras)))
     share = 1.0 / np.maximum(np.bincount(block.camera, minlength=len(block.cameras)), 1)
@@ -361,10 +374,29 @@ def _cofactors(problem: Problem, values: Unknowns, factor: Factor) -> Cofactors:
     return Cofactors(problem, values, factor.inverted(), common, motions.T @ common)
 
 
-def _tested(
+def tested(
     result: Adjusted, group: ObservationGroup, Q: Cofactors, point: Array, scale: float
 ) -> GroupTest:
-    """Return the test of a group: w = (P e)_i / sqrt((P Q_vv P)_ii), for correlated ones too."""
+    """Test a group: w = (P e)_i / sqrt((P Q_vv P)_ii), for correlated observations too.
+
+    Parameters
+    ----------
+    result : Adjusted
+        The adjustment.
+    group : ObservationGroup
+        The group.
+    Q : Cofactors
+        Cofactors of all unknowns but eliminated points.
+    point : ndarray, (m, 3, 3)
+        Cofactors of the points.
+    scale : float
+        Variance of unit weight.
+
+    Returns
+    -------
+    GroupTest
+        Residuals and their tests.
+    """
     layout = result.problem.layout
     e, J = group.linearised(result.values)
     (name, row), *others = group.keys

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..adjust.direct import joint_covariance
 from ..adjust.normals import cofactors_of, problem_of
 from ..adjust.unknowns import POINT
 from ..records.block import Array
@@ -85,6 +86,9 @@ def check_points(solved: Solved) -> CheckPoints:
     if not rows.size:
         return CheckPoints(rows, d, np.zeros((0, 0)), block.check.cov[rows])
     keep = [int(p) for p in of_block]
+    if solved.direct:
+        Q = joint_covariance(own, result.values, keep)
+        return CheckPoints(rows, d, Q, block.check.cov[rows])
     problem = problem_of(block, own.groups, result.values.blocks, keep).with_active_of(own)
     columns = np.concatenate([problem.layout.of((POINT, p))[0] for p in keep])
     Q = cofactors_of(problem, result.values, columns)

@@ -13,6 +13,7 @@ from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, ImageBlock
+from .aerial.relative import weakly_held
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
 from .vehicle.verdict import vehicle_figures
@@ -42,7 +43,12 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "iterations": solved.iterations,
         "redundancy": result.redundancy,
         "sigma0": result.sigma0,
+        "mode": solved.inputs.file.adjustment.mode,
         "covariance_of_aerial_control": solved.control.covariance,
+        "weakly_held": [
+            {"image": block.images[image], "images": count}
+            for image, count in weakly_held(result.problem.groups, solved.precision.groups)
+        ],
         "components": _components(solved),
         "cameras": _cameras(solved),
         "mounting": _mounting(solved),
@@ -57,7 +63,8 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "check_points_together": {
             "normalised_square": checks.normalised_square,
             "degrees_of_freedom": int(checks.difference_m.size),
-        },
+        }
+        | _statistics(checks),
         "images": _images(solved),
         "correlations": [
             {"first": c.first, "second": c.second, "correlation": c.value, "remedy": c.remedy}
@@ -182,6 +189,7 @@ def _lines(solved: Solved) -> list[dict[str, Any]]:
             "first_image": images[rows[0]],
             "last_image": images[rows[-1]],
             "images": int(rows.size),
+            "control": solved.control.of_lines[k],
         }
         for name in (SHIFT, DRIFT):
             if (name, k) in blocks:
@@ -234,6 +242,19 @@ def _check(solved: Solved, checks: CheckPoints) -> list[dict[str, Any]]:
             "position_m": point[block.check.point[own]].tolist(),
         }
     return out
+
+
+def _statistics(checks: CheckPoints) -> dict[str, list[float] | None]:
+    """Return mean, root mean square and largest difference of each coordinate, m."""
+    d = checks.difference_m
+    if not d.size:
+        return {"mean_m": None, "rms_m": None, "largest_m": None}
+    largest = d[np.abs(d).argmax(axis=0), np.arange(3)]
+    return {
+        "mean_m": d.mean(axis=0).tolist(),
+        "rms_m": np.sqrt((d**2).mean(axis=0)).tolist(),
+        "largest_m": largest.tolist(),
+    }
 
 
 def _rays(solved: Solved) -> NDArray[np.int64]:

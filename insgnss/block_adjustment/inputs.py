@@ -20,6 +20,7 @@ from ..formats.orientation.eo_json import read_eo_json
 from ..geodesy.frames import TangentPlane
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageBlock
+from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .placing import placed
 from .vehicle.places import Vehicle, vehicle_of
 
@@ -85,6 +86,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         A file cannot be read, or files do not belong together.
     """
     notes: list[str] = []
+    file, mode = file_in_mode(file, notes), file.adjustment.mode
     progress("reading image observations")
     if file.images.file is None:
         raise InputError(
@@ -99,7 +101,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     )
     notes += source.notes
     source = _without_images(source, file.images.skip)
-    source = replace(source, cameras=_cameras(file, source))
+    source = replace(source, cameras=cameras_in_mode(mode, _cameras(file, source)))
     if (
         source.cameras
         and len(source.camera)
@@ -111,9 +113,13 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         progress("reading aerial control")
         eo = read_eo_json(file.aerial_control.file)
     ground = ground_in_plane(file, source, eo, notes)
-    source = _oriented_only(source, eo, notes)
+    ground = ground_in_mode(mode, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
-    made = joined(source, ground, eo)
+    moving = () if vehicle is None else vehicle.points
+    source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)
+    if vehicle is not None:
+        vehicle = vehicle.seen_in(source.measured)
+    made = joined(source, ground, eo, all_oriented=mode == "fast_at")
     for camera in made.block.cameras:
         refuse_field_of_view(camera)
     block, rows = made.block, made.eo_row
@@ -146,6 +152,9 @@ def _with_vehicle(
 ) -> tuple[MeasuredBlock, Vehicle | None]:
     """Return the block whose images see a vehicle, and the vehicle."""
     if file.vehicle.file is None:
+        return source, None
+    if file.adjustment.mode == "direct":
+        notes.append("mode direct: poses are held, and the vehicle takes no part")
         return source, None
     progress("reading the vehicle")
     fixed = () if ground is None else ground.points

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..report.rules.wording import Limit, lengths, screen_unit
+from .aerial.relative import WEAK
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
@@ -28,6 +29,8 @@ DISCONNECTED = 8.0  # times the share of ground control, for its rank
 TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, beyond which no orientation is written."""
 CHECKS = "check points"
+HELD_WORSE = 4.0
+"""The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
 DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
@@ -92,7 +95,8 @@ def judged(
     drawn = patterns(solved)
     beyond += _checks(figures)
     beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
-    beyond += _patterns(figures, drawn)
+    if not solved.direct:  # errors of the poses repeat from image to image
+        beyond += _patterns(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
     trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
     if contradicted:
@@ -106,6 +110,7 @@ def judged(
     else:
         beyond += _hidden(trials_made)
     findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
+    findings += _weakly_held(figures)
     findings += [*_images(solved), *_lever_arm(solved)]
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
@@ -139,7 +144,10 @@ def _bounds(redundancy: float) -> tuple[float, float]:
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
     for c in figures["components"]:
-        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] == "mounting":
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", WEAK):
+            continue
+        if figures["mode"] == "direct":
+            yield from _rays_apart(c)
             continue
         factor = c["factor"]
         if factor != 1.0:  # its variances were multiplied
@@ -169,6 +177,41 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
                 f"{c['name']} is better than stated: its residuals are {times:.2f} times what its"
                 f" standard deviations say (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
             )
+
+
+def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
+    """Rays of held poses that do not meet as their covariance promises.
+
+    One error that all images share, such as of the heading, moves all residuals alike: there is no
+    more than one degree of freedom to count on.
+    """
+    times = float(np.sqrt(component["variance"]))
+    if times > HELD_WORSE:
+        yield Limit(
+            component["name"],
+            times,
+            f"rays from the held poses pass {times:.1f} times as far from each other as covariances"
+            " of poses and image observations allow",
+            "adjust the same files in mode iso, which says what is wrong",
+        )
+
+
+def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Flight lines of relative control that no ground point, tie point or position holds."""
+    if not (chains := figures["weakly_held"]):
+        return
+    options = figures["block_file"]["aerial_control"]
+    images = sum(chain["images"] for chain in chains)
+    first = chains[0]["image"]
+    yield Limit(
+        "relative control",
+        0.95,
+        f"{images} images in {len(chains)} flight lines or turns (of {first} first) have relative"
+        " control alone and nothing that tells where they lie or how they are turned: weak"
+        f" observations of {options['datum_sigma_m']:g} m and {options['datum_sigma_deg']:g} deg"
+        " of one image each hold them",
+        "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
+    )
 
 
 def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
@@ -337,6 +380,8 @@ def advice(trial: Trial) -> str:
         return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
     if trial.key == "camera.free":
         return "estimate it with camera.free"
+    if trial.key == "camera.file":
+        return "adjust the tie points in mode iso, and take the camera.toml that it writes"
     return f"estimate it with {trial.key}"
 
 

@@ -13,6 +13,13 @@ from ..report.rules.wording import lengths
 from .judgement import Judgement
 from .solve import Solved
 
+MODES = {
+    "iso": "integrated sensor orientation",
+    "indirect": "indirect: without aerial control",
+    "fast_at": "Fast AT: ground points alone, camera held",
+    "direct": "direct: poses and camera held",
+}
+
 
 def write_page(
     path: Path, solved: Solved, figures: Mapping[str, Any], judgement: Judgement
@@ -100,6 +107,7 @@ def _numbers(figures: Mapping[str, Any]) -> str:
     c = figures["counts"]
     points = figures["points"]["median_sigma_m"]
     rows = [
+        ("mode", MODES[figures["mode"]]),
         ("images", f"{c['images']}, {c['with_aerial_control']} with aerial control"),
         ("object points", f"{c['points']}"),
         ("image observations", f"{c['image_observations']}, {c['rejected']} rejected"),
@@ -210,6 +218,16 @@ def _checks(figures: Mapping[str, Any]) -> str:
         return ""
     square = "normalised square, expected 1, by chance up to 3.8"
     head = ("point", "images", "E, mm", "N, mm", "U, mm", square)
+    together = figures["check_points_together"]
+    mean = together["normalised_square"] / together["degrees_of_freedom"]
+    rows += [
+        (words, "", *(f"{1e3 * x:+.1f}" if sign else f"{1e3 * x:.1f}" for x in together[key]), more)
+        for words, key, sign, more in (
+            ("mean", "mean_m", True, ""),
+            ("root mean square", "rms_m", False, ""),
+            ("largest", "largest_m", True, f"{mean:.2f} together"),
+        )
+    ]
     return "<h2>Check points: surveyed minus adjusted</h2>\n" + table(rows, head, numbers=True)
 
 

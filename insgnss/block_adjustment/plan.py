@@ -37,7 +37,7 @@ from ..report.figures.block import precision_map
 from ..report.markup import document, escape, pictured
 from ..report.rules.wording import lengths, screen_unit
 from ..simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
-from .control import Control, control_of
+from .aerial.control import Control, control_of
 from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
 from .page import ground_of

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.adjustment import Adjusted, adjusted
+from ..adjust.direct import direct_precision
 from ..adjust.groups import PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
@@ -15,7 +16,7 @@ from ..adjust.start import first_values
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import Reweighted, reweighted
 from ..base.errors import DataError
-from .control import Control, control_of
+from .aerial.control import Control, control_of
 from .inputs import Inputs
 from .vehicle.control import vehicle_control, with_first_points
 
@@ -49,6 +50,11 @@ class Solved:
     rejected: NDArray[np.int64]
     rejected_control: tuple[RejectedControl, ...]
     iterations: int
+
+    @property
+    def direct(self) -> bool:
+        """Whether points were intersected from poses that were held."""
+        return self.inputs.file.adjustment.mode == "direct"
 
     @property
     def precision(self) -> Precision:
@@ -101,6 +107,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     progress(f"first values of {len(block.images)} images and {len(block.points)} points")
     problem, values = set_up(inputs, control)
     options = inputs.file.adjustment
+    if options.mode == "direct":
+        return _intersected(inputs, control, problem, values, progress)
     progress(f"adjusting {len(block.observations)} image observations")
     if options.keep_all:
         cleaned = Cleaned(precision_of(adjusted(problem, values)), np.zeros(0, dtype=np.int64))
@@ -110,6 +118,31 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
+
+
+def _intersected(
+    inputs: Inputs, control: Control, problem: Problem, values: Unknowns, progress: Progress
+) -> Solved:
+    """Intersect all points from poses that are held."""
+    options, block = inputs.file.adjustment, problem.block
+    if not (oriented := block.oriented).all():
+        name = block.images[int(np.argmin(oriented))]
+        raise DataError(
+            f"mode direct: image {name}, and {int((~oriented).sum()) - 1} more, have no aerial"
+            " control to be held; leave them out by images.skip, or take mode iso"
+        )
+    held = replace(block, held=np.ones_like(block.held))
+    alone, values = problem_of(held), replace(values, blocks={})
+    progress(f"intersecting {len(block.points)} points from {len(block.images)} poses")
+    if options.keep_all:
+        cleaned = Cleaned(precision_of(adjusted(alone, values)), np.zeros(0, dtype=np.int64))
+    else:
+        cleaned = without_outliers(alone, values, options.limit_w, progress=progress)
+    result = cleaned.result
+    values = replace(result.values, blocks=control.blocks)
+    done = replace(result, problem=problem.with_active_of(result.problem), values=values)
+    solution = Reweighted(direct_precision(done), (), True)
+    return Solved(inputs, control, solution, cleaned.rejected, (), result.iterations)
 
 
 def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:

@@ -27,9 +27,10 @@ from ..base.errors import DataError
 from ..config.block_file import AerialControlTable, VehicleTable
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
+from .aerial.control import control_of
 from .check_points import check_points
-from .control import control_of
 from .inputs import Inputs
+from .mode import CAMERA_HELD
 from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
 from .vehicle.control import remedies as vehicle_remedies
@@ -148,6 +149,8 @@ def trials(
         Those that could be adjusted, the largest gain beyond its unknowns first.
     """
     done = []
+    if solved.direct:
+        return ()
     for remedy in _remedies(solved.inputs):
         if remedy.option == "aerial_control.boresight_sigma_deg" and not everything:
             continue
@@ -249,13 +252,14 @@ class _Remedy:
 
 def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
     options, own = inputs.file.aerial_control, inputs.file.vehicle
+    mode = inputs.file.adjustment.mode
 
     def one(
         name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
     ) -> _Remedy:
         return _Remedy(name, option, unit, wider, own, key)
 
-    if inputs.eo is not None:
+    if inputs.eo is not None and mode != "indirect":
         if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
             wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
@@ -264,7 +268,7 @@ def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
             wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
             key = "aerial_control.lever_arm_sigma_m"
             yield one("lever arm", key, "m", (LEVER_ARM, 0), wider)
-        if options.boresight_sigma_deg < LOOSE[BORESIGHT]:
+        if options.boresight_sigma_deg < LOOSE[BORESIGHT] and options.absolute_attitudes:
             wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
             key = "aerial_control.boresight_sigma_deg"
             yield one("bore-sight", key, "rad", (BORESIGHT, 0), wider)
@@ -273,7 +277,8 @@ def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
     for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, own):
         yield _Remedy(name, option, unit, options, vehicle, block)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
-        yield one("interior orientation", "camera.free", "px", (CAMERA, 0))
+        key = "camera.file" if mode in CAMERA_HELD else "camera.free"
+        yield one("interior orientation", key, "px", (CAMERA, 0))
 
 
 def _with_usual(block: ImageBlock) -> ImageBlock:

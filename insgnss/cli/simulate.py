@@ -8,6 +8,9 @@ from .console import Progress
 from .verb import Verb, positive, show
 
 SURVEYS = ("ign8", "ign6x1")
+PUBLISHED = ("block2015", "corridor2014", "mapkite")
+"""Of `simulation.published_blocks`, which asks for numpy."""
+IMU_RATE_HZ, VIBRATION = 500.0, 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,8 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
     parser.add_argument(
         "--flight",
-        choices=("ign8", "ign6x1", "car", "walk"),
-        help="block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8)",
+        choices=(*SURVEYS, "car", "walk", *PUBLISHED),
+        help=(
+            "block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8); or"
+            " an image block of the literature with poses whose errors are drawn: block2015,"
+            " corridor2014 (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)"
+        ),
     )
     parser.add_argument(
         "--minutes",
@@ -27,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--imu-rate",
         type=positive,
-        default=500.0,
         metavar="HZ",
         help="IMU samples a second (default: 500)",
     )
@@ -35,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "factor of the IMU's white noise in motion against the noise model of the flight file"
         " (default: 1)"
     )
-    parser.add_argument("--vibration", type=positive, default=1.0, metavar="X", help=shakes)
+    parser.add_argument("--vibration", type=positive, metavar="X", help=shakes)
     raw = (
         "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start"
         " from"
@@ -60,6 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of --block: share of image observations that are off by 10 to 100 px (default: 0)",
     )
     parser.add_argument(
+        "--unknown-boresight",
+        type=positive,
+        metavar="DEG",
+        help="of block2015, corridor2014, mapkite: a turn of the camera that its poses do not know",
+    )
+    parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
     )
 
@@ -76,6 +88,10 @@ def _survey(text: str) -> str:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
+    if options.flight in PUBLISHED:
+        return _published(options, progress)
+    if options.unknown_boresight is not None:
+        raise UsageError(f"--unknown-boresight is of --flight {', '.join(PUBLISHED)}")
     from ..simulation.dataset import write_dataset
 
     if options.block and options.flight not in (None, options.block):
@@ -87,7 +103,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     arguments = {
         "flight": flight,
         "minutes": options.minutes,
-        "vibration": options.vibration,
+        "vibration": options.vibration or VIBRATION,
         "seed": options.seed,
     }
     if options.raw_gnss:
@@ -100,7 +116,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         arguments["block"] = BlockOptions.of(flight, options.gross_errors or 0.0)
     elif options.gross_errors is not None:
         raise UsageError("--gross-errors is of image observations; give --block too")
-    write_dataset(options.directory, imu_rate=options.imu_rate, **arguments)
+    imu_rate = options.imu_rate or IMU_RATE_HZ
+    write_dataset(options.directory, imu_rate=imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
     message = f"{flight_file}\nnext: insgnss process {flight_file}"
     if options.block is not None:
@@ -108,12 +125,33 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     return show(options, progress, lambda: message, lambda: {"flight": flight_file})
 
 
+def _published(options: argparse.Namespace, progress: Progress) -> int:
+    """Write an image block of the literature; return the exit code."""
+    for name in ("minutes", "imu_rate", "vibration", "raw_gnss", "block", "gross_errors"):
+        if getattr(options, name) not in (None, False):
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(
+                f"{option} has no meaning with --flight {options.flight}, whose sizes are those of"
+                f" its paper and whose poses come from no sensors; leave {option} out"
+            )
+    from ..simulation.published_blocks.files import write_survey
+    from ..simulation.published_blocks.survey import simulate_survey
+
+    progress(f"simulating {options.flight}")
+    turn = options.unknown_boresight or 0.0
+    made = simulate_survey(options.flight, options.seed, boresight_deg=turn)
+    write_survey(options.directory, made)
+    block = options.directory / "block.toml"
+    message = f"{block}\nnext: insgnss adjust {block}"
+    return show(options, progress, lambda: message, lambda: {"block": block})
+
+
 VERB = Verb(
     "simulate",
     "write a simulated data set in the published tree, with the truth beside it",
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
     " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
-    " 0.01",
+    " 0.01\n  insgnss simulate corridor --flight corridor2014 --seed 1",
     add_arguments,
     run,
 )

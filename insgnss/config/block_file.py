@@ -16,6 +16,8 @@ PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
+CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
+"""A absolute, R relative, p position, a attitude."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,63 @@ class AerialControlTable:
         'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
         '"image": of each image alone; "auto": the first of these that is there',
     )
+    control: Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"] = option(
+        "Ap/Aa",
+        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight "
+        "line (R): position (p) and attitude (a). Relative attitudes ask for no bore-sight, "
+        "relative positions for no datum of the fixes",
+        cli="--control",
+    )
+    lines: tuple[str, ...] = option(
+        (),
+        "flight lines with another control: name of one of its images and the control, such as "
+        '"IMG_0010 Rp/Ra"',
+    )
+    relative_weights: Literal["smoothed", "independent", "gyro"] = option(
+        "smoothed",
+        'what weighs relative control: "smoothed": the covariance of all poses of the line; '
+        '"independent": each pair as of independent images (paper 003, equation 5); "gyro": the '
+        "same for positions, and for attitudes noise and drift of the gyroscopes (equation 6)",
+        cli="--relative-weights",
+    )
+    gap_s: float = option(
+        10.0,
+        "longest time between two images of which one is observed relative to the other",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+    )
+    gyro_noise_deg_rts: float = option(
+        0.005,
+        "white noise of the gyroscopes, omega_RW of equation 6 of paper 003",
+        unit="deg/sqrt(s)",
+        low=1e-9,
+        high=10.0,
+    )
+    gyro_drift_degps: float = option(
+        0.003,
+        "drift that is left of the gyroscopes, omega_b of equation 6",
+        unit="deg/s",
+        low=0.0,
+        high=10.0,
+    )
+    gyro_vertical: float = option(
+        1.5, "by which the drift about the vertical is larger, k of paper 003", low=0.01, high=100.0
+    )
+    datum_sigma_m: float = option(
+        5.0,
+        "standard deviation of the position of one image of each line of relative positions",
+        unit="m",
+        low=1e-3,
+        high=1e6,
+    )
+    datum_sigma_deg: float = option(
+        2.0,
+        "the same of the attitude of one image of each line of relative attitudes",
+        unit="deg",
+        low=1e-3,
+        high=180.0,
+    )
     boresight_sigma_deg: float = option(
         1.0,
         "standard deviation of what is left of the bore-sight about each axis, which is estimated; "
@@ -153,6 +212,25 @@ class AerialControlTable:
 
     def __post_init__(self) -> None:
         check(self, "aerial_control")
+        for text in self.lines:
+            name, _, control = text.rpartition(" ")
+            if not name.strip() or control not in CONTROLS:
+                raise OptionError(
+                    "aerial_control.lines",
+                    f"{text!r}: name of an image and one of {' '.join(CONTROLS)}, such as"
+                    ' "IMG_0010 Rp/Ra"',
+                )
+
+    @property
+    def of_lines(self) -> dict[str, str]:
+        """Control of the flight lines that have another one, by the name of an image."""
+        pairs = (text.rpartition(" ") for text in self.lines)
+        return {name.strip(): control for name, _, control in pairs}
+
+    @property
+    def absolute_attitudes(self) -> bool:
+        """Whether any line observes attitudes that the bore-sight turns."""
+        return "Ap/Aa" in (self.control, *self.of_lines.values())
 
 
 @dataclass(frozen=True)
@@ -303,8 +381,16 @@ class VehicleTable:
 
 @dataclass(frozen=True)
 class AdjustmentTable:
-    """Table [adjustment]: how observations are weighed and judged."""
+    """Table [adjustment]: what takes part, how observations are weighed and judged."""
 
+    mode: Literal["iso", "indirect", "fast_at", "direct"] = option(
+        "iso",
+        '"iso": integrated sensor orientation, all observations; "indirect": without aerial '
+        'control; "fast_at": image observations of ground points alone, with aerial control and a '
+        'camera that is held; "direct": poses and camera are held, points are intersected, and '
+        "ground control is compared as check points are",
+        cli="--mode",
+    )
     reweight: tuple[str, ...] = option(
         ("image observations",),
         "groups of observations whose variances are multiplied by their components: image "
@@ -415,6 +501,28 @@ class BlockFile:
 
     def __post_init__(self) -> None:
         check(self, "")
+        self._check_mode()
+
+    def _check_mode(self) -> None:
+        """Refuse options that the mode has no use for."""
+        mode, control = self.adjustment.mode, self.aerial_control
+        if mode in ("fast_at", "direct"):
+            if control.file is None:
+                raise OptionError(
+                    "adjustment.mode", f'"{mode}" needs aerial control; give its eo.json'
+                )
+            if self.camera.free:
+                raise OptionError(
+                    "camera.free", f'the camera is held in mode "{mode}"; leave it out'
+                )
+            lines = {control.control, *control.of_lines.values()}
+            usable = ("Ap/Aa", "Ap/Ra", "Rp/Ra") if mode == "fast_at" else ("Ap/Aa",)
+            if odd := lines.difference(usable):
+                raise OptionError(
+                    "aerial_control.control",
+                    f'"{min(odd)}" does not orient images in mode "{mode}"; it takes'
+                    f" {', '.join(usable)}",
+                )
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""

@@ -12,7 +12,7 @@ from insgnss.adjust.adjustment import adjusted
 from insgnss.adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from insgnss.adjust.precision import precision_of
 from insgnss.adjust.unknowns import POSE
-from insgnss.block_adjustment.control import Control, control_of
+from insgnss.block_adjustment.aerial.control import Control, control_of
 from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.solve import set_up
 from insgnss.cli import main

@@ -1,4 +1,5 @@
-"""Numba kernel of cofactors of the points and of redundancy numbers (J.7)."""
+"""Numba kernels of cofactors of the points and of redundancy numbers (J.7), and of residuals of
+points that were intersected from held poses (J.20)."""
 
 import numpy as np
 
@@ -93,3 +94,70 @@ def posterior(rays, values, own_V, own_g, s, places, Q, Q_point, redundancy):
                         inner += q * s.L[t, r, b]
                     variance += s.L[t, r, a] * inner
                 redundancy[s.ray[t], r] = 1.0 - variance
+
+
+@njit(cache=True)
+def expected_squares(rays, values, own_V, own_g, s, places, Q, out):
+    """Compute expected squares of whitened residuals where poses are held (J.20).
+
+    Parameters
+    ----------
+    rays, values : Rays, Values
+        The observations, and the values.
+    own_V, own_g : ndarray
+        (np, 3, 3) and (np, 3) what groups say of each point alone.
+    s : Scratch
+        Working arrays.
+    places : Places
+        Where the entries of Q stand.
+    Q : ndarray
+        Cofactors of the poses.
+    out : ndarray, (n, 2)
+        Expected squares, written here but for observations that are not active.
+    """
+    most = 2 * s.L.shape[0]
+    C, H, F = np.empty((most, most)), np.empty((most, most)), np.empty((most, most))
+    wide = 6 + rays.columns.size
+    block, half = np.empty((6, 6)), np.empty((2, 6))
+    for p in range(rays.start.size - 1):
+        take_own(own_V, own_g, p, s)
+        m, _ = linearise_point(rays, values, p, s, False)
+        if m == 0 or not invert3(s.V, s.Vi):
+            continue
+        for t in range(m):
+            for u in range(t + 1):
+                for a in range(6):
+                    for b in range(6):
+                        block[a, b] = Q[address(places, s.column[t, a], s.column[u, b])]
+                for r in range(2):
+                    for b in range(6):
+                        half[r, b] = 0.0
+                        for a in range(6):
+                            half[r, b] += s.L[t, r, a] * block[a, b]
+                for r in range(2):
+                    for q in range(2):
+                        c, h = 0.0, 0.0
+                        for b in range(6):
+                            c += half[r, b] * s.L[u, q, b]
+                        for a in range(3):
+                            for b in range(3):
+                                h += s.L[t, r, wide + a] * s.Vi[a, b] * s.L[u, q, wide + b]
+                        i, j = 2 * t + r, 2 * u + q
+                        C[i, j] = C[j, i] = c
+                        H[i, j] = H[j, i] = h
+        n = 2 * m
+        for i in range(n):
+            C[i, i] += 1.0
+        for i in range(n):  # F = (I - H) C
+            for j in range(n):
+                f = C[i, j]
+                for b in range(n):
+                    f -= H[i, b] * C[b, j]
+                F[i, j] = f
+        for t in range(m):
+            for r in range(2):
+                i = 2 * t + r
+                square = F[i, i]
+                for b in range(n):
+                    square -= F[i, b] * H[b, i]
+                out[s.ray[t], r] = square

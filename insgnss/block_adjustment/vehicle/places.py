@@ -71,6 +71,13 @@ class Vehicle:
             size_sigma_px=self.size_sigma_px[rows],
         )
 
+    def seen_in(self, measured: ImagePoints) -> "Vehicle":
+        """Return the exposures whose measurement of the target is among image observations."""
+        seen = measured.observations
+        there = {measured.points[p] for p in np.unique(seen.point)}
+        rows = [k for k, name in enumerate(self.points) if name in there]
+        return self if len(rows) == len(self.points) else self.rows(np.array(rows, dtype=np.int64))
+
 
 def vehicle_of(
     options: VehicleTable,

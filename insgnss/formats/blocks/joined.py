@@ -44,7 +44,10 @@ class Joined:
 
 
 def joined(
-    source: MeasuredBlock, ground: GroundTable | None = None, eo: ExteriorOrientation | None = None
+    source: MeasuredBlock,
+    ground: GroundTable | None = None,
+    eo: ExteriorOrientation | None = None,
+    all_oriented: bool = False,
 ) -> Joined:
     """Join what is known of a block by the names of images and points.
 
@@ -59,11 +62,14 @@ def joined(
         Ground points in the axes of the block; those that are measured in no image are left out.
     eo : ExteriorOrientation, optional
         First values of the poses in these axes.
+    all_oriented : bool
+        Whether images of the orientation in which nothing was measured are images of the block;
+        they have the first camera.
 
     Returns
     -------
     Joined
-        The block; images without observations are left out.
+        The block; other images without observations are left out.
 
     Raises
     ------
@@ -72,6 +78,8 @@ def joined(
         or no point of the other.
     """
     source = _observed(source)
+    if eo is not None and all_oriented:
+        source = _with_oriented(source, eo)
     measured = source.measured
     n = len(measured.images)
     if not source.cameras:
@@ -167,6 +175,21 @@ def _observed(source: MeasuredBlock) -> MeasuredBlock:
         measured=replace(source.measured, images=images, observations=observations),
         position_m=source.position_m[keep],
         C_mc=source.C_mc[keep],
+    )
+
+
+def _with_oriented(source: MeasuredBlock, eo: ExteriorOrientation) -> MeasuredBlock:
+    """Return the block with the images that only the orientation has."""
+    own = matched(source.measured.images, eo.images)
+    missing = np.setdiff1d(np.arange(len(eo.images)), own)
+    names = tuple(eo.images[k] for k in missing)
+    position, C_mc = no_poses(missing.size)
+    return replace(
+        source,
+        camera=np.concatenate([source.camera, np.zeros(missing.size, dtype=np.int64)]),
+        measured=replace(source.measured, images=(*source.measured.images, *names)),
+        position_m=np.vstack([source.position_m, position]),
+        C_mc=np.concatenate([source.C_mc, C_mc]),
     )
 
 

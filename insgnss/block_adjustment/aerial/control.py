@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..adjust.aerial import (
+from ...adjust.aerial import (
     BORESIGHT,
     COMMON,
     DRIFT,
@@ -26,18 +26,21 @@ from ..adjust.aerial import (
     ParameterObservation,
     chained_covariance,
 )
-from ..adjust.groups import ObservationGroup, weight_of
-from ..adjust.unknowns import Key
-from ..base.errors import InputError
-from ..config.block_file import AerialControlTable
-from ..formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
-from ..orient.relative import line_pairs
-from ..records import ExteriorOrientation
-from ..records.block import Array
-from .inputs import Inputs
+from ...adjust.groups import ObservationGroup, weight_of
+from ...adjust.unknowns import Key
+from ...base.errors import InputError, near
+from ...config.block_file import AerialControlTable
+from ...formats.blocks.joined import matched
+from ...formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
+from ...records import ExteriorOrientation
+from ...records.block import Array
+from ...records.relative import GAP_S
+from ..inputs import Inputs
+from .relative import Strip, breaks, relative_groups
 
 MOUNTING = "mounting"
 LONGEST_CHAIN = 200
+RELATIVE = ("Ap/Ra", "Rp/Ra", "Rp")
 Rows = NDArray[np.int64]
 
 
@@ -55,12 +58,15 @@ class Control:
         Rows of the block's images of each flight line.
     covariance : str
         Which covariances weigh them: "strip", "chain", "image", or "none" without aerial control.
+    of_lines : tuple of str
+        What is observed of each flight line, such as "Ap/Ra".
     """
 
     groups: tuple[ObservationGroup, ...]
     blocks: dict[Key, Array]
     lines: tuple[Rows, ...]
     covariance: str
+    of_lines: tuple[str, ...] = ()
 
 
 def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Control:
@@ -84,38 +90,33 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         A covariance is asked for that is not there, or velocities are needed and missing.
     """
     eo, options = inputs.eo, options or inputs.file.aerial_control
-    if eo is None:
+    if eo is None or inputs.file.adjustment.mode == "indirect":
         return Control((), {}, (), "none")
     image_of = np.full(len(eo.images), -1, dtype=np.int64)
     own = inputs.eo_row >= 0
     image_of[inputs.eo_row[own]] = np.flatnonzero(own)
     kind, pieces = _pieces(eo, options)
     common = read_common_errors(_beside(options), eo) if kind == "strip" else None
-    zeros = np.zeros((len(eo), 3))
-    if options.time_offset_sigma_s > 0.0 and (eo.velocity_mps is None or eo.rate_radps is None):
-        raise InputError.at_line(
-            options.file,
-            None,
-            "no velocities of the images, which a delay needs; process the flight again, or leave"
-            " aerial_control.time_offset_sigma_s out",
-        )
-    velocity = zeros if eo.velocity_mps is None else eo.velocity_mps
-    rate = zeros if eo.rate_radps is None else eo.rate_radps
+    motion, line = _motion(eo, options), breaks(eo, options.gap_s)
+    others = _other_lines(eo, options)
     shared = _shared(options)
     blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
     groups: list[ObservationGroup] = [
         _prior((name, 0), value, sigma) for name, (value, sigma) in shared.items()
     ]
     lines: list[Rows] = []
-    for rows, cov in pieces:
-        seen = np.flatnonzero(image_of[rows] >= 0)
+    controls: list[str] = []
+    for piece, whole in pieces:
+        control = _control_of_line(piece, others, eo, options)
+        seen = np.flatnonzero(image_of[piece] >= 0)
         if seen.size == 0:
             continue
-        rows = rows[seen]
+        rows = piece[seen]
         columns = (6 * seen[:, None] + np.arange(6)).ravel()
-        cov = cov[np.ix_(columns, columns)]
+        cov = whole[np.ix_(columns, columns)]
         parameters, factor = dict.fromkeys(shared, 0), None
-        if common is not None and common.factor[rows].any():
+        printed = control in RELATIVE and options.relative_weights != "smoothed"
+        if common is not None and common.factor[rows].any() and not printed:
             segment, factor = int(common.segment[rows[0]]), common.factor[rows]
             parameters[COMMON], cov = segment, common.rest(rows, cov)
             if (COMMON, segment) not in blocks:
@@ -128,22 +129,85 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
                 parameters[name] = key[1]
                 blocks[key] = np.zeros(3)
                 groups.append(_prior(key, np.zeros(3), np.array(sigma)))
-        who = f"{options.file}: flight line from image {eo.images[rows[0]]}"
-        groups.append(
-            AerialControl(
-                tuple(int(i) for i in image_of[rows]),
-                eo.position_m[rows],
-                eo.C_mc[rows],
-                weight_of(cov, who),
-                eo.time[rows],
-                velocity[rows],
-                rate[rows],
-                parameters,
-                common=factor,
-            )
-        )
+        strip = Strip(rows, image_of[rows], cov, factor, parameters)
+        if control in RELATIVE:
+            groups += relative_groups(strip, control, eo, motion, line, options)
+        else:
+            groups.append(_absolute(strip, control, eo, motion, options))
         lines.append(image_of[rows])
-    return Control(tuple(groups), blocks, tuple(lines), kind)
+        controls.append(control)
+    return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
+
+
+def _absolute(
+    strip: Strip,
+    control: str,
+    eo: ExteriorOrientation,
+    motion: tuple[Array, Array],
+    options: AerialControlTable,
+) -> AerialControl:
+    """Return absolute control of a strip: of poses, or of positions alone."""
+    rows, cov, parameters = strip.rows, strip.cov, strip.parameters
+    if control == "Ap":
+        keep = (6 * np.arange(rows.size)[:, None] + np.arange(3)).ravel()
+        cov = cov[np.ix_(keep, keep)]
+        parameters = {p: k for p, k in parameters.items() if p != BORESIGHT}
+    who = f"{options.file}: flight line from image {eo.images[rows[0]]}"
+    return AerialControl(
+        tuple(int(i) for i in strip.images),
+        eo.position_m[rows],
+        eo.C_mc[rows],
+        weight_of(cov, who),
+        eo.time[rows],
+        motion[0][rows],
+        motion[1][rows],
+        parameters,
+        common=strip.factor,
+    )
+
+
+def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array, Array]:
+    """Return velocities and rates of the images, zero where they are not known and not needed."""
+    missing = eo.velocity_mps is None or eo.rate_radps is None
+    if options.time_offset_sigma_s > 0.0 and missing:
+        raise InputError.at_line(
+            options.file,
+            None,
+            "no velocities of the images, which a delay needs; process the flight again, or leave"
+            " aerial_control.time_offset_sigma_s out",
+        )
+    zeros = np.zeros((len(eo), 3))
+    return (
+        zeros if eo.velocity_mps is None else eo.velocity_mps,
+        zeros if eo.rate_radps is None else eo.rate_radps,
+    )
+
+
+def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[int, str]:
+    """Return the control that aerial_control.lines asks for, by the row of the named image."""
+    names = tuple(options.of_lines)
+    rows = matched(names, eo.images)
+    for name, row in zip(names, rows, strict=True):
+        if row < 0:
+            raise InputError(
+                f"aerial_control.lines: {name!r} is no image of the aerial control;"
+                f" {near(name, eo.images[:200])}"
+            )
+    return {int(row): options.of_lines[name] for name, row in zip(names, rows, strict=True)}
+
+
+def _control_of_line(
+    rows: Rows, others: dict[int, str], eo: ExteriorOrientation, options: AerialControlTable
+) -> str:
+    """Return the control of the flight line with these images."""
+    asked = {others[int(row)]: eo.images[row] for row in rows if int(row) in others}
+    if len(asked) > 1:
+        (one, first), (two, second) = list(asked.items())[:2]
+        raise InputError(
+            f"aerial_control.lines: {first} and {second} lie in one flight line, which cannot be"
+            f" both {one} and {two}; name one of them"
+        )
+    return next(iter(asked), options.control)
 
 
 def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:
@@ -151,7 +215,7 @@ def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:
     shared: dict[str, tuple[Array, Array]] = {}
     if options.lever_arm_sigma_m is not None:
         shared[LEVER_ARM] = np.zeros(3), np.array(options.lever_arm_sigma_m)
-    if options.boresight_sigma_deg > 0.0:
+    if options.boresight_sigma_deg > 0.0 and options.absolute_attitudes:
         shared[BORESIGHT] = np.eye(3), np.full(3, np.radians(options.boresight_sigma_deg))
     if options.time_offset_sigma_s > 0.0:
         shared[TIME_OFFSET] = np.zeros(1), np.array([options.time_offset_sigma_s])
@@ -184,7 +248,9 @@ def _pieces(
                 "no covariances of neighbours (images were left out), which"
                 ' aerial_control.covariance = "chain" needs; take the whole file, or "image"',
             )
-        return kind, _chains(eo)
+        return kind, ((rows, chained_covariance(eo[rows])) for rows in _lines(eo))
+    if any(control in RELATIVE for control in (options.control, *options.of_lines.values())):
+        return kind, ((rows, _apart(eo.cov[rows])) for rows in _lines(eo))
     return kind, ((np.array([k]), eo.cov[k]) for k in range(len(eo)))
 
 
@@ -197,13 +263,16 @@ def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]
         yield np.array([k]), eo.cov[k]
 
 
-def _chains(eo: ExteriorOrientation) -> Iterator[tuple[Rows, Array]]:
-    up = np.tile([0.0, 0.0, 1.0], (len(eo), 1))
-    first, _ = line_pairs(eo.time, eo.position_m, up, eo.C_mc)
-    follows = np.zeros(len(eo), dtype=bool)
-    follows[first + 1] = True
-    starts = np.flatnonzero(~follows)
-    for begin, end in zip(starts, [*starts[1:], len(eo)], strict=True):
-        for start in range(begin, end, LONGEST_CHAIN):
-            rows = np.arange(start, min(start + LONGEST_CHAIN, end))
-            yield rows, chained_covariance(eo[rows])
+def _apart(cov: Array) -> Array:
+    """Return the covariance (6 n, 6 n) of images that are independent of each other."""
+    n = len(cov)
+    P = np.zeros((n, 6, n, 6))
+    P[np.arange(n), :, np.arange(n), :] = cov
+    return P.reshape(6 * n, 6 * n)
+
+
+def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:
+    """Return the rows of the images of each flight line, of a long one in pieces."""
+    number = breaks(eo, GAP_S)
+    for rows in np.split(np.arange(len(eo)), np.flatnonzero(np.diff(number)) + 1):
+        yield from (rows[k : k + LONGEST_CHAIN] for k in range(0, rows.size, LONGEST_CHAIN))
