@@ -18,6 +18,7 @@ from ..records.relative import GAP_S
 from .aerial.relative import weakly_held
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
+from .vehicle.verdict import vehicle_figures
 
 
 def figures_of(solved: Solved) -> dict[str, Any]:
@@ -59,6 +60,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {"point": c.point, "residual_m": c.off_m.tolist(), "w": c.w}
             for c in solved.rejected_control
         ],
+        "vehicle": vehicle_figures(solved.inputs.vehicle, solved.precision, residuals_px(result)),
         "check_points": _check(solved, checks),
         "check_points_together": {
             "normalised_square": checks.normalised_square,
@@ -130,6 +132,7 @@ def _counts(solved: Solved) -> dict[str, int]:
         - int(problem.rays.active.sum())
         - int(solved.rejected.size),
         "ground_control": len(problem.block.control),
+        "kinematic_ground_control": 0 if inputs.vehicle is None else len(inputs.vehicle.images),
         "check_points": len(problem.block.check),
         "flight_lines": len(solved.control.lines),
     }

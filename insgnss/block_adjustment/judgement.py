@@ -18,6 +18,7 @@ from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
 from .trials import Trial, shift_of_check_points, trials
+from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
 
 OUTSIDE, WORSE = 0.9995, 1.2
 GROSS_W = 4.0
@@ -93,7 +94,7 @@ def judged(
     beyond = list(_components(figures))
     drawn = patterns(solved)
     beyond += _checks(figures)
-    beyond += _disconnected(figures)
+    beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
         beyond += _patterns(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
@@ -376,6 +377,8 @@ def shown(trial: Trial) -> str:
 
 def advice(trial: Trial) -> str:
     """Return what to do about what a trial showed."""
+    if trial.remedy:
+        return trial.remedy
     if trial.key == "ground.crs":
         return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
     if trial.key == "camera.free":
@@ -443,7 +446,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
 
 def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of cameras and mounting whether the block determines it.
+    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
 
     Parameters
     ----------
@@ -483,6 +486,7 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
                 f" {factor * before:.2g})",
             )
+    yield from determined_of(figures, (DETERMINED, UNDETERMINED))
 
 
 def _headline(figures: Mapping[str, Any], findings: tuple[Limit, ...]) -> str:
@@ -508,4 +512,6 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
         d = np.array([c["difference_m"] for c in checks])
         rms = np.sqrt((d**2).mean(axis=0))
         text += f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+    if words := headline_words(figures):
+        text += f"; {words}"
     return text
