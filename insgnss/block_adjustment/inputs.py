@@ -22,6 +22,7 @@ from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageBlock
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .placing import placed
+from .vehicle.places import Vehicle, vehicle_of
 
 USUAL_FREE = ("f", "cx", "cy")
 FEWEST_POINTS = 4
@@ -51,6 +52,8 @@ class Inputs:
         What was left out or assumed, sentence by sentence.
     interior : tuple of InteriorObservation
         What earlier calibrations say of the cameras.
+    vehicle : Vehicle or None
+        Kinematic ground control.
     """
 
     file: BlockFile
@@ -59,6 +62,7 @@ class Inputs:
     eo_row: NDArray[np.int64]
     notes: tuple[str, ...]
     interior: tuple[InteriorObservation, ...] = ()
+    vehicle: Vehicle | None = None
 
 
 def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
@@ -110,7 +114,11 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         eo = read_eo_json(file.aerial_control.file)
     ground = ground_in_plane(file, source, eo, notes)
     ground = ground_in_mode(mode, ground, source.measured.points, notes)
-    source = _oriented_only(source_in_mode(mode, source, ground, notes), eo, notes)
+    source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
+    moving = () if vehicle is None else vehicle.points
+    source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)
+    if vehicle is not None:
+        vehicle = vehicle.seen_in(source.measured)
     made = joined(source, ground, eo, all_oriented=mode == "fast_at")
     for camera in made.block.cameras:
         refuse_field_of_view(camera)
@@ -131,7 +139,27 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         notes.append(f"{unseen} images of the aerial control have no image observations: {some}")
     notes += _left_out(ground, block)
     notes += _seen_once(block)
-    return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block))
+    return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
+
+
+def _with_vehicle(
+    file: BlockFile,
+    source: MeasuredBlock,
+    ground: GroundTable | None,
+    eo: ExteriorOrientation | None,
+    notes: list[str],
+    progress: Callable[[str], None],
+) -> tuple[MeasuredBlock, Vehicle | None]:
+    """Return the block whose images see a vehicle, and the vehicle."""
+    if file.vehicle.file is None:
+        return source, None
+    if file.adjustment.mode == "direct":
+        notes.append("mode direct: poses are held, and the vehicle takes no part")
+        return source, None
+    progress("reading the vehicle")
+    fixed = () if ground is None else ground.points
+    measured, vehicle = vehicle_of(file.vehicle, source.measured, fixed, eo, notes)
+    return replace(source, measured=measured), vehicle
 
 
 def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation, ...]:

@@ -18,6 +18,7 @@ from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
 from .trials import Trial, shift_of_check_points, trials
+from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
 
 OUTSIDE, WORSE = 0.9995, 1.2
 GROSS_W = 4.0
@@ -93,7 +94,7 @@ def judged(
     beyond = list(_components(figures))
     drawn = patterns(solved)
     beyond += _checks(figures)
-    beyond += _disconnected(figures)
+    beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
     if not solved.direct:  # errors of the poses repeat from image to image
         beyond += _patterns(figures, drawn)
     contradicted = any(finding.rank >= 1.0 for finding in beyond)
@@ -103,7 +104,7 @@ def judged(
         of_checks = shift_of_check_points(solved)
         own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
-            _explained(finding, own if finding.topic == CHECKS else trials_made)
+            _explained(finding, own if finding.topic == CHECKS else trials_made, solved.direct)
             for finding in beyond
         ]
     else:
@@ -191,7 +192,6 @@ def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
             times,
             f"rays from the held poses pass {times:.1f} times as far from each other as covariances"
             " of poses and image observations allow",
-            "adjust the same files in mode iso, which says what is wrong",
         )
 
 
@@ -340,11 +340,15 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
             )
 
 
-def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:
+def _explained(finding: Limit, trials_made: tuple[Trial, ...], direct: bool) -> Limit:
     """Add what explains a contradiction: the best of those that do."""
-    if finding.rank < 1.0 or not trials_made:
+    if finding.rank < 1.0 or not (trials_made or direct):
         return finding
     good = [trial for trial in trials_made if trial.explains]
+    if not good and direct:
+        return replace(
+            finding, help="adjust the same files in mode fast_at or iso, which try what explains it"
+        )
     if not good:
         names = ", ".join(trial.name for trial in trials_made)
         return Limit(
@@ -373,6 +377,8 @@ def shown(trial: Trial) -> str:
 
 def advice(trial: Trial) -> str:
     """Return what to do about what a trial showed."""
+    if trial.remedy:
+        return trial.remedy
     if trial.key == "ground.crs":
         return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
     if trial.key == "camera.free":
@@ -440,7 +446,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
 
 def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of cameras and mounting whether the block determines it.
+    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
 
     Parameters
     ----------
@@ -480,6 +486,7 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
                 f" {factor * before:.2g})",
             )
+    yield from determined_of(figures, (DETERMINED, UNDETERMINED))
 
 
 def _headline(figures: Mapping[str, Any], findings: tuple[Limit, ...]) -> str:
@@ -505,4 +512,6 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
         d = np.array([c["difference_m"] for c in checks])
         rms = np.sqrt((d**2).mean(axis=0))
         text += f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+    if words := headline_words(figures):
+        text += f"; {words}"
     return text

@@ -133,7 +133,11 @@ def ground_in_mode(
 
 
 def source_in_mode(
-    mode: str, source: MeasuredBlock, ground: GroundTable | None, notes: list[str]
+    mode: str,
+    source: MeasuredBlock,
+    ground: GroundTable | None,
+    notes: list[str],
+    moving: Sequence[str] = (),
 ) -> MeasuredBlock:
     """Return the image observations that take part.
 
@@ -147,6 +151,8 @@ def source_in_mode(
         The ground points.
     notes : list of str
         Gets a sentence where tie points are left out.
+    moving : sequence of str
+        Points of a vehicle, which are ground points of one image each.
 
     Returns
     -------
@@ -160,7 +166,7 @@ def source_in_mode(
     """
     if mode != "fast_at":
         return source
-    names = set(ground.points if ground is not None else ())
+    names = {*(ground.points if ground is not None else ()), *moving}
     measured = source.measured
     of_ground = np.array([name in names for name in measured.points], dtype=bool)
     seen = measured.observations

@@ -57,6 +57,7 @@ def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> I
     yield from map(pictured, drawn)
     yield _components(figures)
     yield _control(figures)
+    yield _vehicle(figures)
     yield _checks(figures)
     yield _images(figures)
     yield _rejected(figures)
@@ -111,6 +112,11 @@ def _numbers(figures: Mapping[str, Any]) -> str:
         ("object points", f"{c['points']}"),
         ("image observations", f"{c['image_observations']}, {c['rejected']} rejected"),
         ("ground control, check points", f"{c['ground_control']}, {c['check_points']}"),
+        *(
+            [("kinematic ground control", f"{v['exposures']}, {v['left_out']} left out")]
+            if (v := figures["vehicle"]) is not None
+            else []
+        ),
         ("flight lines", f"{c['flight_lines']}"),
         ("redundancy", f"{figures['redundancy']}"),
         ("steps of the iteration", f"{figures['iterations']}"),
@@ -170,6 +176,28 @@ def _control(figures: Mapping[str, Any]) -> str:
     if len(rows) > 30:
         body = folded(f"{len(rows)} points", body)
     return "<h2>Ground control: surveyed minus adjusted</h2>\n" + body
+
+
+def _vehicle(figures: Mapping[str, Any]) -> str:
+    if figures["vehicle"] is None:
+        return ""
+    rows = [
+        (
+            escape(p["image"]),
+            *(f"{1e3 * x:+.1f}" for x in p["residual_m"]),
+            f"{max(p['w'], key=abs):+.1f}",
+            *("–" if x is None else f"{x:+.2f}" for x in p["residual_px"]),
+            f"{p['size_px']:.2f} {p['size_residual_px']:+.2f}" if "size_px" in p else "–",
+            "left out" if p["left_out"] else "",
+        )
+        for p in figures["vehicle"]["points"]
+    ]
+    head: tuple[str, ...] = ("image", "E, mm", "N, mm", "U, mm", "largest w", "x, px", "y, px")
+    head += ("size and its residual, px", "")
+    body = table(rows, head, numbers=True)
+    if len(rows) > 20:
+        body = folded(f"{len(rows)} exposures", body)
+    return "<h2>Kinematic ground control: trajectory of the vehicle minus adjusted</h2>\n" + body
 
 
 def _checks(figures: Mapping[str, Any]) -> str:

@@ -27,6 +27,7 @@ from .readings import (
     some_rays,
     with_values,
 )
+from .vehicle.rays import refuse_elsewhere
 
 FEWEST_IMAGES, FEWEST_OF_IMAGE = 3, 8
 APART = 0.02  # of the longer side: rays that are farther apart than this do not meet
@@ -70,6 +71,21 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
     whole = replace(whole, C=whole.C @ rotation_from_vector(turn))
     _refuse_images(inputs, whole, apart, 0.0 if failed else APART * size)
     _refuse_ground(inputs, whole, apart)
+    _refuse_vehicle(inputs, turn)
+
+
+def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
+    """Refuse a vehicle that is elsewhere than images see it, with the bore-sight that fits."""
+    if inputs.vehicle is None or inputs.eo is None:
+        return
+    n = len(inputs.block.images)
+    position, C, sigma = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.zeros(n)
+    own = inputs.eo_row >= 0
+    rows = inputs.eo_row[own]
+    position[own] = inputs.eo.position_m[rows]
+    C[own] = inputs.eo.C_mc[rows] @ rotation_from_vector(turn)
+    sigma[own] = np.sqrt(np.trace(inputs.eo.cov[rows][:, 3:, 3:], axis1=1, axis2=2))
+    refuse_elsewhere(inputs.vehicle, inputs.block, position, C, sigma)
 
 
 def _sigma_px(inputs: Inputs, whole: Reading) -> Array:

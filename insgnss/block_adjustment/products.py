@@ -115,7 +115,8 @@ def _write_orientation(
 def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
     file = solved.inputs.file
     inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    taken = {path.resolve() for path in (*inputs, file.ground.file) if path is not None}
+    moving = (file.vehicle.file, file.vehicle.sizes)
+    taken = {path.resolve() for path in (*inputs, file.ground.file, *moving) if path is not None}
     for goal in goals:
         if goal.resolve() in taken:
             raise UsageError(

@@ -18,6 +18,7 @@ from ..adjust.variance_components import Reweighted, reweighted
 from ..base.errors import DataError
 from .aerial.control import Control, control_of
 from .inputs import Inputs
+from .vehicle.control import vehicle_control, with_first_points
 
 IMAGE, GROUND = "image observations", "ground control"
 Progress = Callable[[str], None]
@@ -98,7 +99,7 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     """
     control = control_of(inputs)
     block = inputs.block
-    if not (control.groups or len(block.control) or inputs.interior):
+    if not (control.groups or len(block.control) or inputs.interior or inputs.vehicle):
         raise DataError(
             "neither aerial control nor ground control: nothing says where the block lies; give"
             " eo.json, or ground points that are measured in images"
@@ -114,7 +115,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     else:
         cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
     progress("variance components")
-    again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
+    kinds = [k for k in options.reweight if not (k == IMAGE and options.mode == "fast_at")]
+    again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
 
@@ -157,14 +159,16 @@ def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
     Returns
     -------
     problem : Problem
-        Image observations, aerial and ground control, calibrations.
+        Image observations, aerial, ground and kinematic control, calibrations.
     values : Unknowns
         First values.
     """
     block = inputs.block
-    groups = [*control.groups, *control_points(block.control), *inputs.interior]
-    values = replace(first_values(block), blocks=control.blocks)
-    return problem_of(block, groups, control.blocks), values
+    moving = vehicle_control(inputs.vehicle, block, control.blocks)
+    blocks = control.blocks | moving.blocks
+    groups = [*control.groups, *control_points(block.control), *inputs.interior, *moving.groups]
+    values = with_first_points(first_values(block), inputs.vehicle, block)
+    return problem_of(block, groups, blocks), replace(values, blocks=blocks)
 
 
 def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:

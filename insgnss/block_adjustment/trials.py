@@ -3,7 +3,8 @@
 A group whose component lies beyond its bounds says that something is wrong and not what. The block
 is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
 lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
-the interior orientation. An unknown explains the contradiction where the cost falls by more than
+of a vehicle a delay of its clock, the lever arm of its target, a shift, and the interior
+orientation. An unknown explains the contradiction where the cost falls by more than
 chance (99.99 % of chi-square) and by a third at least of what is too much. A block without
 contradiction is tried as well: bore-sight and camera constant take most of a lever arm that is
 20 cm wrong, and no component shows it, where the cost falls by a hundred.
@@ -23,7 +24,7 @@ from ..adjust.outliers import without_outliers
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from ..base.errors import DataError
-from ..config.block_file import AerialControlTable
+from ..config.block_file import AerialControlTable, VehicleTable
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
 from .aerial.control import control_of
@@ -32,6 +33,9 @@ from .inputs import Inputs
 from .mode import CAMERA_HELD
 from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
+from .vehicle.control import remedies as vehicle_remedies
+from .vehicle.control import vehicle_control
+from .vehicle.verdict import remedy as what_to_do
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
 DATUM: Key = ("shift of ground control", 0)
@@ -108,6 +112,8 @@ class Trial:
         Whether it explains what was too much.
     key : str
         How a block file asks for it.
+    remedy : str
+        What to do about it, where that is more than to estimate it.
     """
 
     name: str
@@ -118,6 +124,7 @@ class Trial:
     unit: str
     explains: bool
     key: str
+    remedy: str = ""
 
 
 def trials(
@@ -144,12 +151,12 @@ def trials(
     done = []
     if solved.direct:
         return ()
-    for name, key, unit, build in _remedies(solved.inputs):
-        if key == "aerial_control.boresight_sigma_deg" and not everything:
+    for remedy in _remedies(solved.inputs):
+        if remedy.option == "aerial_control.boresight_sigma_deg" and not everything:
             continue
-        progress(f"trying: {name}")
+        progress(f"trying: {remedy.name}")
         try:
-            trial = _trial_of(solved, name, key, unit, build, excess)
+            trial = _trial_of(solved, remedy, excess)
         except DataError:
             continue  # it is not determined, so that it explains nothing
         done.append(trial)
@@ -198,12 +205,13 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
         The remedy with the smallest residuals; None where none converges.
     """
     best: tuple[float, Trial] | None = None
-    for name, option, unit, (options, key) in _remedies(inputs):
+    for remedy in _remedies(inputs):
+        key = remedy.key
         if key == DATUM:
             continue
-        progress(f"trying: {name}")
+        progress(f"trying: {remedy.name}")
         block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
-        file = replace(inputs.file, aerial_control=options)
+        file = replace(inputs.file, aerial_control=remedy.aerial, vehicle=remedy.vehicle)
         try:
             again = adjusted_block(replace(inputs, file=file, block=block), lambda _: None)
         except DataError:
@@ -217,28 +225,60 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
         if key[0] == CAMERA:
             value = value - block.cameras[0].interior[again.result.problem.layout.columns]
         sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
-        best = again.result.cost, Trial(name, np.inf, value.size, value, sigma, unit, True, option)
+        words = what_to_do(inputs.vehicle, key, value, sigma)
+        trial = Trial(
+            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, words
+        )
+        best = again.result.cost, trial
     return None if best is None else best[1]
 
 
-def _remedies(inputs: Inputs) -> Iterator[tuple[str, str, str, tuple[AerialControlTable, Key]]]:
-    options, mode = inputs.file.aerial_control, inputs.file.adjustment.mode
+@dataclass(frozen=True)
+class _Remedy:
+    """An unknown that the block file leaves out.
+
+    name, option, unit : as of `Trial`, with its key of the block file.
+    aerial, vehicle : tables of a block file that asks for it.
+    key : the block of unknowns.
+    """
+
+    name: str
+    option: str
+    unit: str
+    aerial: AerialControlTable
+    vehicle: VehicleTable
+    key: Key
+
+
+def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
+    options, own = inputs.file.aerial_control, inputs.file.vehicle
+    mode = inputs.file.adjustment.mode
+
+    def one(
+        name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
+    ) -> _Remedy:
+        return _Remedy(name, option, unit, wider, own, key)
+
     if inputs.eo is not None and mode != "indirect":
         if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
             wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
             key = "aerial_control.time_offset_sigma_s"
-            yield "delay of the exposures", key, "s", (wider, (TIME_OFFSET, 0))
+            yield one("delay of the exposures", key, "s", (TIME_OFFSET, 0), wider)
         if options.lever_arm_sigma_m is None:
             wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
-            yield "lever arm", "aerial_control.lever_arm_sigma_m", "m", (wider, (LEVER_ARM, 0))
+            key = "aerial_control.lever_arm_sigma_m"
+            yield one("lever arm", key, "m", (LEVER_ARM, 0), wider)
         if options.boresight_sigma_deg < LOOSE[BORESIGHT] and options.absolute_attitudes:
             wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
-            yield "bore-sight", "aerial_control.boresight_sigma_deg", "rad", (wider, (BORESIGHT, 0))
+            key = "aerial_control.boresight_sigma_deg"
+            yield one("bore-sight", key, "rad", (BORESIGHT, 0), wider)
         if len(inputs.block.control) > 1:
-            yield "shift of ground control", "ground.crs", "m", (options, DATUM)
+            yield one("shift of ground control", "ground.crs", "m", DATUM)
+    for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, own):
+        yield _Remedy(name, option, unit, options, vehicle, block)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
         key = "camera.file" if mode in CAMERA_HELD else "camera.free"
-        yield "interior orientation", key, "px", (options, (CAMERA, 0))
+        yield one("interior orientation", key, "px", (CAMERA, 0))
 
 
 def _with_usual(block: ImageBlock) -> ImageBlock:
@@ -259,25 +299,19 @@ def _value(values: Unknowns, key: Key, columns: NDArray[np.int64]) -> Array:
     return vector_from_rotation(raw) if raw.ndim == 2 else raw
 
 
-def _trial_of(
-    solved: Solved,
-    name: str,
-    option: str,
-    unit: str,
-    build: tuple[AerialControlTable, Key],
-    excess: float,
-) -> Trial:
+def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
     from scipy.stats import chi2
 
-    options, key = build
-    result = solved.result
+    key, inputs, result = remedy.key, solved.inputs, solved.result
     own = result.problem
     block = own.block
-    own_options = solved.inputs.file.aerial_control
-    control = solved.control if options is own_options else control_of(solved.inputs, options)
+    same = remedy.aerial is inputs.file.aerial_control
+    control = solved.control if same else control_of(inputs, remedy.aerial)
+    moving = vehicle_control(inputs.vehicle, block, control.blocks, remedy.vehicle)
     points = ground_groups(own)
-    groups: list[ObservationGroup] = [*control.groups, *points, *solved.inputs.interior]
-    blocks = {k: result.values.blocks.get(k, v) for k, v in control.blocks.items()}
+    groups: list[ObservationGroup] = [*control.groups, *points, *inputs.interior, *moving.groups]
+    first = control.blocks | moving.blocks
+    blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
     if key == DATUM:
         groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
         blocks[DATUM] = np.zeros(3)
@@ -289,7 +323,7 @@ def _trial_of(
     problem = with_factors(problem, rest)
     values = replace(result.values, blocks=blocks)
     alone = _without_rays(own)
-    reconnects = key == DATUM and bool(alone)
+    reconnects = (key == DATUM or key in moving.blocks) and bool(alone)
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
     else:
@@ -305,7 +339,17 @@ def _trial_of(
         gain = float(value @ np.linalg.solve(cov, value))
         excess = 0.0 if len(_without_rays(again.problem)) < SHARE * len(alone) else np.inf
     enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
-    return Trial(name, float(gain), value.size, value, sigma, unit, bool(enough), option)
+    return Trial(
+        remedy.name,
+        float(gain),
+        value.size,
+        value,
+        sigma,
+        remedy.unit,
+        bool(enough),
+        remedy.option,
+        what_to_do(inputs.vehicle, key, value, sigma),
+    )
 
 
 def _without_rays(problem: Problem) -> list[int]:

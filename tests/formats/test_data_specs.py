@@ -19,6 +19,8 @@ from insgnss.formats.blocks.ground_points import read_ground_points
 from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.pose_table import read_pose_table
 from insgnss.formats.blocks.reading import read_measured_block
+from insgnss.formats.blocks.target_positions import read_target_positions
+from insgnss.formats.blocks.target_sizes import read_target_sizes
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.imu.variances import read_variances
@@ -53,6 +55,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "rinex": read_observations,
     "image_points": read_image_points,
     "ground_points": read_ground_points,
+    "target_positions": read_target_positions,
+    "target_sizes": read_target_sizes,
     "camera_toml": read_camera_toml,
     "gcp_list": read_gcp_list,
     "pose_table": read_pose_table,
