@@ -8,12 +8,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine more t
 
 import numpy as np
 
+from insgnss.adjust.normals import cofactors_of
+from insgnss.adjust.unknowns import POSE
 from insgnss.block_adjustment.check_points import check_points
 from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.solve import Solved, solved
 from insgnss.config.block_file import BlockFile, load_block
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.simulation.published_blocks.survey import SimulatedSurvey
+from insgnss.simulation.published_blocks.files import write_survey
+from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
+
+__all__ = ["simulate_survey", "write_survey"]
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),
@@ -25,6 +30,8 @@ MODES = {  # mode and control
     "F. AT Rp Ra": ("fast_at", "Rp/Ra"),
     "DiSO": ("direct", "Ap/Aa"),
 }
+GYRO = {"gyro_noise_deg_rts": 0.02, "gyro_drift_degps": 0.008, "gyro_vertical": 4.0}
+"""Equation 6 with figures that come near to what neighbours of the simulated poses differ by."""
 PUBLISHED = {  # mm: mean X Y Z, root mean square X Y Z of Table 4, as printed
     "block2015": {
         "Indirect SO": (68, 8, -664, 16, 145, 1171),
@@ -55,7 +62,9 @@ def in_mode(
 ) -> BlockFile:
     """Return a block file in one of `MODES`.
 
-    weights : of relative control.
+    weights : "smoothed": the whole covariance of all poses; "independent": each image, or each pair
+        of neighbours, by itself (the paper's standard deviations and its equation 5); "gyro": the
+        same with equation 6 for relative attitudes.
     boresight_deg : standard deviation of the bore-sight where attitudes are absolute; 0: it is
         known.
     """
@@ -67,7 +76,12 @@ def in_mode(
     else:
         sigma = boresight_deg if control.endswith("Aa") and way != "direct" else 0.0
         aerial = replace(
-            aerial, control=control, relative_weights=weights, boresight_sigma_deg=sigma
+            aerial,
+            control=control,
+            relative_weights=weights if "R" in control else "smoothed",
+            boresight_sigma_deg=sigma,
+            covariance="strip" if weights == "smoothed" else "image",
+            **GYRO,
         )
     if way in ("fast_at", "direct"):
         camera = replace(camera, file=camera.file.with_name("camera_calibrated.toml"))
@@ -82,17 +96,18 @@ class Outcome:
     difference_m : (m, 3) adjusted minus surveyed.
     sigma_m : (m, 3) promised standard deviations of these.
     normalised : square of all differences together over 3 m.
-    poses : mean normalised square of the poses over 6.
-    relative : (6) root mean square of promised over actual errors of position and attitude of
-        neighbours in lines: promised (3: E N U), actual (3), m.
+    poses : mean normalised square of the poses over 6; of neighbours over 3: `neighbours`.
+    promised_m, actual_m : (2) root mean squares of errors of relative positions of neighbours, and
+        of the first and last image of a line, by the covariance and by the truth, each axis.
     """
 
     difference_m: np.ndarray
     sigma_m: np.ndarray
     normalised: float
     poses: float
-    relative: np.ndarray
-    solved: Solved
+    promised_m: np.ndarray
+    actual_m: np.ndarray
+    neighbours: float
 
 
 def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
@@ -107,20 +122,41 @@ def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
     cov = points.cov_of_differences[np.ix_(columns, columns)]
     d = points.difference_m[keep]
     square = float(d.ravel() @ np.linalg.solve(cov, d.ravel())) / d.size
-    poses, relative = of_poses(done, made)
     sigma = np.sqrt(np.diagonal(cov)).reshape(-1, 3)
-    return Outcome(-d, sigma, square, poses, relative, done)
+    return Outcome(-d, sigma, square, *of_poses(done, made))
 
 
-def of_poses(done: Solved, made: SimulatedSurvey) -> tuple[float, np.ndarray]:
-    """Return the mean normalised square of poses over 6, and of neighbours see `Outcome`."""
-    values, images = done.result.values, done.result.problem.block.images
+def of_poses(done: Solved, made: SimulatedSurvey) -> tuple:
+    """Return the last four of `Outcome`; nan where poses are held."""
+    if done.direct:
+        return np.nan, np.full(2, np.nan), np.full(2, np.nan), np.nan
+    problem, values = done.result.problem, done.result.values
     row = {name: k for k, name in enumerate(made.truth.images)}
-    rows = [row[name] for name in images]
+    rows = [row[name] for name in problem.block.images]
     X, C = made.truth.position_m[rows], made.truth.C_mc[rows]
     e = np.hstack([X - values.position, vector_from_rotation(C @ values.C_mc.swapaxes(1, 2))])
-    if done.direct:
-        return float("nan"), np.full((2, 3), np.nan)
     P = done.precision.pose_cov
     square = float(np.einsum("ni,nij,nj->n", e, np.linalg.inv(P), e).mean()) / 6.0
-    return square, np.full((2, 3), np.nan)
+    here = {k: i for i, k in enumerate(rows)}
+    promised, actual, normalised = [], [], []
+    for strip in made.strips:
+        line = [here[k] for k in strip.rows if k in here]
+        pairs = [(line[k], line[k + 1]) for k in range(0, len(line) - 1, 2)]
+        pairs.append((line[0], line[-1]))
+        columns = np.concatenate([problem.layout.of((POSE, i))[0][:3] for i in line])
+        Q = cofactors_of(problem, values, columns).reshape(len(line), 3, len(line), 3)
+        for i, j in pairs:
+            a, b = line.index(i), line.index(j)
+            cov = Q[a, :, a] + Q[b, :, b] - Q[a, :, b] - Q[b, :, a]
+            off = e[j, :3] - e[i, :3]
+            promised.append(np.trace(cov) / 3.0)
+            actual.append(off @ off / 3.0)
+            normalised.append(off @ np.linalg.solve(cov, off) / 3.0)
+    ends = np.cumsum([(len(strip.rows)) // 2 + 1 for strip in made.strips]) - 1
+    whole = np.zeros(len(promised), dtype=bool)
+    whole[ends] = True
+    both = [
+        np.array([np.mean(np.array(x)[~whole]), np.mean(np.array(x)[whole])])
+        for x in (promised, actual)
+    ]
+    return square, np.sqrt(both[0]), np.sqrt(both[1]), float(np.mean(np.array(normalised)[~whole]))
