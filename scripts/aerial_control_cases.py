@@ -14,11 +14,14 @@ from insgnss.block_adjustment.check_points import check_points
 from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.solve import Solved, solved
 from insgnss.config.block_file import BlockFile, load_block
+from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.records.block import ImageObservations
 from insgnss.simulation.published_blocks.files import write_survey
 from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
 
-__all__ = ["simulate_survey", "write_survey"]
+__all__ = ["simulate_survey"]
+
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),
@@ -32,6 +35,7 @@ MODES = {  # mode and control
 }
 GYRO = {"gyro_noise_deg_rts": 0.02, "gyro_drift_degps": 0.008, "gyro_vertical": 4.0}
 """Equation 6 with figures that come near to what neighbours of the simulated poses differ by."""
+OF_GROUND = "ground_in_images.csv"
 PUBLISHED = {  # mm: mean X Y Z, root mean square X Y Z of Table 4, as printed
     "block2015": {
         "Indirect SO": (68, 8, -664, 16, 145, 1171),
@@ -55,6 +59,24 @@ PUBLISHED = {  # mm: mean X Y Z, root mean square X Y Z of Table 4, as printed
     },
 }
 BLOCKS = tuple(PUBLISHED)
+
+
+def written(directory: Path, made: SimulatedSurvey) -> Path:
+    """Write a block, and beside it the image observations of its surveyed points alone."""
+    file = write_survey(directory, made)
+    write_image_points(ground_alone(made), file.with_name(OF_GROUND))
+    return file
+
+
+def ground_alone(made: SimulatedSurvey) -> ImagePoints:
+    """Return the image observations of surveyed points."""
+    seen, names = made.measured.observations, made.measured.points
+    first = names.index(made.ground.points[0])
+    keep = seen.point >= first
+    observed = ImageObservations(
+        seen.image[keep], seen.point[keep] - first, seen.uv[keep], seen.sigma_px[keep]
+    )
+    return ImagePoints(made.measured.images, names[first:], observed)
 
 
 def in_mode(
@@ -83,10 +105,13 @@ def in_mode(
             covariance="strip" if weights == "smoothed" else "image",
             **GYRO,
         )
+    images = file.images
     if way in ("fast_at", "direct"):
+        # no tie points take part, so that they are not read either
+        images = replace(images, file=file.path.with_name(OF_GROUND))
         camera = replace(camera, file=camera.file.with_name("camera_calibrated.toml"))
     adjustment = replace(file.adjustment, mode=way)
-    return replace(file, aerial_control=aerial, camera=camera, adjustment=adjustment)
+    return replace(file, images=images, aerial_control=aerial, camera=camera, adjustment=adjustment)
 
 
 @dataclass(frozen=True)
@@ -110,9 +135,14 @@ class Outcome:
     neighbours: float
 
 
-def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
-    """Adjust a block, without judgement, and hold it against the truth."""
-    done = solved(inputs_of(file, lambda _: None), lambda _: None)
+def solution(file: BlockFile) -> Solved:
+    """Adjust a block, without judgement."""
+    return solved(inputs_of(file, lambda _: None), lambda _: None)
+
+
+def outcome(file: BlockFile, made: SimulatedSurvey, poses: bool = True) -> Outcome:
+    """Adjust a block, without judgement, and hold it (and its poses) against the truth."""
+    done = solution(file)
     points = check_points(done)
     block = done.result.problem.block
     names = [block.points[p] for p in block.check.point[points.rows]]
@@ -123,12 +153,12 @@ def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
     d = points.difference_m[keep]
     square = float(d.ravel() @ np.linalg.solve(cov, d.ravel())) / d.size
     sigma = np.sqrt(np.diagonal(cov)).reshape(-1, 3)
-    return Outcome(-d, sigma, square, *of_poses(done, made))
+    return Outcome(-d, sigma, square, *of_poses(done, made, poses))
 
 
-def of_poses(done: Solved, made: SimulatedSurvey) -> tuple:
-    """Return the last four of `Outcome`; nan where poses are held."""
-    if done.direct:
+def of_poses(done: Solved, made: SimulatedSurvey, wanted: bool) -> tuple:
+    """Return the last four of `Outcome`; nan where poses are held or not wanted."""
+    if done.direct or not wanted:
         return np.nan, np.full(2, np.nan), np.full(2, np.nan), np.nan
     problem, values = done.result.problem, done.result.values
     row = {name: k for k, name in enumerate(made.truth.images)}
@@ -138,16 +168,14 @@ def of_poses(done: Solved, made: SimulatedSurvey) -> tuple:
     P = done.precision.pose_cov
     square = float(np.einsum("ni,nij,nj->n", e, np.linalg.inv(P), e).mean()) / 6.0
     here = {k: i for i, k in enumerate(rows)}
+    columns = np.concatenate([problem.layout.of((POSE, i))[0][:3] for i in range(len(rows))])
+    Q = cofactors_of(problem, values, columns).reshape(len(rows), 3, len(rows), 3)
     promised, actual, normalised = [], [], []
     for strip in made.strips:
         line = [here[k] for k in strip.rows if k in here]
         pairs = [(line[k], line[k + 1]) for k in range(0, len(line) - 1, 2)]
-        pairs.append((line[0], line[-1]))
-        columns = np.concatenate([problem.layout.of((POSE, i))[0][:3] for i in line])
-        Q = cofactors_of(problem, values, columns).reshape(len(line), 3, len(line), 3)
-        for i, j in pairs:
-            a, b = line.index(i), line.index(j)
-            cov = Q[a, :, a] + Q[b, :, b] - Q[a, :, b] - Q[b, :, a]
+        for i, j in [*pairs, (line[0], line[-1])]:
+            cov = Q[i, :, i] + Q[j, :, j] - Q[i, :, j] - Q[j, :, i]
             off = e[j, :3] - e[i, :3]
             promised.append(np.trace(cov) / 3.0)
             actual.append(off @ off / 3.0)
