@@ -31,8 +31,9 @@ from ...records.block import Array
 
 Rows = NDArray[np.int64]
 WEAK = "weak datum"
-HELD_BY_NOTHING = 0.5
-"""Redundancy number of a weak datum below which the rest says less of it than it does itself."""
+HELD_BY_NOTHING = 0.99
+"""Redundancy number of a weak datum below which the rest knows it no ten times better than it does
+itself: several data of lines that tie points join are redundant of each other."""
 
 
 class Strip(NamedTuple):
