@@ -115,9 +115,10 @@ def test_errors_of_poses_have_their_statistics(seeds) -> None:
     """Oracle: variances, white share and exponential correlation of (B.2), by chi-square of errors
     whitened with them and by correlations at a lag, each within 4 standard errors.
     """
-    time = made("corridor2014").truth.time
+    time, C = made("corridor2014").truth.time, made("corridor2014").truth.C_mc
     errors = PoseErrors()
-    drawn = np.array([errors.draw(time, np.random.default_rng(seed)) for seed in seeds])
+    drawn = np.array([errors.draw(time, C, np.random.default_rng(seed)) for seed in seeds])
+    drawn[:, :, 3:] = np.einsum("nji,snj->sni", C, drawn[:, :, 3:])  # along the camera's axes
     apart = np.abs(time[:, None] - time)
     cov = 0.75 * np.exp(-apart / 300.0) + 0.25 * np.eye(time.size)
     sigma = np.r_[0.035, 0.035, 0.03, np.radians([0.045, 0.045, 0.125])]
@@ -159,9 +160,19 @@ def test_the_file_has_the_whole_covariance(name, tmp_path) -> None:
         whole[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = eo.cov[k]
     apart = np.abs(eo.time[:, None] - eo.time)
     rho = 0.75 * np.exp(-apart / 300.0) + 0.25 * np.eye(n)
-    sigma = np.tile(np.r_[errors.position_m, np.radians(errors.attitude_deg)], n)
-    expected = np.kron(rho, np.eye(6))
-    assert np.abs(whole / sigma / sigma[:, None] - expected).max() < 1e-9
+    sigma = np.r_[errors.position_m, np.radians(errors.attitude_deg)]
+    turn = np.tile(np.eye(6), (n, 1, 1))
+    if name != "mapkite":  # tilts and headings there are an autopilot's
+        turn[:, 3:, 3:] = block.truth.C_mc
+    expected = np.einsum("jab,b,kcb,jk->jakc", turn, sigma**2, turn, rho).reshape(6 * n, 6 * n)
+    size = np.tile(sigma, n)
+    assert np.abs((whole - expected) / size / size[:, None]).max() < 1e-9
+    assert_allclose(
+        eo.cross,
+        [expected[6 * k : 6 * k + 6, 6 * k + 6 : 6 * k + 12] for k in range(n - 1)],
+        rtol=0,
+        atol=1e-15,
+    )
 
 
 @pytest.mark.parametrize("first", [0, 50])
@@ -175,8 +186,9 @@ def test_poses_against_the_truth(first) -> None:
         psi = vector_from_rotation(block.truth.C_mc @ block.eo.C_mc.transpose(0, 2, 1))
         error = np.hstack([block.truth.position_m - block.eo.position_m, psi])
         assert_allclose(error, block.pose_errors, rtol=0, atol=1e-9)
-        root = lower_factor(block.survey.errors.correlation(block.eo.time))
-        white = np.linalg.solve(root, error / block.survey.errors.sigma)
+        cov = block.survey.errors.covariance(block.eo.time, block.truth.C_mc)
+        scale = np.tile(block.survey.errors.sigma, len(error))
+        white = np.linalg.solve(lower_factor(cov / scale / scale[:, None]), error.ravel() / scale)
         total, n = total + float((white**2).sum()), n + white.size
     assert abs(total - n) < 4.0 * np.sqrt(2.0 * n)
 

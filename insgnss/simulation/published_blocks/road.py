@@ -26,7 +26,7 @@ TARGET_M = (-0.35, 0.10, -1.20)
 """The target from the navigation centre of the vehicle, forward, right, down, m."""
 RIGHT_BACK_DOWN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Camera from body where the image's top points forward."""
-VEHICLE_ERRORS = PoseErrors((0.02, 0.02, 0.04), (0.015, 0.015, 0.03))
+VEHICLE_ERRORS = PoseErrors((0.02, 0.02, 0.04), (0.015, 0.015, 0.03), axes="tangent plane")
 """Table 2 of paper 004; of the attitude what its inertial unit is said to give."""
 REST_S = 1.0
 """Correlation time of what of the vehicle's errors does not last: rows 0.1 s apart are no noise."""
@@ -76,7 +76,9 @@ class Road:
 
 def course(length: Array) -> Array:
     """Return the course of the road, rad from north by east."""
-    steps = [turn * 0.5 * (1.0 + np.tanh((length - at) / wide)) for turn, at, wide in _STEPS]
+    steps = [
+        turn * 0.5 * (1.0 + np.tanh((length - centre) / wide)) for turn, centre, wide in _STEPS
+    ]
     return np.asarray(np.radians(_COURSE_DEG + np.sum(steps, axis=0)))
 
 
@@ -95,7 +97,7 @@ def driven(time: Array) -> tuple[Array, Array]:
     return length, speed
 
 
-def _flown(time: Array) -> Array:
+def _drone_length(time: Array) -> Array:
     """Return the drone's length along the road."""
     t = time - START_TOW
     swings = [size * np.sin(rate * t + phase) for size, rate, phase in _TETHER]
@@ -123,7 +125,7 @@ def exposures() -> Array:
     """Return the times (n,) of the exposures, at equal lengths along the road."""
     time = START_TOW + np.arange(-60.0, 1.2 * LENGTH_M / _SPEED_MPS, 0.01)
     wanted = np.linspace(0.0, LENGTH_M, PHOTOS)
-    return np.interp(wanted, _flown(time), time)
+    return np.interp(wanted, _drone_length(time), time)
 
 
 def followed(terrain: Terrain, rng: np.random.Generator) -> Stations:
@@ -142,7 +144,7 @@ def followed(terrain: Terrain, rng: np.random.Generator) -> Stations:
         In the order of time.
     """
     time, road = exposures(), Road.built()
-    length = _flown(time)
+    length = _drone_length(time)
     ground = terrain.points(road.at(length))
     gust = gauss_markov(time, _GUST_S, 6, rng)
     height = _HEIGHT_M + _UP_AND_DOWN_M * np.sin(2.0 * np.pi * length / 420.0)
@@ -195,9 +197,9 @@ def vehicle(
     road = Road.built()
     rows = np.arange(time[0] - _AROUND_S, time[-1] + _AROUND_S, _ROW_S)
     truth = _trajectory(rows, *_motion(rows, road, terrain), plane, gps_week, errors)
-    lasting = gauss_markov(rows, errors.correlation_s, 6, rng)
+    slow = gauss_markov(rows, errors.correlation_s, 6, rng)
     rest = gauss_markov(rows, REST_S, 6, rng)
-    off = errors.sigma * (np.sqrt(errors.share) * lasting + np.sqrt(1.0 - errors.share) * rest)
+    off = errors.sigma * (np.sqrt(errors.share) * slow + np.sqrt(1.0 - errors.share) * rest)
     position, velocity, C_mb = _motion(rows, road, terrain)
     estimate = _trajectory(
         rows,

@@ -99,7 +99,7 @@ def _pair(point: Array) -> tuple[float, float]:
     return float(point[0]), float(point[1])
 
 
-def flown(lines: Sequence[Line], rng: np.random.Generator) -> Stations:
+def along_lines(lines: Sequence[Line], rng: np.random.Generator) -> Stations:
     """Return the poses of images along lines.
 
     Parameters

@@ -19,7 +19,7 @@ from . import road
 from .plans import BLOCK_2015, CORRIDOR_2014, MAPKITE, SURVEYS, Survey
 from .points import Texture, in_groups, measured, near_one_end, rolling, tie_points
 from .pose_errors import PoseErrors
-from .stations import Line, Stations, flown, parallel_lines
+from .stations import Line, Stations, along_lines, parallel_lines
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -137,7 +137,7 @@ def simulate_survey(
     stations, terrain, lines = _flight(survey, flight, ground)
     images = tuple(f"{k + 1:04d}.jpg" for k in range(stations.time.size))
     truth = _orientation(survey, images, stations)
-    drawn = errors.draw(stations.time, poses)
+    drawn = errors.draw(stations.time, stations.C_mc, poses)
     axis = np.array([2.0, -3.0, 1.5])
     E = rotation_from_vector(np.radians(boresight_deg) * axis / np.linalg.norm(axis))
     eo = replace(
@@ -152,8 +152,8 @@ def simulate_survey(
         truth,
         eo,
         drawn,
-        tuple(errors.strips(stations.time, rows)),
-        errors.common(stations.time, rows),
+        tuple(errors.strips(stations.time, stations.C_mc, rows)),
+        errors.common(stations.time, stations.C_mc, rows),
         E,
         *_measured(survey, truth, seen, noise),
         survey.calibrated(calibration),
@@ -177,7 +177,11 @@ def _flight(
         lines = parallel_lines(120.0, 35.3, 46.9, (15,) * 7, 60.0)
         lines += parallel_lines(150.0, 44.1, 58.6, (15, 14) * 3 + (15,), 150.0)
         along = 300.0 * np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 30)]), -1).reshape(-1, 2)
-    return flown(lines, flight), rolling(survey.relief_m, (300.0, 900.0), along, ground), lines
+    return (
+        along_lines(lines, flight),
+        rolling(survey.relief_m, (300.0, 900.0), along, ground),
+        lines,
+    )
 
 
 def _orientation(
@@ -186,7 +190,7 @@ def _orientation(
     time, (lat, lon) = stations.time, np.radians(survey.origin_deg)
     errors = survey.errors
     rho = errors.share * np.exp(-np.diff(time) / errors.correlation_s)
-    own = np.diag(errors.sigma**2)
+    T = errors.turned(stations.C_mc)
     return ExteriorOrientation(
         images,
         time,
@@ -194,8 +198,8 @@ def _orientation(
         np.array([lat, lon, survey.height_m]),
         stations.position_m,
         stations.C_mc,
-        np.tile(own, (time.size, 1, 1)),
-        rho[:, None, None] * own,
+        T @ T.transpose(0, 2, 1),
+        rho[:, None, None] * (T[:-1] @ T[1:].transpose(0, 2, 1)),
         np.eye(3),
         stations.camera_from_body,
         (f"simulated: {survey.name}, errors of the poses drawn by their statistics",),
@@ -248,8 +252,8 @@ def _seen(
         way_out = tuple((first - last) / np.linalg.norm(first - last))
     both, control = near_one_end(truth, camera, terrain, numbers, way_out, targets)
     own, rest = (
-        measured(part, count, 3, np.ones(len(part.position)), targets)
-        for part, count in (
+        measured(points, count, 3, np.ones(len(points.position)), targets)
+        for points, count in (
             (both.chosen(control), control_rays),
             (both.chosen(np.arange(n_control, n_control + n_check)), check_rays),
         )
