@@ -101,7 +101,7 @@ def test_fast_at_uses_ground_points_alone_and_orients_all_images(done, flown) ->
 def test_relative_attitudes_have_no_bore_sight(done) -> None:
     assert (BORESIGHT, 0) not in done["FAT Ap/Ra"].solved.result.values.blocks
     assert (BORESIGHT, 0) in done["FAT Ap/Aa"].solved.result.values.blocks
-    assert [line["control"] for line in done["ISO Rp/Ra"].figures["flight_lines"]][0] == "Rp/Ra"
+    assert done["ISO Rp/Ra"].figures["flight_lines"][0]["control"] == "Rp/Ra"
 
 
 @pytest.mark.parametrize("mode", ["iso", "fast_at"])
