@@ -32,7 +32,7 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     file : BlockFile
         The block file.
     notes : list of str
-        Gets a sentence where something was asked for that the mode does not estimate.
+        Gets a sentence where something was requested for that the mode does not estimate.
 
     Returns
     -------
@@ -42,14 +42,14 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     control = file.aerial_control
     if file.adjustment.mode != "direct":
         return file
-    asked = [
+    requested = [
         name
         for name in ("lever_arm_sigma_m", "shift_sigma_m", "drift_sigma_mps")
         if getattr(control, name) is not None
     ]
-    asked += ["time_offset_sigma_s"] * (control.time_offset_sigma_s > 0.0)
-    if asked:
-        words = ", ".join(f"aerial_control.{name}" for name in asked)
+    requested += ["time_offset_sigma_s"] * (control.time_offset_sigma_s > 0.0)
+    if requested:
+        words = ", ".join(f"aerial_control.{name}" for name in requested)
         notes.append(f"mode direct estimates nothing: {words} has no effect")
     held = replace(
         control,
