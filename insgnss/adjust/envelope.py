@@ -25,7 +25,6 @@ sizes of the panels (`envelope_of`).
 Source: George and Liu (1981), Computer Solution of Large Sparse Positive Definite Systems, 4 and 5.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,14 +33,12 @@ from numpy.typing import NDArray
 
 from ..base.errors import UsageError
 from ..records.block import Array
-from .kernels.elimination import Places
+from .kernels.elimination import Places, add_between, take_between
 
 Rows = NDArray[np.int64]
 
 PANELS = (4, 8, 16, 32, 64)
 """Images in a panel, of which the cheapest number is taken."""
-MANY = 100
-"""Columns of a group from which on they are taken one by one."""
 COPY, PANEL = 32.0, 1e6
 """What copying one entry of a front and taking up one panel cost, in floating-point operations."""
 
@@ -144,24 +141,6 @@ class Envelope:
         if not self.holds(columns):
             raise UsageError("Envelope: these columns have entries that are not stored")
 
-    def _by_columns(self, columns: Rows) -> Iterator[tuple[int, int, Rows, int]]:
-        """Yield which of some columns it is, its column, which are not before it, and how many of
-        these lie in the window: of many columns faster than all pairs at once.
-        """
-        order = np.argsort(columns)
-        within = int(np.searchsorted(columns[order], self.window))
-        for k, own in enumerate(order):
-            yield int(own), int(columns[own]), order[k:], max(within - k, 0)
-
-    def _places(self, columns: Rows) -> Rows:
-        """Return where the entries between some columns stand (n, n)."""
-        self._check(columns)
-        row = np.maximum(columns[:, None], columns)
-        column = np.minimum(columns[:, None], columns)
-        of_border = row >= self.window
-        _, inner, outer = self.places
-        return np.asarray(row + np.where(of_border, outer[column], inner[column]))
-
     def add(self, stored: Array, columns: Rows, N: Array) -> None:
         """Add a symmetric matrix between some columns.
 
@@ -174,14 +153,8 @@ class Envelope:
         N : ndarray, (n, n)
             What is added.
         """
-        if len(columns) < MANY:
-            lower = columns[:, None] >= columns
-            stored[self._places(columns)[lower]] += N[lower]
-            return
         self._check(columns)
-        for own, column, rows, split in self._by_columns(columns):
-            stored[self.places.inner[column] + columns[rows[:split]]] += N[own, rows[:split]]
-            stored[self.places.outer[column] + columns[rows[split:]]] += N[own, rows[split:]]
+        add_between(self.places, columns, N, stored)
 
     def entries(self, stored: Array, columns: Rows) -> Array:
         """Return the entries between some columns.
@@ -203,14 +176,9 @@ class Envelope:
         UsageError
             Some are not stored.
         """
-        if len(columns) < MANY:
-            return np.asarray(stored[self._places(columns)])
         self._check(columns)
         out = np.empty((len(columns),) * 2)
-        for own, column, rows, split in self._by_columns(columns):
-            out[own, rows[:split]] = stored[self.places.inner[column] + columns[rows[:split]]]
-            out[own, rows[split:]] = stored[self.places.outer[column] + columns[rows[split:]]]
-            out[rows, own] = out[own, rows]
+        take_between(self.places, columns, stored, out)
         return out
 
     def diagonal(self, stored: Array) -> Array:

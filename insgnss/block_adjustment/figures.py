@@ -9,10 +9,12 @@ from .. import __version__
 from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from ..adjust.precision import NONCENTRALITY, strongest
+from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, ImageBlock
+from ..records.relative import GAP_S
 from .aerial.relative import weakly_held
 from .check_points import CheckPoints, check_points
 from .solve import GROUND, Solved
@@ -75,7 +77,7 @@ def figures_of(solved: Solved) -> dict[str, Any]:
             {"image": image, "point": point, "w": w}
             for image, point, w in strongest(solved.precision)
         ],
-        "notes": [*solved.inputs.notes, *_weighed(solved)],
+        "notes": [*solved.inputs.notes, *_weighed(solved), *_paired(solved)],
         "block_file": solved.inputs.file.resolved(),
         "points": _points(solved, block),
     }
@@ -91,6 +93,30 @@ def _weighed(solved: Solved) -> list[str]:
         " bore-sight and camera are too small, several times in long flights; put the"
         " eo_covariance.npz of the same run beside eo.json"
     ]
+
+
+def _paired(solved: Solved) -> list[str]:
+    """Say how many neighbours are observed relative to each other, and how far apart."""
+    eo, options = solved.inputs.eo, solved.inputs.file.aerial_control
+    groups = [g for g in solved.result.problem.groups if isinstance(g, RelativeAerialControl)]
+    if eo is None or not (count := sum(len(g.observed.pairs) for g in groups)):
+        return []
+    apart = np.concatenate(
+        [g.time[g.observed.pairs[:, 1]] - g.time[g.observed.pairs[:, 0]] for g in groups]
+    )
+    images = sum(len(g.images) for g in groups)
+    words = {
+        "smoothed": "the covariance of whole flight lines",
+        "independent": "images as if they were independent (paper 003, equation 5)",
+        "gyro": "noise and drift of the gyroscopes (paper 003, equation 6)",
+    }[options.relative_weights]
+    text = (
+        f"relative control: {count} pairs of neighbours among {images} images, up to"
+        f" {apart.max():.1f} s apart; none across turns and gaps; weighed by {words}"
+    )
+    if options.relative_weights == "gyro" and apart.max() > GAP_S:
+        text += f", which holds up to {GAP_S:g} s"
+    return [text]
 
 
 def _counts(solved: Solved) -> dict[str, int]:

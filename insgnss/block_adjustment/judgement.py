@@ -13,7 +13,7 @@ import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..report.rules.wording import Limit, lengths, screen_unit
-from .aerial.relative import WEAK
+from .aerial.relative import DATUM
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
@@ -104,7 +104,7 @@ def judged(
         of_checks = shift_of_check_points(solved)
         own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
-            _explained(finding, own if finding.topic == CHECKS else trials_made)
+            _explained(finding, own if finding.topic == CHECKS else trials_made, solved.direct)
             for finding in beyond
         ]
     else:
@@ -144,7 +144,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
     for c in figures["components"]:
-        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", WEAK):
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", DATUM):
             continue
         if figures["mode"] == "direct":
             yield from _rays_apart(c)
@@ -192,7 +192,6 @@ def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
             times,
             f"rays from the held poses pass {times:.1f} times as far from each other as covariances"
             " of poses and image observations allow",
-            "adjust the same files in mode iso, which says what is wrong",
         )
 
 
@@ -341,11 +340,15 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
             )
 
 
-def _explained(finding: Limit, trials_made: tuple[Trial, ...]) -> Limit:
+def _explained(finding: Limit, trials_made: tuple[Trial, ...], direct: bool) -> Limit:
     """Add what explains a contradiction: the best of those that do."""
-    if finding.rank < 1.0 or not trials_made:
+    if finding.rank < 1.0 or not (trials_made or direct):
         return finding
     good = [trial for trial in trials_made if trial.explains]
+    if not good and direct:
+        return replace(
+            finding, help="adjust the same files in mode fast_at or iso, which try what explains it"
+        )
     if not good:
         names = ", ".join(trial.name for trial in trials_made)
         return Limit(

@@ -115,7 +115,8 @@ def solved(inputs: Inputs, progress: Progress) -> Solved:
     else:
         cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
     progress("variance components")
-    again = reweighted(cleaned.result.problem, cleaned.result.values, options.reweight)
+    kinds = [k for k in options.reweight if not (k == IMAGE and options.mode == "fast_at")]
+    again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
     steps = cleaned.result.iterations
     return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
 

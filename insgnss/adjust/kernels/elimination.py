@@ -47,6 +47,46 @@ def address(places, r, c):
 
 
 @njit(cache=True)
+def add_between(places, columns, N, stored):
+    """Add a symmetric matrix between some columns.
+
+    Parameters
+    ----------
+    places : Places
+        Where entries stand.
+    columns : ndarray of int, (n,)
+        The columns, each once.
+    N : ndarray, (n, n)
+        What is added, of which the lower triangle is read.
+    stored : ndarray
+        The matrix that is added to.
+    """
+    for a in range(columns.size):
+        for b in range(a + 1):
+            stored[address(places, columns[a], columns[b])] += N[a, b]
+
+
+@njit(cache=True)
+def take_between(places, columns, stored, out):
+    """Read the entries between some columns.
+
+    Parameters
+    ----------
+    places : Places
+        Where entries stand.
+    columns : ndarray of int, (n,)
+        The columns.
+    stored : ndarray
+        The matrix.
+    out : ndarray, (n, n)
+        The entries, written here.
+    """
+    for a in range(columns.size):
+        for b in range(a + 1):
+            out[a, b] = out[b, a] = stored[address(places, columns[a], columns[b])]
+
+
+@njit(cache=True)
 def normal_equations(rays, values, damping, own_V, own_g, s, places, S, g, g_reduced, diagonal, gp):
     """Add the image observations to the normal equations, points eliminated (J.6).
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, near
-from ...config.block_file import VehicleTable
+from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.image_points import ImagePoints
 from ...formats.blocks.joined import matched
 from ...formats.blocks.target_sizes import read_target_sizes

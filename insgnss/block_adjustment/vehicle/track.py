@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ...adjust.aerial import chained_covariance
 from ...adjust.kinematic import gauss_markov
 from ...base.errors import InputError
-from ...config.block_file import VehicleTable
+from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
 from ...formats.blocks.target_positions import read_target_positions
