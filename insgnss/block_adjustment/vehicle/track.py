@@ -254,8 +254,8 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         raise InputError.at_line(
             path,
             None,
-            "places of the IMU, and vehicle.target_m is missing: forward, right, down from there to"
-            " the target, m",
+            "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward, right,"
+            " down from there to the target, m",
         )
     if len(given.time) < 2:
         raise InputError.at_line(path, None, "one row; a trajectory has two at least")
