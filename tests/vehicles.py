@@ -40,13 +40,13 @@ class Road:
     beside_m : how far the drone is off the vehicle, across and along, at most.
     """
 
-    images: int = 24
+    images: int = 16
     spacing_m: float = 14.0
     speed_mps: float = 5.0
     bend_m: float = 60.0
     beside_m: float = 9.0
     height_m: float = 85.0
-    tie_points: int = 420
+    tie_points: int = 300
     control: int = 4
     check: int = 6
     tie_px: float = 0.83
@@ -125,7 +125,7 @@ def driven(road: Road = Road()) -> Driven:
     C = rotation_from_opk(opk) @ CV_RUB
     # the ground: points along the road
     s = rng.uniform(stamp[0] - 9.0, stamp[-1] + 9.0, road.tie_points)
-    middle, v, heads = _way(road, s)
+    middle, _, heads = _way(road, s)
     right = np.column_stack([np.cos(heads[:, 2]), -np.sin(heads[:, 2])])
     X = middle.copy()
     X[:, :2] += right * rng.uniform(-38.0, 38.0, (road.tie_points, 1))

@@ -68,12 +68,14 @@ camera               (J.3) to (J.5) on arrays: rays of pixels, pixels of rays, t
 unknowns             values of the unknowns, and where each stands in the normal matrix
 groups               observation groups: poses, ground control, interior orientation
 aerial               observation groups: strips of poses through the mounting
+relative             observation groups: offsets and turns between the images of a strip (J.12)
 kernels              image observations: residual, Jacobian, (J.6), (J.7)
 ordering             in which order images stand in the normal matrix
 envelope             factor, solution and inverse of a matrix of which an envelope is stored (J.11)
 normals              assembly and solution of the normal equations
 adjustment           the iteration, and its result
 precision            covariances, redundancy numbers, tests, variance components
+direct               points from poses that are held (J.19)
 start                first values: resection and forward intersection
 outliers             robust weights, and rejection of gross errors by their tests
 variance_components  weights that agree with the residuals

@@ -242,7 +242,18 @@ def positions(
 
 
 def size_of(value: Array) -> int:
-    """Return how many parameters a value has: three of a rotation."""
+    """Return how many parameters a value has.
+
+    Parameters
+    ----------
+    value : ndarray
+        A vector, or a rotation matrix.
+
+    Returns
+    -------
+    int
+        Three of a rotation.
+    """
     return 3 if value.ndim == 2 else value.size
 
 

@@ -29,7 +29,18 @@ from .unknowns import Unknowns
 
 
 def without_rays(problem: Problem) -> Problem:
-    """Return a problem in which no image observation takes part."""
+    """Return a problem in which no image observation takes part.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+
+    Returns
+    -------
+    Problem
+        The same otherwise.
+    """
     return problem.with_active(np.zeros(problem.rays.active.size, dtype=bool))
 
 

@@ -83,7 +83,18 @@ class Observed(NamedTuple):
     pairs: Rows
 
     def sizes(self, images: int) -> tuple[int, int]:
-        """Return the numbers of observations of positions and of turns."""
+        """Return the numbers of observations of positions and of turns.
+
+        Parameters
+        ----------
+        images : int
+            Number of images of the strip.
+
+        Returns
+        -------
+        tuple of int
+            Both numbers.
+        """
         count = 3 * len(self.pairs)
         return 3 * images if self.positions == "absolute" else count, count * self.turns
 
@@ -300,10 +311,10 @@ def as_printed(
     L = operator(C_mc, observed)
     out, alone = smoothed(L, P), smoothed(L, own)
     out[:m, m:] = out[m:, :m] = 0.0
-    parts = [slice(m, None)] + [slice(0, m)] * (observed.positions == "relative")
-    for part in parts:
-        pair = np.arange(len(alone[part, part])) // 3
-        out[part, part] = alone[part, part] * (pair[:, None] == pair)
+    relative = [slice(m, None)] + [slice(0, m)] * (observed.positions == "relative")
+    for rows in relative:
+        pair = np.arange(len(alone[rows, rows])) // 3
+        out[rows, rows] = alone[rows, rows] * (pair[:, None] == pair)
     if gyro is not None and observed.turns:
         i, j = observed.pairs.T
         dt = (time[j] - time[i])[:, None]

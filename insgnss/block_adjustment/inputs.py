@@ -113,7 +113,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         progress("reading aerial control")
         eo = read_eo_json(file.aerial_control.file)
     ground = ground_in_plane(file, source, eo, notes)
-    ground = ground_in_mode(mode, ground, source.measured.points, notes)
+    ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)
     moving = () if vehicle is None else vehicle.points
     source = _oriented_only(source_in_mode(mode, source, ground, notes, moving), eo, notes)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..report.rules.wording import Limit, lengths, screen_unit
-from .aerial.relative import WEAK
+from .aerial.relative import DATUM
 from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
@@ -144,7 +144,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
 
 def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
     for c in figures["components"]:
-        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", WEAK):
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", DATUM):
             continue
         if figures["mode"] == "direct":
             yield from _rays_apart(c)

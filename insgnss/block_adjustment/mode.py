@@ -42,14 +42,14 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     control = file.aerial_control
     if file.adjustment.mode != "direct":
         return file
-    asked = [
+    requested = [
         name
         for name in ("lever_arm_sigma_m", "shift_sigma_m", "drift_sigma_mps")
         if getattr(control, name) is not None
     ]
-    asked += ["time_offset_sigma_s"] * (control.time_offset_sigma_s > 0.0)
-    if asked:
-        words = ", ".join(f"aerial_control.{name}" for name in asked)
+    requested += ["time_offset_sigma_s"] * (control.time_offset_sigma_s > 0.0)
+    if requested:
+        words = ", ".join(f"aerial_control.{name}" for name in requested)
         notes.append(f"mode direct estimates nothing: {words} has no effect")
     held = replace(
         control,
@@ -83,14 +83,14 @@ def cameras_in_mode(mode: str, cameras: Sequence[BrownCamera]) -> tuple[BrownCam
 
 
 def ground_in_mode(
-    mode: str, ground: GroundTable | None, measured: Sequence[str], notes: list[str]
+    file: BlockFile, ground: GroundTable | None, measured: Sequence[str], notes: list[str]
 ) -> GroundTable | None:
     """Return the ground points with the role that they have.
 
     Parameters
     ----------
-    mode : str
-        The mode.
+    file : BlockFile
+        Says the mode, and whether a vehicle is control too.
     ground : GroundTable or None
         The points.
     measured : sequence of str
@@ -106,17 +106,17 @@ def ground_in_mode(
     Raises
     ------
     DataError
-        Mode "indirect" with fewer than three control points: the block has no datum.
+        Mode "indirect" with fewer than three control points and no vehicle: the block has no
+        datum.
     """
-    names = set(measured)
-    control = 0
+    mode, names, control = file.adjustment.mode, set(measured), 0
     if ground is not None:
         control = sum(
             name in names
             for name, check in zip(ground.points, ground.check, strict=True)
             if not check
         )
-    if mode == "indirect" and control < FEWEST_CONTROL:
+    if mode == "indirect" and control < FEWEST_CONTROL and file.vehicle.file is None:
         raise DataError(
             f"mode indirect: {control} ground control points are measured in images, and without"
             f" aerial control {FEWEST_CONTROL} at least say where the block lies; measure more of"

@@ -24,7 +24,8 @@ from ..adjust.outliers import without_outliers
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from ..base.errors import DataError
-from ..config.block_file import AerialControlTable, VehicleTable
+from ..config.block_tables.aerial_control import AerialControlTable
+from ..config.block_tables.vehicle import VehicleTable
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, Array, ImageBlock
 from .aerial.control import control_of

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.errors import UsageError
+from ..config.block_file import VehicleTable
 from .console import Progress
 from .verb import Verb, positive, show_judged, show_result
 
@@ -18,6 +19,8 @@ EXAMPLE = """\
   insgnss targets measure eo.json gcp.csv camera.toml photographs --crs EPSG:2056+5728 --size 0.3
   insgnss targets measure eo.json gcp.csv camera.toml photographs --signal ring --size 0.06 \\
       --bits 12 --search-px 10
+  insgnss targets measure eo.json vehicle/trajectory.csv camera.toml photographs --vehicle \\
+      --target-m 0.4 -0.2 -2.1 --signal disc --size 0.8
   insgnss adjust eo.json --images targets/image_points.csv --camera camera.toml \\
       --ground targets/ground_points.csv"""
 
@@ -34,7 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("eo", type=Path, metavar="EO", help="eo.json of a processed flight")
     parser.add_argument(
-        "ground", type=Path, metavar="GROUND", help="ground points: a table, or a program's file"
+        "ground",
+        type=Path,
+        metavar="GROUND",
+        help="ground points: a table, or a program's file; with --vehicle where the vehicle was",
     )
     parser.add_argument("camera", type=Path, metavar="CAMERA", help="camera.toml")
     parser.add_argument(
@@ -51,6 +57,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for heights above it"
+    )
+    parser.add_argument(
+        "--vehicle",
+        action="store_true",
+        help=(
+            "the target is on a vehicle, seen where it is just then: GROUND is its trajectory.csv,"
+            " its eo.json, or a table of target positions"
+        ),
+    )
+    parser.add_argument(
+        "--target-m",
+        type=float,
+        nargs=3,
+        metavar=("FORWARD", "RIGHT", "DOWN"),
+        help="of --vehicle: the target from the point of its trajectory, in the vehicle's axes",
     )
     _add_target(parser)
     parser.add_argument(
@@ -110,6 +131,9 @@ def _add_target(parser: argparse.ArgumentParser) -> None:
         help="diameters of a ring, in diameters of its disc (default: 2 3)",
     )
     parser.add_argument(
+        "--number", type=int, metavar="N", help="of --vehicle: what the ring of its target says"
+    )
+    parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="image of a target, north up, square"
     )
 
@@ -135,7 +159,15 @@ def request_of(options: argparse.Namespace) -> "Request":
         options.bits,
         (options.ring[0], options.ring[1]),
         options.picture,
+        options.number,
     )
+    vehicle = None
+    if options.vehicle:
+        arm = options.target_m
+        own = None if arm is None else (arm[0], arm[1], arm[2])
+        vehicle = VehicleTable(file=options.ground, target_m=own)
+    elif options.target_m is not None or options.number is not None:
+        raise UsageError("targets: --target-m and --number belong to --vehicle; give it too")
     return Request(
         options.eo,
         options.ground,
@@ -146,6 +178,7 @@ def request_of(options: argparse.Namespace) -> "Request":
         target,
         options.search_px,
         options.whole,
+        vehicle,
     )
 
 

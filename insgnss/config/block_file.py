@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
+from .block_tables.aerial_control import AerialControlTable
+from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
-from .schema import Triple, check, option, options_of
+from .schema import check, option, options_of
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -16,8 +18,6 @@ PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
-CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
-"""A absolute, R relative, p position, a attitude."""
 
 
 @dataclass(frozen=True)
@@ -99,149 +99,6 @@ class CameraTable:
 
 
 @dataclass(frozen=True)
-class AerialControlTable:
-    """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
-
-    file: Path | None = option(
-        None, "eo.json of a processed flight; without it the block has no aerial control"
-    )
-    covariance: Literal["auto", "strip", "chain", "image"] = option(
-        "auto",
-        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz '
-        'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
-        '"image": of each image alone; "auto": the first of these that is there',
-    )
-    control: Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"] = option(
-        "Ap/Aa",
-        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight "
-        "line (R): position (p) and attitude (a). Relative attitudes ask for no bore-sight, "
-        "relative positions for no datum of the fixes",
-        cli="--control",
-    )
-    lines: tuple[str, ...] = option(
-        (),
-        "flight lines with another control: name of one of its images and the control, such as "
-        '"IMG_0010 Rp/Ra"',
-    )
-    relative_weights: Literal["smoothed", "independent", "gyro"] = option(
-        "smoothed",
-        'what weighs relative control: "smoothed": the covariance of all poses of the line; '
-        '"independent": each pair as of independent images (paper 003, equation 5); "gyro": the '
-        "same for positions, and for attitudes noise and drift of the gyroscopes (equation 6)",
-        cli="--relative-weights",
-    )
-    gap_s: float = option(
-        10.0,
-        "longest time between two images of which one is observed relative to the other",
-        unit="s",
-        low=0.01,
-        high=3600.0,
-    )
-    gyro_noise_deg_rts: float = option(
-        0.005,
-        "white noise of the gyroscopes, omega_RW of equation 6 of paper 003",
-        unit="deg/sqrt(s)",
-        low=1e-9,
-        high=10.0,
-    )
-    gyro_drift_degps: float = option(
-        0.003,
-        "drift that is left of the gyroscopes, omega_b of equation 6",
-        unit="deg/s",
-        low=0.0,
-        high=10.0,
-    )
-    gyro_vertical: float = option(
-        1.5, "by which the drift about the vertical is larger, k of paper 003", low=0.01, high=100.0
-    )
-    datum_sigma_m: float = option(
-        5.0,
-        "standard deviation of the position of one image of each line of relative positions",
-        unit="m",
-        low=1e-3,
-        high=1e6,
-    )
-    datum_sigma_deg: float = option(
-        2.0,
-        "the same of the attitude of one image of each line of relative attitudes",
-        unit="deg",
-        low=1e-3,
-        high=180.0,
-    )
-    boresight_sigma_deg: float = option(
-        1.0,
-        "standard deviation of what is left of the bore-sight about each axis, which is estimated; "
-        "0: it is as the flight file has it",
-        unit="deg",
-        low=0.0,
-        high=180.0,
-        cli="--boresight-sigma",
-        metavar="DEG",
-    )
-    lever_arm_sigma_m: Triple | None = option(
-        None,
-        "standard deviations of what is left of the lever arm, camera x, y, z, which is estimated",
-        unit="m",
-        kind="sigmas",
-        usual="it is as the flight file has it",
-    )
-    time_offset_sigma_s: float = option(
-        0.0,
-        "standard deviation of the delay of the exposures behind their stamps, which is estimated; "
-        "0: there is none",
-        unit="s",
-        low=0.0,
-        high=10.0,
-        cli="--delay-sigma",
-        metavar="S",
-    )
-    shift_sigma_m: Triple | None = option(
-        None,
-        "standard deviations of a shift of each flight line, east, north, up, which is estimated",
-        unit="m",
-        kind="sigmas",
-        usual="none",
-    )
-    drift_sigma_mps: Triple | None = option(
-        None,
-        "standard deviations of a drift of each flight line, which is estimated",
-        unit="m/s",
-        kind="sigmas",
-        usual="none",
-    )
-
-    def __post_init__(self) -> None:
-        check(self, "aerial_control")
-        for text in self.lines:
-            name, _, control = text.rpartition(" ")
-            if not name.strip() or control not in CONTROLS:
-                raise OptionError(
-                    "aerial_control.lines",
-                    f"{text!r}: name of an image and one of {' '.join(CONTROLS)}, such as"
-                    ' "IMG_0010 Rp/Ra"',
-                )
-
-        relative = {"Ap/Ra", "Rp/Ra", "Rp"} & {self.control, *self.of_lines.values()}
-        if self.relative_weights != "smoothed" and not relative:
-            raise OptionError(
-                "aerial_control.relative_weights",
-                "has no meaning without relative control; ask for it by aerial_control.control,"
-                ' such as "Ap/Ra"',
-            )
-
-    @property
-    def of_lines(self) -> dict[str, str]:
-        """Control of the flight lines that have another one, by the name of an image."""
-        pairs = (text.rpartition(" ") for text in self.lines)
-        return {name.strip(): control for name, _, control in pairs}
-
-    @property
-    def absolute_attitudes(self) -> bool:
-        """Whether any line observes attitudes that the bore-sight turns."""
-        return "Ap/Aa" in (self.control, *self.of_lines.values())
-
-
-@dataclass(frozen=True)
 class GroundTableInput:
     """Table [ground]: points with known coordinates."""
 
@@ -278,113 +135,6 @@ class GroundTableInput:
         check(self, "ground")
         if self.geoid is not None and self.crs is None:
             raise OptionError("ground.geoid", "has no meaning without ground.crs; give both")
-
-
-@dataclass(frozen=True)
-class VehicleTable:
-    """Table [vehicle]: a vehicle on the ground whose target the images see: kinematic control."""
-
-    file: Path | None = option(
-        None,
-        "where the vehicle was: `eo.json` of a run of `process` with the exposures of the images "
-        "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
-        "positions of the target (target_positions.md)",
-        cli="--vehicle",
-        metavar="FILE",
-        cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
-    )
-    target: str = option(
-        "K_",
-        "how the image observations call the target: a prefix before the name of the image "
-        "(K_IMG_0010), or one name in all images, which are told apart then",
-    )
-    target_m: Triple | None = option(
-        None,
-        "the target from the point of the trajectory (of eo.json: from its camera), forward, "
-        "right, down in the axes of the vehicle",
-        unit="m",
-        kind="lever",
-        usual="zero of eo.json and of a table",
-    )
-    target_sigma_m: Triple | None = option(
-        None,
-        "standard deviations of what is left of target_m, which is estimated",
-        unit="m",
-        kind="sigmas",
-        usual="it is as stated",
-    )
-    time_offset_s: float = option(
-        0.0, "seconds that are added to the stamps of the vehicle", unit="s", low=-1e6, high=1e6
-    )
-    time_offset_sigma_s: float = option(
-        0.0,
-        "standard deviation of the delay of the vehicle's clock, which is estimated; 0: it is as "
-        "stated",
-        unit="s",
-        low=0.0,
-        high=10.0,
-    )
-    shift_sigma_m: Triple | None = option(
-        None,
-        "standard deviations of a shift of all positions of the vehicle, east, north, up, which is "
-        "estimated",
-        unit="m",
-        kind="sigmas",
-        usual="none",
-    )
-    correlated_share: float = option(
-        0.75,
-        "of trajectory.csv and a table: share of the variances that lasts, with correlation_time_s"
-        "; the rest is white. eo.json has its own covariance",
-        low=0.0,
-        high=1.0,
-    )
-    correlation_time_s: float = option(
-        300.0, "correlation time of the share that lasts", unit="s", low=0.01, high=1e6
-    )
-    longest_gap_s: float = option(
-        1.0,
-        "longest time between two rows of the file within which it is interpolated; exposures in a "
-        "longer one have no target",
-        unit="s",
-        low=0.001,
-        high=100.0,
-    )
-    sizes: Path | None = option(
-        None, "apparent sizes of the target (target_sizes.md), with size_m", kind="existing"
-    )
-    size_m: float | None = option(
-        None, "diameter of the target", unit="m", positive=True, usual="not known"
-    )
-    size_sigma_m: float = option(
-        0.0,
-        "standard deviation of size_m, whose rest is estimated then; 0: it is as stated",
-        unit="m",
-        low=0.0,
-        high=10.0,
-    )
-    skip: tuple[str, ...] = option((), "names of images whose target is left out")
-    crs: str | None = option(
-        None, "of a table: its CRS, as ground.crs", usual="the tangent plane of the images"
-    )
-    geoid: Path | None = option(None, "of a table: as ground.geoid")
-    columns: "Columns" = option(
-        None, "of a table, as images.columns", kind="columns", usual="by header or order"
-    )
-
-    def __post_init__(self) -> None:
-        check(self, "vehicle")
-        if (self.sizes is None) != (self.size_m is None):
-            missing, other = ("size_m", "sizes") if self.size_m is None else ("sizes", "size_m")
-            raise OptionError(f"vehicle.{other}", f"has no meaning without vehicle.{missing}")
-        if self.geoid is not None and self.crs is None:
-            raise OptionError("vehicle.geoid", "has no meaning without vehicle.crs; give both")
-        if not self.target.strip():
-            raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")
-        if self.file is None:
-            for name in ("target_m", "target_sigma_m", "shift_sigma_m", "sizes"):
-                if getattr(self, name) is not None:
-                    raise OptionError(f"vehicle.{name}", "has no meaning without vehicle.file")
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,18 @@
 """Exterior orientation, camera and ground points in one frame, and what is predicted of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..block_adjustment.inputs import ground_in_plane, ground_of, refuse_field_of_view
+from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
 from ..config.block_file import BlockFile, GroundTableInput
 from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
 from ..formats.blocks.ground_points import GroundTable
 from ..formats.orientation.eo_json import read_eo_json
 from ..records import ExteriorOrientation
-from ..records.block import BrownCamera
+from ..records.block import BrownCamera, InteriorCovariance
 from ..targets.prediction import VISIBILITY, Predictions, predict
 from .request import Request
 
@@ -38,6 +39,8 @@ class Inputs:
         Pixels of all points in all images, with what was asked to be added to their covariance.
     notes : tuple of str
         What was assumed, sentence by sentence.
+    vehicle : Vehicle or None
+        Whose target the points are, one an image: point k in its image alone.
     """
 
     request: Request
@@ -48,6 +51,7 @@ class Inputs:
     crs: str | None
     predictions: Predictions
     notes: tuple[str, ...]
+    vehicle: Vehicle | None = None
 
 
 def inputs_of(request: Request) -> Inputs:
@@ -74,17 +78,24 @@ def inputs_of(request: Request) -> Inputs:
     camera = read_camera_toml(request.camera)
     camera_cov = read_camera_covariance(request.camera)
     refuse_field_of_view(camera)
-    table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
     notes: list[str] = []
-    given, own_crs = ground_of(request.ground, None)
-    ground = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
-    if ground is None or given is None:
-        raise InputError.at_line(request.ground, None, "no ground point; write one line a point")
     if not len(eo.images):
         raise InputError.at_line(request.eo, None, "no image; process the flight with its camera")
-    seen = predict(
-        camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
-    )
+    vehicle, own_crs = None, None
+    if request.vehicle is not None:
+        vehicle = _vehicle(request, eo, notes)
+        ground = given = _as_ground(vehicle)
+        seen = _predicted(vehicle, eo, camera, camera_cov)
+    else:
+        table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
+        read, own_crs = ground_of(request.ground, None)
+        in_plane = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
+        if in_plane is None or read is None:
+            raise InputError.at_line(request.ground, None, "no ground point; write one line each")
+        ground, given = in_plane, read
+        seen = predict(
+            camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
+        )
     if not seen.visible.any():
         raise DataError(_unseen(eo, ground, camera, seen))
     extra = request.search_px**2 * np.eye(2)
@@ -96,8 +107,51 @@ def inputs_of(request: Request) -> Inputs:
             f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"
             " are too small by what it is not"
         )
-    crs = request.crs or own_crs
-    return Inputs(request, eo, camera, ground, given, crs, widened, tuple(notes))
+    crs = None if vehicle is not None else request.crs or own_crs
+    return Inputs(request, eo, camera, ground, given, crs, widened, tuple(notes), vehicle)
+
+
+def _vehicle(request: Request, eo: ExteriorOrientation, notes: list[str]) -> Vehicle:
+    """Return the vehicle's target at the exposures of all images."""
+    assert request.vehicle is not None
+    options = replace(request.vehicle, file=request.ground, crs=request.crs, geoid=request.geoid)
+    names = [f"{options.target}{image}" for image in eo.images]
+    return placed_vehicle(options, eo.images, names, eo, notes)
+
+
+def _as_ground(vehicle: Vehicle) -> GroundTable:
+    """Return the places of a target as ground points, each of its own image."""
+    n = len(vehicle.images)
+    cov = vehicle.cov.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+    return GroundTable(vehicle.points, vehicle.at.position_m, cov, np.zeros(n, dtype=bool))
+
+
+def _predicted(
+    vehicle: Vehicle,
+    eo: ExteriorOrientation,
+    camera: BrownCamera,
+    camera_cov: InteriorCovariance | None,
+) -> Predictions:
+    """Predict the target in the image that saw it, place by place."""
+    ground, row = _as_ground(vehicle), {name: i for i, name in enumerate(eo.images)}
+    image = np.array([row[name] for name in vehicle.images], dtype=np.int64)
+    each = [
+        predict(
+            camera,
+            eo.position_m[i : i + 1],
+            eo.C_mc[i : i + 1],
+            eo.cov[i : i + 1],
+            ground.position_m[k : k + 1],
+            ground.cov[k : k + 1],
+            camera_cov,
+        )
+        for k, i in enumerate(image.tolist())
+    ]
+    uv, cov, by_point, visibility = (
+        np.concatenate([getattr(one, name) for one in each])
+        for name in ("uv", "cov", "by_point", "visibility")
+    )
+    return Predictions(image, np.arange(image.size), uv, cov, by_point, visibility)
 
 
 def _unseen(

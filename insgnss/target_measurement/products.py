@@ -3,6 +3,7 @@
 predictions.csv     every ground point in every image, with its ellipse
 image_points.csv    what was measured, as `insgnss adjust` takes it
 ground_points.csv   the ground points in the axes of the orientation
+target_positions.csv, target_sizes.csv    of a vehicle, in the place of ground_points.csv
 rejected.csv        what was not measured, each with its reason
 markers.xml         Metashape
 pix4d_marks.csv     PIX4Dmatic
@@ -22,6 +23,8 @@ from ..formats.blocks.columns import write_table
 from ..formats.blocks.gcp_list import write_gcp_list
 from ..formats.blocks.ground_points import GroundTable, write_ground_points
 from ..formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
+from ..formats.blocks.target_positions import TargetPositions, write_target_positions
+from ..formats.blocks.target_sizes import write_target_sizes
 from ..formats.markers.metashape_markers import write_metashape_markers
 from ..formats.markers.pix4d_marks import write_pix4d_marks
 from ..formats.orientation.exported import check_names
@@ -29,10 +32,12 @@ from ..geodesy.frames import TangentPlane
 from ..records.block import ImageObservations
 from ..targets.prediction import VISIBILITY
 from .inputs import Inputs
+from .sizes import target_sizes
 from .windows import Window
 
 PREDICTIONS = "predictions.csv"
 IMAGE_POINTS, GROUND_POINTS, REJECTED = "image_points.csv", "ground_points.csv", "rejected.csv"
+POSITIONS, SIZES = "target_positions.csv", "target_sizes.csv"
 COLUMNS = (
     *("image", "point", "x", "y", "sigma_x", "sigma_y", "correlation"),
     *("semi_major", "semi_minor", "direction", "visibility"),
@@ -168,9 +173,17 @@ def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[st
     measured = measured_points(inputs, windows)
     write_image_points(measured, into / IMAGE_POINTS)
     plane = TangentPlane(*inputs.eo.origin)
-    write_ground_points(
-        inputs.ground, into / GROUND_POINTS, (f"tangent plane of {inputs.request.eo.name}, m",)
-    )
+    axes = (f"tangent plane of {inputs.request.eo.name}, m",)
+    if inputs.vehicle is None:
+        write_ground_points(inputs.ground, into / GROUND_POINTS, axes)
+    else:
+        own = inputs.vehicle
+        time = own.time if np.isfinite(own.time).all() else None
+        places = TargetPositions(
+            own.images, time, inputs.eo.gps_week, inputs.ground.position_m, inputs.ground.cov
+        )
+        write_target_positions(places, into / POSITIONS, axes)
+        write_target_sizes(target_sizes(inputs, windows), into / SIZES)
     notes: list[str] = []
     ground, crs = _in_crs(inputs, plane)
     camera = inputs.camera

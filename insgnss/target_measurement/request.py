@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import UsageError, near
+from ..config.block_file import VehicleTable
 from ..targets.codes import Ring
 from ..targets.signals import Signal, cross, disc, picture, quadrants
 
@@ -36,6 +37,8 @@ class Target:
         Inner and outer diameter of a ring, in diameters of its disc.
     picture : Path, optional
         Image of a target, north up.
+    number : int, optional
+        What the ring of a vehicle's target says; those of ground points are in their names.
 
     Raises
     ------
@@ -51,6 +54,7 @@ class Target:
     bits: int = 12
     ring: tuple[float, float] = (2.0, 3.0)
     picture: Path | None = None
+    number: int | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -110,6 +114,8 @@ class Request:
         covariances do not know.
     whole : bool
         Whether predictions list points that are not seen, too.
+    vehicle : VehicleTable, optional
+        The target is on a vehicle, whose file is `ground`: table [vehicle] of a block file.
 
     Raises
     ------
@@ -126,6 +132,7 @@ class Request:
     target: Target = field(default_factory=Target)
     search_px: float = 0.0
     whole: bool = False
+    vehicle: VehicleTable | None = None
 
     def __post_init__(self) -> None:
         named: dict[str, Path | None] = {"EO": self.eo, "GROUND": self.ground}
@@ -140,6 +147,11 @@ class Request:
                 raise UsageError(f"targets: {name} {path} does not exist; check the path")
         if not 0.0 <= self.search_px <= 1000.0:
             raise UsageError(f"targets: --search-px {self.search_px:g}; 0 to 1000 px")
+        if self.vehicle is not None and self.target.kind == "ring" and self.target.number is None:
+            raise UsageError(
+                "targets: --number is missing: what the ring of the vehicle's target says; names of"
+                " its points are those of images"
+            )
 
 
 def _grey(path: Path | None) -> np.ndarray:

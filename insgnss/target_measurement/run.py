@@ -148,7 +148,7 @@ def predict_targets(
     count = np.bincount(seen.point[rows], minlength=len(inputs.ground.points))
     some = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
     headline = (
-        f"{int((count > 0).sum())} of {len(count)} ground points lie in"
+        f"{int((count > 0).sum())} of {len(count)} {_noun(inputs)} lie in"
         f" {np.unique(seen.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)} times;"
         f" larger semi-axis of their ellipses {some}"
     )
@@ -241,7 +241,12 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     if not names:
         return []
     some = ", ".join(names[:5]) + (" ..." if names[5:] else "")
-    return [f"{len(names)} of {len(count)} ground points lie in no image: {some}"]
+    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {some}"]
+
+
+def _noun(inputs: Inputs) -> str:
+    """What the points are called."""
+    return "ground points" if inputs.vehicle is None else "places of the vehicle's target"
 
 
 def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
@@ -278,7 +283,7 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         )
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
-        f" {int((count[:, 1] > 0).sum())} ground points in"
+        f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
         f" {len({int(seen.image[w.row]) for w in good})} photographs"
     )
     if sigma:

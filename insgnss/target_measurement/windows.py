@@ -74,7 +74,10 @@ def windows_of(
     """
     seen, target = inputs.predictions, inputs.request.target
     signal, ring = target.signal, target.code
-    numbers = [number_in(name) for name in inputs.ground.points]
+    numbers = [
+        number_in(name) if inputs.vehicle is None else target.number
+        for name in inputs.ground.points
+    ]
     size = (inputs.camera.width, inputs.camera.height)
     rows = np.flatnonzero(seen.visible)
     todo = [i for i in np.unique(seen.image[rows]) if photographs.files[i] is not None]

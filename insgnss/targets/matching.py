@@ -107,6 +107,10 @@ class Match:
         (2, 2) pixels right and down by metres along the axes of the signal as it was found.
     shade : float
         Share of the light that a shadow takes from a part of the target; 0 without one.
+    M_cov : ndarray, optional
+        (4, 4) covariance of M, row by row.
+    edge_px : float
+        What neighbouring pixels share may move each edge by so much (GT.4).
     """
 
     uv: Array
@@ -120,6 +124,8 @@ class Match:
     pixels: int
     to_pixel: Array
     shade: float = 0.0
+    M_cov: Array | None = None
+    edge_px: float = 0.0
 
     def moved_by(self, corner: Array) -> "Match":
         """Return the match in pixels of the image that its window was cut out of.
@@ -319,11 +325,15 @@ def _iterated(
         if length < CONVERGED_PX:
             converged = True
             break
+    inverse = np.linalg.inv(N)
     cov = _covariance(x, w * e, J, N, s2)
+    # what neighbours share widens the errors of the deformation as it does those of the centre
+    wider = max(1.0, float(np.trace(cov) / max(s2 * np.trace(inverse[_C, _C]), 1e-300)))
     width = np.sqrt(2.0 * np.pi) * np.hypot(np.exp(state.s), 0.3)  # of a blurred edge, and a pixel
-    cov += _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2 * np.eye(2)
+    edge = _structured(x, e) * (width / max(abs(h[3]), 1e-9)) ** 2
+    cov += edge * np.eye(2)
     open_ = replace(free, size=0.0, turn_rad=0.0).deformation(template)
-    cov += _one_sided(template, state.M, s2 * np.linalg.inv(N)[_M, _M] + open_)
+    cov += _one_sided(template, state.M, s2 * inverse[_M, _M] + open_)
     r = _likeness(x, radiometry[:, 3] / light, grey / light, e / light)
     if not (np.isfinite(cov).all() and np.isfinite(r)):
         return None
@@ -340,6 +350,8 @@ def _iterated(
         len(x),
         np.asarray(np.linalg.solve(state.M, template.to_pixel), dtype=np.float64),
         0.0 if state.shadow is None else float(state.shadow[0]),
+        wider * s2 * inverse[_M, _M],
+        float(np.sqrt(edge)),
     )
 
 

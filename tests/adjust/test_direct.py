@@ -90,7 +90,7 @@ def derivatives(case):
 
 def test_covariance_of_points_and_between_them(case, derivatives) -> None:
     """(J.19). Oracle: F P F^T with derivatives of the intersection itself."""
-    made, done = case
+    _, done = case
     (by_pose, by_ray), _ = derivatives
     whole = by_pose @ covariance() @ by_pose.T + by_ray @ by_ray.T
     precision = direct_precision(done)

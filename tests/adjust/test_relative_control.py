@@ -105,7 +105,8 @@ def test_derivatives(block, positions) -> None:
     problem = problem_of(block.block, [own], blocks)
     layout = problem.layout
     e, J = own.linearised(values)
-    assert e.size == m and J.shape == (m, 6 * N + 3 + 1 + 3 + 2)
+    assert e.size == m
+    assert J.shape == (m, 6 * N + 3 + 1 + 3 + 2)
     columns = np.concatenate([layout.of(key)[0] for key in own.keys])
     still, step = np.zeros_like(values.point), 1e-6
     for k, column in enumerate(columns):

@@ -29,7 +29,7 @@ from ...adjust.aerial import (
 from ...adjust.groups import ObservationGroup, weight_of
 from ...adjust.unknowns import Key
 from ...base.errors import InputError, near
-from ...config.block_file import AerialControlTable
+from ...config.block_tables.aerial_control import AerialControlTable
 from ...formats.blocks.joined import matched
 from ...formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ...records import ExteriorOrientation
@@ -200,14 +200,14 @@ def _control_of_line(
     rows: Rows, others: dict[int, str], eo: ExteriorOrientation, options: AerialControlTable
 ) -> str:
     """Return the control of the flight line with these images."""
-    asked = {others[int(row)]: eo.images[row] for row in rows if int(row) in others}
-    if len(asked) > 1:
-        (one, first), (two, second) = list(asked.items())[:2]
+    requested = {others[int(row)]: eo.images[row] for row in rows if int(row) in others}
+    if len(requested) > 1:
+        (one, first), (two, second) = list(requested.items())[:2]
         raise InputError(
             f"aerial_control.lines: {first} and {second} lie in one flight line, which cannot be"
             f" both {one} and {two}; name one of them"
         )
-    return next(iter(asked), options.control)
+    return next(iter(requested), options.control)
 
 
 def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:

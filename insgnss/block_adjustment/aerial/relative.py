@@ -24,15 +24,16 @@ from ...adjust.relative import (
     operator,
     smoothed,
 )
-from ...config.block_file import AerialControlTable
+from ...config.block_tables.aerial_control import AerialControlTable
 from ...orient.relative import line_pairs
 from ...records import ExteriorOrientation
 from ...records.block import Array
 
 Rows = NDArray[np.int64]
-WEAK = "weak datum"
-HELD_BY_NOTHING = 0.5
-"""Redundancy number of a weak datum below which the rest says less of it than it does itself."""
+DATUM = "weak datum"
+HELD_BY_NOTHING = 0.99
+"""Redundancy number of a weak datum below which the rest knows it no ten times better than it does
+itself: several data of lines that tie points join are redundant of each other."""
 
 
 class Strip(NamedTuple):
@@ -174,7 +175,7 @@ def relative_groups(
     for chain in chains(rows.size, pairs):
         middle = int(chain[chain.size // 2])
         i, size = int(strip.images[middle]), int(chain.size)
-        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, WEAK))
+        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, DATUM))
     return groups
 
 

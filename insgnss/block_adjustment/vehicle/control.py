@@ -15,7 +15,7 @@ from ...adjust.kinematic import (
     TargetSize,
 )
 from ...adjust.unknowns import Key, Unknowns
-from ...config.block_file import VehicleTable
+from ...config.block_tables.vehicle import VehicleTable
 from ...records.block import Array, ImageBlock
 from .places import Vehicle
 

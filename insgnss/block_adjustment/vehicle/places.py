@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, near
-from ...config.block_file import VehicleTable
+from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.image_points import ImagePoints
 from ...formats.blocks.joined import matched
 from ...formats.blocks.target_sizes import read_target_sizes
@@ -123,23 +123,56 @@ def vehicle_of(
         )
     if options.skip:
         seen = without(seen, options.skip)
+    return seen.measured, placed_vehicle(options, seen.images, seen.points, eo, notes)
+
+
+def placed_vehicle(
+    options: VehicleTable,
+    images: Sequence[str],
+    points: Sequence[str],
+    eo: ExteriorOrientation | None,
+    notes: list[str],
+) -> Vehicle:
+    """Read the vehicle and place its target at the exposures of images.
+
+    Parameters
+    ----------
+    options : VehicleTable
+        Table [vehicle] of the block file; it has a file.
+    images, points : sequence of str
+        (n,) the images, and what the target is called in each.
+    eo : ExteriorOrientation, optional
+        The aerial control, whose stamps are those of the exposures.
+    notes : list of str
+        Gets a sentence where something was assumed or left out.
+
+    Returns
+    -------
+    Vehicle
+        Of the exposures at which its place is known.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or has none of the exposures.
+    """
     plane = None if eo is None else TangentPlane(*eo.origin)
     track = read_track(options, plane, eo)
-    time = np.full(len(seen.images), np.nan)
+    time = np.full(len(images), np.nan)
     if eo is not None:
-        rows = matched(seen.images, eo.images)
+        rows = matched(images, eo.images)
         time[rows >= 0] = eo.time[rows[rows >= 0]]
         if track.time is not None:
             shift = week_shift(eo.gps_week, track.week)
             track = replace(track, time=track.time + shift, week=eo.gps_week)
-    at, there = at_exposures(options, track, seen.images, time, notes)
-    own = np.flatnonzero(there)
-    images = tuple(seen.images[k] for k in own)
-    when = at.time if at.time is not None else time[own]
+    at, there = at_exposures(options, track, images, time, notes)
+    own = np.flatnonzero(there).tolist()
+    placed = tuple(images[k] for k in own)
+    when = at.time if at.time is not None else time[there]
     cov = at.covariance(when)
-    size, sigma = _sizes(options, images, notes)
-    points = tuple(seen.points[k] for k in own)
-    return seen.measured, Vehicle(options, images, points, time[own], track, at, cov, size, sigma)
+    size, sigma = _sizes(options, placed, notes)
+    names = tuple(points[k] for k in own)
+    return Vehicle(options, placed, names, time[there], track, at, cov, size, sigma)
 
 
 def at_exposures(

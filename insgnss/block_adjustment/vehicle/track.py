@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ...adjust.aerial import chained_covariance
 from ...adjust.kinematic import gauss_markov
 from ...base.errors import InputError
-from ...config.block_file import VehicleTable
+from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
 from ...formats.blocks.target_positions import read_target_positions
@@ -254,8 +254,8 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         raise InputError.at_line(
             path,
             None,
-            "places of the IMU, and vehicle.target_m is missing: forward, right, down from there to"
-            " the target, m",
+            "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward, right,"
+            " down from there to the target, m",
         )
     if len(given.time) < 2:
         raise InputError.at_line(path, None, "one row; a trajectory has two at least")

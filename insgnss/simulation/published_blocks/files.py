@@ -110,7 +110,8 @@ def _block_files(made: SimulatedSurvey) -> dict[str, str]:
         '[images]\nfile = "image_points.csv"\n\n[camera]\nfile = "camera.toml"\n\n'
         '[aerial_control]\nfile = "eo.json"\n'
     )
-    aerial = f"boresight_sigma_deg = {3.0 if made.boresight.trace() < 3.0 else 0.0:.1f}\n"
+    antenna = 'control = "Ap"\n' if made.vehicle is not None else ""
+    aerial = f"{antenna}boresight_sigma_deg = {3.0 if made.boresight.trace() < 3.0 else 0.0:.1f}\n"
     if made.vehicle is None:
         return {"block.toml": f'{head}{aerial}\n[ground]\nfile = "ground_points.csv"\n'}
     target = ", ".join(f"{value:g}" for value in TARGET_M)

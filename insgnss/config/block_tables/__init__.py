@@ -1,0 +1,1 @@
+"""Tables of the block file that have a module of their own."""
