@@ -14,7 +14,8 @@ from ..records import ImuSamples, Quantity
 if TYPE_CHECKING:
     from ..block_adjustment.run import AdjustmentResult
     from ..calibrate.result import MultiPosition
-    from ..config.block_file import BlockFile
+    from ..config.block_file import BlockFile, Mode
+    from ..config.block_tables.aerial_control import ControlKind
     from ..config.flight_file import Flight
     from ..inspection.described import FlightInspection
     from ..inspection.run import Inspection
@@ -75,8 +76,8 @@ def adjust_block(
     block: "BlockFile | Source",
     out: Source | None = None,
     *,
-    mode: str | None = None,
-    control: str | None = None,
+    mode: "Mode | None" = None,
+    control: "ControlKind | None" = None,
     write: bool = True,
     progress: Progress = _quiet,
 ) -> "AdjustmentResult":

@@ -212,9 +212,10 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
     yield Limit(
         "relative control",
         0.95,
-        f"{images} images in {len(chains)} flight lines or turns (of {first} first) have relative"
-        f" control and nothing that tells {' or '.join(words)}: weak observations of"
-        f" {' and '.join(sigmas)} of one image each hold them",
+        f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
+        f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and nothing tells"
+        f" {' or '.join(words)}: a weak observation ({' and '.join(sigmas)}) of one image of each"
+        " holds them",
         "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
     )
 

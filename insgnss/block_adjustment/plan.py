@@ -103,6 +103,7 @@ class Plan:
                 f" (near {image}): largest height sigma of points in three images"
                 f" {lengths([1e3 * before])} without, {lengths([1e3 * after])} with it"
             )
+        lines += [f"note: {note}" for note in f["notes"]]
         return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 
     def as_dict(self) -> dict[str, Any]:
@@ -175,6 +176,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     DataError
         The block does not determine an unknown.
     """
+    notes: list[str] = []
+    file, mode = file_in_mode(file, notes), file.adjustment.mode
     options = file.aerial_control
     if options.file is None:
         raise InputError(
@@ -183,9 +186,6 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
         )
     if file.camera.file is None:
         raise InputError("adjust --plan: the camera is missing; give --camera, a camera.toml")
-    notes: list[str] = []
-    file, mode = file_in_mode(file, notes), file.adjustment.mode
-    options = file.aerial_control
     progress("reading the orientation")
     eo = read_eo_json(options.file)
     camera = read_camera_toml(file.camera.file)
@@ -194,6 +194,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     (camera,) = cameras_in_mode(mode, [camera])
     ground = ground_in_plane(file, None, eo, [])
     terrain = replace(FLAT, height_m=_ground_height(file, ground))
+    if file.vehicle.file is not None:
+        notes.append("the plan has no kinematic ground control: the vehicle takes no part in it")
     progress("drawing tie points")
     block = _block(file, eo, camera, ground, terrain)
     source = of_table(*block)
