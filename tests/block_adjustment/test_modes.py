@@ -268,7 +268,8 @@ def test_direct_orientation_rejects_gross_errors_alone(calibrated, done, flown, 
     rejected = {(r["image"], r["point"]) for r in result.figures["rejected"]}
     assert len(gross) > 5
     assert names <= rejected
-    assert len(rejected) <= len(names) + 1
+    # of a point with few rays left nothing tells which one is wrong
+    assert {point for _, point in rejected} == {point for _, point in names}
     assert result.figures["verdict"] == "consistent"
 
 
