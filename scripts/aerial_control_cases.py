@@ -8,12 +8,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine more t
 
 import numpy as np
 
+from insgnss.adjust.normals import cofactors_of
+from insgnss.adjust.unknowns import POSE
 from insgnss.block_adjustment.check_points import check_points
 from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.solve import Solved, solved
 from insgnss.config.block_file import BlockFile, load_block
+from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.simulation.published_blocks.survey import SimulatedSurvey
+from insgnss.records.block import ImageObservations
+from insgnss.simulation.published_blocks.files import write_survey
+from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
+
+__all__ = ["simulate_survey"]
+
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),
@@ -25,6 +33,9 @@ MODES = {  # mode and control
     "F. AT Rp Ra": ("fast_at", "Rp/Ra"),
     "DiSO": ("direct", "Ap/Aa"),
 }
+GYRO = {"gyro_noise_deg_rts": 0.02, "gyro_drift_degps": 0.008, "gyro_vertical": 4.0}
+"""Equation 6 with figures that come near to what neighbours of the simulated poses differ by."""
+OF_GROUND = "ground_in_images.csv"
 PUBLISHED = {  # mm: mean X Y Z, root mean square X Y Z of Table 4, as printed
     "block2015": {
         "Indirect SO": (68, 8, -664, 16, 145, 1171),
@@ -50,12 +61,32 @@ PUBLISHED = {  # mm: mean X Y Z, root mean square X Y Z of Table 4, as printed
 BLOCKS = tuple(PUBLISHED)
 
 
+def written(directory: Path, made: SimulatedSurvey) -> Path:
+    """Write a block, and beside it the image observations of its surveyed points alone."""
+    file = write_survey(directory, made)
+    write_image_points(ground_alone(made), file.with_name(OF_GROUND))
+    return file
+
+
+def ground_alone(made: SimulatedSurvey) -> ImagePoints:
+    """Return the image observations of surveyed points."""
+    seen, names = made.measured.observations, made.measured.points
+    first = names.index(made.ground.points[0])
+    keep = seen.point >= first
+    observed = ImageObservations(
+        seen.image[keep], seen.point[keep] - first, seen.uv[keep], seen.sigma_px[keep]
+    )
+    return ImagePoints(made.measured.images, names[first:], observed)
+
+
 def in_mode(
     file: BlockFile | Path, mode: str, weights: str = "smoothed", boresight_deg: float = 0.0
 ) -> BlockFile:
     """Return a block file in one of `MODES`.
 
-    weights : of relative control.
+    weights : "smoothed": the whole covariance of all poses; "independent": each image, or each pair
+        of neighbours, by itself (the paper's standard deviations and its equation 5); "gyro": the
+        same with equation 6 for relative attitudes.
     boresight_deg : standard deviation of the bore-sight where attitudes are absolute; 0: it is
         known.
     """
@@ -67,12 +98,20 @@ def in_mode(
     else:
         sigma = boresight_deg if control.endswith("Aa") and way != "direct" else 0.0
         aerial = replace(
-            aerial, control=control, relative_weights=weights, boresight_sigma_deg=sigma
+            aerial,
+            control=control,
+            relative_weights=weights if "R" in control else "smoothed",
+            boresight_sigma_deg=sigma,
+            covariance="strip" if weights == "smoothed" else "image",
+            **GYRO,
         )
+    images = file.images
     if way in ("fast_at", "direct"):
+        # no tie points take part, so that they are not read either
+        images = replace(images, file=file.path.with_name(OF_GROUND))
         camera = replace(camera, file=camera.file.with_name("camera_calibrated.toml"))
     adjustment = replace(file.adjustment, mode=way)
-    return replace(file, aerial_control=aerial, camera=camera, adjustment=adjustment)
+    return replace(file, images=images, aerial_control=aerial, camera=camera, adjustment=adjustment)
 
 
 @dataclass(frozen=True)
@@ -82,22 +121,28 @@ class Outcome:
     difference_m : (m, 3) adjusted minus surveyed.
     sigma_m : (m, 3) promised standard deviations of these.
     normalised : square of all differences together over 3 m.
-    poses : mean normalised square of the poses over 6.
-    relative : (6) root mean square of promised over actual errors of position and attitude of
-        neighbours in lines: promised (3: E N U), actual (3), m.
+    poses : mean normalised square of the poses over 6; of neighbours over 3: `neighbours`.
+    promised_m, actual_m : (2) root mean squares of errors of relative positions of neighbours, and
+        of the first and last image of a line, by the covariance and by the truth, each axis.
     """
 
     difference_m: np.ndarray
     sigma_m: np.ndarray
     normalised: float
     poses: float
-    relative: np.ndarray
-    solved: Solved
+    promised_m: np.ndarray
+    actual_m: np.ndarray
+    neighbours: float
 
 
-def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
-    """Adjust a block, without judgement, and hold it against the truth."""
-    done = solved(inputs_of(file, lambda _: None), lambda _: None)
+def solution(file: BlockFile) -> Solved:
+    """Adjust a block, without judgement."""
+    return solved(inputs_of(file, lambda _: None), lambda _: None)
+
+
+def outcome(file: BlockFile, made: SimulatedSurvey, poses: bool = True) -> Outcome:
+    """Adjust a block, without judgement, and hold it (and its poses) against the truth."""
+    done = solution(file)
     points = check_points(done)
     block = done.result.problem.block
     names = [block.points[p] for p in block.check.point[points.rows]]
@@ -107,20 +152,39 @@ def outcome(file: BlockFile, made: SimulatedSurvey) -> Outcome:
     cov = points.cov_of_differences[np.ix_(columns, columns)]
     d = points.difference_m[keep]
     square = float(d.ravel() @ np.linalg.solve(cov, d.ravel())) / d.size
-    poses, relative = of_poses(done, made)
     sigma = np.sqrt(np.diagonal(cov)).reshape(-1, 3)
-    return Outcome(-d, sigma, square, poses, relative, done)
+    return Outcome(-d, sigma, square, *of_poses(done, made, poses))
 
 
-def of_poses(done: Solved, made: SimulatedSurvey) -> tuple[float, np.ndarray]:
-    """Return the mean normalised square of poses over 6, and of neighbours see `Outcome`."""
-    values, images = done.result.values, done.result.problem.block.images
+def of_poses(done: Solved, made: SimulatedSurvey, wanted: bool) -> tuple:
+    """Return the last four of `Outcome`; nan where poses are held or not wanted."""
+    if done.direct or not wanted:
+        return np.nan, np.full(2, np.nan), np.full(2, np.nan), np.nan
+    problem, values = done.result.problem, done.result.values
     row = {name: k for k, name in enumerate(made.truth.images)}
-    rows = [row[name] for name in images]
+    rows = [row[name] for name in problem.block.images]
     X, C = made.truth.position_m[rows], made.truth.C_mc[rows]
     e = np.hstack([X - values.position, vector_from_rotation(C @ values.C_mc.swapaxes(1, 2))])
-    if done.direct:
-        return float("nan"), np.full((2, 3), np.nan)
     P = done.precision.pose_cov
     square = float(np.einsum("ni,nij,nj->n", e, np.linalg.inv(P), e).mean()) / 6.0
-    return square, np.full((2, 3), np.nan)
+    here = {k: i for i, k in enumerate(rows)}
+    columns = np.concatenate([problem.layout.of((POSE, i))[0][:3] for i in range(len(rows))])
+    Q = cofactors_of(problem, values, columns).reshape(len(rows), 3, len(rows), 3)
+    promised, actual, normalised = [], [], []
+    for strip in made.strips:
+        line = [here[k] for k in strip.rows if k in here]
+        pairs = [(line[k], line[k + 1]) for k in range(0, len(line) - 1, 2)]
+        for i, j in [*pairs, (line[0], line[-1])]:
+            cov = Q[i, :, i] + Q[j, :, j] - Q[i, :, j] - Q[j, :, i]
+            off = e[j, :3] - e[i, :3]
+            promised.append(np.trace(cov) / 3.0)
+            actual.append(off @ off / 3.0)
+            normalised.append(off @ np.linalg.solve(cov, off) / 3.0)
+    ends = np.cumsum([(len(strip.rows)) // 2 + 1 for strip in made.strips]) - 1
+    whole = np.zeros(len(promised), dtype=bool)
+    whole[ends] = True
+    both = [
+        np.array([np.mean(np.array(x)[~whole]), np.mean(np.array(x)[whole])])
+        for x in (promised, actual)
+    ]
+    return square, np.sqrt(both[0]), np.sqrt(both[1]), float(np.mean(np.array(normalised)[~whole]))

@@ -4,7 +4,7 @@ calibrate_imu, simulate.
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -14,7 +14,8 @@ from ..records import ImuSamples, Quantity
 if TYPE_CHECKING:
     from ..block_adjustment.run import AdjustmentResult
     from ..calibrate.result import MultiPosition
-    from ..config.block_file import BlockFile
+    from ..config.block_file import BlockFile, Mode
+    from ..config.block_tables.aerial_control import ControlKind
     from ..config.flight_file import Flight
     from ..inspection.described import FlightInspection
     from ..inspection.run import Inspection
@@ -75,6 +76,8 @@ def adjust_block(
     block: "BlockFile | Source",
     out: Source | None = None,
     *,
+    mode: "Mode | None" = None,
+    control: "ControlKind | None" = None,
     write: bool = True,
     progress: Progress = _quiet,
 ) -> "AdjustmentResult":
@@ -84,6 +87,9 @@ def adjust_block(
     ----------
     block : a block file, the directory that holds block.toml, or what `load_block` gave.
     out : directory of the products; None: the block file's output.directory.
+    mode : "iso", "indirect", "fast_at" or "direct"; None: the block file's adjustment.mode.
+    control : "Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap" or "Rp", absolute or relative position and attitude;
+        None: the block file's aerial_control.control.
     write : whether to write the products; False: they are in the result only.
     progress : is called with the name of each step.
 
@@ -102,6 +108,12 @@ def adjust_block(
     from ..config.block_file import BlockFile, load_block
 
     file = block if isinstance(block, BlockFile) else load_block(Path(block))
+    changes: dict[str, Any] = {}
+    if mode is not None:
+        changes["adjustment"] = replace(file.adjustment, mode=mode)
+    if control is not None:
+        changes["aerial_control"] = replace(file.aerial_control, control=control)
+    file = replace(file, **changes)
     return adjust(file, None if out is None else Path(out), progress, write)
 
 

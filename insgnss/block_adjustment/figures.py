@@ -48,8 +48,13 @@ def figures_of(solved: Solved) -> dict[str, Any]:
         "mode": solved.inputs.file.adjustment.mode,
         "covariance_of_aerial_control": solved.control.covariance,
         "weakly_held": [
-            {"image": block.images[image], "images": count}
-            for image, count in weakly_held(result.problem.groups, solved.precision.groups)
+            {
+                "image": block.images[datum.image],
+                "images": datum.held,
+                "position": bool(np.isfinite(datum.sigma[0])),
+                "attitude": bool(np.isfinite(datum.sigma[1])),
+            }
+            for datum in weakly_held(result.problem.groups, solved.precision.groups)
         ],
         "components": _components(solved),
         "cameras": _cameras(solved),

@@ -202,13 +202,20 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
     options = figures["block_file"]["aerial_control"]
     images = sum(chain["images"] for chain in chains)
     first = chains[0]["image"]
+    words, sigmas = [], []
+    if any(chain["position"] for chain in chains):
+        words.append("where they lie")
+        sigmas.append(f"{options['datum_sigma_m']:g} m")
+    if any(chain["attitude"] for chain in chains):
+        words.append("how they are turned")
+        sigmas.append(f"{options['datum_sigma_deg']:g} deg")
     yield Limit(
         "relative control",
         0.95,
-        f"{images} images in {len(chains)} flight lines or turns (of {first} first) have relative"
-        " control alone and nothing that tells where they lie or how they are turned: weak"
-        f" observations of {options['datum_sigma_m']:g} m and {options['datum_sigma_deg']:g} deg"
-        " of one image each hold them",
+        f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
+        f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and nothing tells"
+        f" {' or '.join(words)}: a weak observation ({' and '.join(sigmas)}) of one image of each"
+        " holds them",
         "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
     )
 

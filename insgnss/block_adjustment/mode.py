@@ -32,7 +32,7 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     file : BlockFile
         The block file.
     notes : list of str
-        Gets a sentence where something was requested for that the mode does not estimate.
+        Gets a sentence where something was asked for that the mode does not estimate.
 
     Returns
     -------

@@ -1,5 +1,6 @@
 """adjust.html: the page of an adjusted block, without scripts or outside files."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,7 @@ def _numbers(figures: Mapping[str, Any]) -> str:
             if (v := figures["vehicle"]) is not None
             else []
         ),
-        ("flight lines", f"{c['flight_lines']}"),
+        ("flight lines", _lines(figures)),
         ("redundancy", f"{figures['redundancy']}"),
         ("steps of the iteration", f"{figures['iterations']}"),
         ("covariance of aerial control", figures["covariance_of_aerial_control"]),
@@ -127,6 +128,13 @@ def _numbers(figures: Mapping[str, Any]) -> str:
     if (px := figures["points"]["median_detectable_px"]) is not None:
         rows.append(("gross error of an image observation that would show", f"{px:.1f} px"))
     return "<h2>In numbers</h2>\n" + table([(escape(a), escape(b)) for a, b in rows])
+
+
+def _lines(figures: Mapping[str, Any]) -> str:
+    """Return the number of flight lines, and what is observed of them."""
+    controls = Counter(line["control"] for line in figures["flight_lines"])
+    words = ", ".join(f"{control} of {count}" for control, count in controls.items())
+    return f"{figures['counts']['flight_lines']}" + (f" ({words})" if words else "")
 
 
 def _determined(judgement: Judgement) -> str:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..adjust.adjustment import Adjusted, redundancy_of, valid
+from ..adjust.direct import direct_precision
 from ..adjust.normals import cost
 from ..adjust.precision import Precision, precision_of
 from ..base.errors import InputError
@@ -40,6 +41,7 @@ from ..simulation.image_block import BlockOptions, Terrain, Visible, seen_points
 from .aerial.control import Control, control_of
 from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
+from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
 from .page import ground_of
 from .solve import Solved, plainly, set_up
 
@@ -101,6 +103,7 @@ class Plan:
                 f" (near {image}): largest height sigma of points in three images"
                 f" {lengths([1e3 * before])} without, {lengths([1e3 * after])} with it"
             )
+        lines += [f"note: {note}" for note in f["notes"]]
         return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
 
     def as_dict(self) -> dict[str, Any]:
@@ -173,6 +176,8 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     DataError
         The block does not determine an unknown.
     """
+    notes: list[str] = []
+    file, mode = file_in_mode(file, notes), file.adjustment.mode
     options = file.aerial_control
     if options.file is None:
         raise InputError(
@@ -186,19 +191,27 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     camera = read_camera_toml(file.camera.file)
     if file.camera.free is not None:
         camera = replace(camera, free=file.camera.free)
+    (camera,) = cameras_in_mode(mode, [camera])
     ground = ground_in_plane(file, None, eo, [])
     terrain = replace(FLAT, height_m=_ground_height(file, ground))
+    if file.vehicle.file is not None:
+        notes.append("the plan has no kinematic ground control: the vehicle takes no part in it")
     progress("drawing tie points")
     block = _block(file, eo, camera, ground, terrain)
-    made = joined(of_table(*block), ground, eo)
-    inputs = Inputs(file, made.block, eo, made.eo_row, (), calibrated(file, made.block))
+    source = of_table(*block)
+    ground = ground_in_mode(file, ground, source.measured.points, notes)
+    source = source_in_mode(mode, source, ground, notes)
+    made = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    inputs = Inputs(file, made.block, eo, made.eo_row, tuple(notes), calibrated(file, made.block))
     progress(f"adjusting {len(made.block.observations)} planned image observations")
     control = control_of(inputs)
     solved = plainly(inputs, control, _precision(inputs, control))
     figures = figures_of(solved)
     figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
-    progress("trying one more ground control point")
-    best = _next_point(solved, eo)
+    best = None
+    if mode != "direct":
+        progress("trying one more ground control point")
+        best = _next_point(solved, eo)
     plan = Plan(solved, figures, best)
     if out is None:
         return plan
@@ -276,6 +289,8 @@ def _precision(inputs: Inputs, control: Control) -> Precision:
     point = np.where(problem.determined[:, None], values.point, np.nan)
     zero = cost(problem, values)[0]
     solution = Adjusted(problem, values.with_points(point), zero, zero, 0, redundancy_of(problem))
+    if inputs.file.adjustment.mode == "direct":
+        return direct_precision(solution)
     return precision_of(solution, 1.0)
 
 

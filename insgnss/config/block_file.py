@@ -18,6 +18,7 @@ PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
+Mode = Literal["iso", "indirect", "fast_at", "direct"]
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ class GroundTableInput:
 class AdjustmentTable:
     """Table [adjustment]: what takes part, how observations are weighed and judged."""
 
-    mode: Literal["iso", "indirect", "fast_at", "direct"] = option(
+    mode: Mode = option(
         "iso",
         '"iso": integrated sensor orientation, all observations; "indirect": without aerial '
         'control; "fast_at": image observations of ground points alone, with aerial control and a '

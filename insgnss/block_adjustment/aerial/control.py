@@ -87,7 +87,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
     Raises
     ------
     InputError
-        A covariance is requested for that is not there, or velocities are needed and missing.
+        A covariance is asked for that is not there, or velocities are needed and missing.
     """
     eo, options = inputs.eo, options or inputs.file.aerial_control
     if eo is None or inputs.file.adjustment.mode == "indirect":

@@ -199,9 +199,7 @@ def chains(n: int, pairs: Rows) -> list[Rows]:
     return np.split(np.arange(n), np.flatnonzero(~tied)[1:])
 
 
-def weakly_held(
-    groups: Sequence[ObservationGroup], tests: Sequence[GroupTest]
-) -> list[tuple[int, int]]:
+def weakly_held(groups: Sequence[ObservationGroup], tests: Sequence[GroupTest]) -> list[Datum]:
     """Find the chains of images that nothing but their weak datum holds.
 
     Parameters
@@ -213,11 +211,11 @@ def weakly_held(
 
     Returns
     -------
-    list of tuple
-        Row of the image with the datum, and number of images of the chain.
+    list of Datum
+        The datum of each.
     """
     return [
-        (group.image, group.held)
+        group
         for group, test in zip(groups, tests, strict=True)
         if isinstance(group, Datum) and test.redundancy.min() < HELD_BY_NOTHING
     ]

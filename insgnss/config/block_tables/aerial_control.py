@@ -7,6 +7,7 @@ from typing import Literal
 from ...base.errors import OptionError
 from ..schema import Triple, check, option
 
+ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
 CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
 """A absolute, R relative, p position, a attitude."""
 
@@ -24,7 +25,7 @@ class AerialControlTable:
         'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
         '"image": of each image alone; "auto": the first of these that is there',
     )
-    control: Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"] = option(
+    control: ControlKind = option(
         "Ap/Aa",
         "what is observed of the poses, absolute (A) or relative to the neighbour in the flight "
         "line (R): position (p) and attitude (a). Relative attitudes ask for no bore-sight, "
