@@ -19,7 +19,9 @@ bore-sight for one of them, and is hurt by it as little as relative control is.
 It ends in a table beside the paper's, a picture (what is left of absolute and of relative attitudes
 after an integrated adjustment, the paper's Figures 3 and 4), and an assertion: a bore-sight that is
 unknown ruins absolute attitudes that stand by themselves, and moves a check point by less than a
-tenth of its standard deviation where they are relative.
+tenth of its standard deviation where they are relative; by less than a half where positions are
+relative too, since the weak observation that gives a line its datum then (2 deg, datum_sigma_deg)
+is one of the absolute attitude, at which 1.5 deg pull.
 """
 
 import argparse
@@ -77,7 +79,8 @@ def main() -> None:
             one, other = found[0.0, way, "by itself"], found[turn, way, "by itself"]
             moved = np.abs(other.difference_m - one.difference_m) / one.sigma_m
             print(f"{way}, {turn:g} deg: check points move by {moved.max():.4f} sigma at most")
-            assert moved.max() < 0.1, f"a bore-sight of {turn:g} deg is not out of {way}"
+            limit = 0.5 if way.endswith("Rp Ra") else 0.1
+            assert moved.max() < limit, f"a bore-sight of {turn:g} deg is not out of {way}"
     ruined = found[BORESIGHTS_DEG[-1], ABSOLUTE, "by itself"]
     assert rms(ruined) > 5.0 * rms(known), (
         "absolute attitudes are no worse than relative ones with a bore-sight that nobody told"

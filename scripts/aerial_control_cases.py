@@ -142,7 +142,11 @@ def solution(file: BlockFile) -> Solved:
 
 def outcome(file: BlockFile, made: SimulatedSurvey, poses: bool = True) -> Outcome:
     """Adjust a block, without judgement, and hold it (and its poses) against the truth."""
-    done = solution(file)
+    return compared(solution(file), made, poses)
+
+
+def compared(done: Solved, made: SimulatedSurvey, poses: bool = True) -> Outcome:
+    """Hold an adjusted block against the truth."""
     points = check_points(done)
     block = done.result.problem.block
     names = [block.points[p] for p in block.check.point[points.rows]]

@@ -126,6 +126,42 @@ def test_tune_on_a_flight(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("script", "picture"),
+    [
+        ("07_boresight_unknown.py", "boresight_unknown.png"),
+        ("08_corridor_without_ground_control.py", "corridor.png"),
+        ("10_orthophoto_at_once.py", "orthophoto.png"),
+    ],
+)
+def test_aerial_control(script: str, picture: str, tmp_path: Path) -> None:
+    """Oracle: the simulated block, in the script's own assertion."""
+    done = run(script, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "paper 003" in done.stdout
+    assert_is_picture(tmp_path / picture)
+
+
+@pytest.mark.slow
+def test_relative_control_modes(tmp_path: Path) -> None:
+    """Oracle: the modes of Table 4 and their order, on one corridor."""
+    script = str(SCRIPTS / "relative_control_modes.py")
+    command = [sys.executable, script, "--only", "corridor2014", "--blocks", "1"]
+    command += ["--out", str(tmp_path / "runs.json")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "corridor2014, seed 0: 38 adjustments" in done.stdout
+
+
+@pytest.mark.slow
+def test_two_ground_points_and_a_vehicle(tmp_path: Path) -> None:
+    """Oracle: the simulated corridor of paper 004, in the script's own assertions."""
+    done = run("09_two_ground_points_and_a_vehicle.py", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert_is_picture(tmp_path / "corridor.png")
+
+
+@pytest.mark.slow
 def test_wrong_reality() -> None:
     """Oracle: what the campaign plants; a latency of 50 ms is refused by its name on any motion."""
     script = str(SCRIPTS / "wrong_reality.py")
