@@ -24,8 +24,11 @@ predicted standard deviations east and north, and the errors are as large as the
 
 import argparse
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -33,7 +36,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.block_adjustment.run import AdjustmentResult
 from insgnss.config.block_file import BlockFile, VehicleTable
 
 PUBLISHED = {  # rms of check points, mm (Table 3); sigmas of f, x0, y0, px (Table 4)
@@ -96,10 +98,8 @@ def parse_options() -> argparse.Namespace:
 
 def simulate(directory: Path, seed: int) -> None:
     """Write the corridor."""
-    from insgnss.simulation.published_blocks.files import write_survey
-    from insgnss.simulation.published_blocks.survey import simulate_survey
-
-    write_survey(directory, simulate_survey("mapkite", seed))
+    command = [sys.executable, "-m", "insgnss", "simulate", str(directory), "--flight", "mapkite"]
+    subprocess.run([*command, "--seed", str(seed), "--quiet"], check=True)
 
 
 def configurations(directory: Path, quick: bool) -> list[tuple[str, BlockFile]]:
@@ -110,27 +110,27 @@ def configurations(directory: Path, quick: bool) -> list[tuple[str, BlockFile]]:
     return ways if quick else [*ways, ("FC", files["fc"])]
 
 
-def adjusted(file: BlockFile, way: str) -> AdjustmentResult:
+def adjusted(file: BlockFile, way: str) -> Any:
     """One configuration; nothing is written."""
     result = insgnss.adjust_block(file, write=False)
     print(f"{way}: {result.judgement.headline}")
     return result
 
 
-def differences(result: AdjustmentResult) -> np.ndarray:
+def differences(result: Any) -> np.ndarray:
     """Check points, surveyed less adjusted (n, 3), m."""
     points = result.figures["check_points"]
     return np.array([c["difference_m"] for c in points if "difference_m" in c]).reshape(-1, 3)
 
 
-def promised(result: AdjustmentResult, key: str = "sigma_adjusted_m") -> np.ndarray:
+def promised(result: Any, key: str = "sigma_adjusted_m") -> np.ndarray:
     """Predicted standard deviations of the check points, rms east, north, up, m."""
     points = result.figures["check_points"]
     sigma = np.array([c[key] for c in points if "difference_m" in c])
     return np.sqrt((sigma**2).mean(axis=0))
 
 
-def report(results: dict[str, AdjustmentResult]) -> str:
+def report(results: dict[str, Any]) -> str:
     """The table beside those of the paper."""
     lines = [
         f"{'':10}{'rms E N U, mm':>20}{'predicted, mm':>20}{'paper, mm':>16}"
@@ -150,7 +150,7 @@ def report(results: dict[str, AdjustmentResult]) -> str:
     return text
 
 
-def draw(results: dict[str, AdjustmentResult], path: Path) -> None:
+def draw(results: dict[str, Any], path: Path) -> None:
     """The corridor with its control, and the errors of its check points along the road."""
     figure = Figure(figsize=(11.5, 6.6), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))

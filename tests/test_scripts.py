@@ -154,6 +154,14 @@ def test_relative_control_modes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_two_ground_points_and_a_vehicle(tmp_path: Path) -> None:
+    """Oracle: the simulated corridor of paper 004, in the script's own assertions."""
+    done = run("09_two_ground_points_and_a_vehicle.py", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert_is_picture(tmp_path / "corridor.png")
+
+
+@pytest.mark.slow
 def test_wrong_reality() -> None:
     """Oracle: what the campaign plants; a latency of 50 ms is refused by its name on any motion."""
     script = str(SCRIPTS / "wrong_reality.py")

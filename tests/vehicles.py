@@ -9,9 +9,9 @@ from insgnss.adjust.camera import pixels_of
 from insgnss.formats.blocks.camera_toml import write_camera_toml
 from insgnss.formats.blocks.ground_points import GroundTable, write_ground_points
 from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
-from insgnss.formats.blocks.target_sizes import TargetSizes, write_target_sizes
 from insgnss.formats.orientation.eo_json import write_eo_json
 from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
+from insgnss.formats.vehicle.target_sizes import TargetSizes, write_target_sizes
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_rpy
 from insgnss.records import ExteriorOrientation, Trajectory

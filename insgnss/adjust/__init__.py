@@ -69,6 +69,7 @@ unknowns             values of the unknowns, and where each stands in the normal
 groups               observation groups: poses, ground control, interior orientation
 aerial               observation groups: strips of poses through the mounting
 relative             observation groups: offsets and turns between the images of a strip (J.12)
+kinematic            observation groups: a target that moves, and its apparent size (J.21 to J.23)
 kernels              image observations: residual, Jacobian, (J.6), (J.7)
 ordering             in which order images stand in the normal matrix
 envelope             factor, solution and inverse of a matrix of which an envelope is stored (J.11)

@@ -13,19 +13,80 @@ point, B and A whitened derivatives of its rays by the point and by the poses,
     E[e e^T] = (I - H) (I + A Q A^T) (I - H)                                                 (J.20)
 
 whose diagonal stands where an adjustment has redundancy numbers: a variance component near one says
-that rays meet as well as the covariance of the poses promises.
+that rays meet as well as the covariance of the poses promises. Gross errors are judged by it too,
+in units of the median: an error that all poses share makes all residuals larger or smaller.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records.block import Array
-from .adjustment import Adjusted, residuals_px
+from .adjustment import Adjusted, adjusted, residuals_px
 from .kernels import points, posterior
-from .normals import Problem, assembled, factorised
+from .normals import Problem, assembled, factorised, problem_of
+from .outliers import LIMIT_W, MEDIAN_SIZE, MOST_REJECTIONS, left_alone, worst_of_points
 from .precision import Precision, cofactors_from, tested
 from .unknowns import Unknowns
+
+
+def intersected_points(
+    problem: Problem,
+    values: Unknowns,
+    limit_w: float = LIMIT_W,
+    keep_all: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Precision, NDArray[np.int64]]:
+    """Intersect all points from held poses, and reject gross errors of image observations.
+
+    Parameters
+    ----------
+    problem : Problem
+        Image observations, and the groups that say how well poses are known.
+    values : Unknowns
+        The poses, first values of points, and of the blocks of groups.
+    limit_w : float
+        Largest standardised residual that is accepted.
+    keep_all : bool
+        Whether nothing is rejected.
+    progress : callable, optional
+        Is called with the name of each round.
+
+    Returns
+    -------
+    precision : Precision
+        Points, covariances, expected squares of residuals.
+    rejected : ndarray of int
+        Rows of the image observations that were rejected.
+
+    Raises
+    ------
+    DataError
+        An image has no pose, or groups do not determine the poses.
+    """
+    block, blocks = problem.block, values.blocks
+    alone = problem_of(replace(block, held=np.ones_like(block.held)))
+    active = alone.rays.active.copy()
+    values = replace(values, blocks={})
+    for k in range(MOST_REJECTIONS):
+        progress(f"intersecting, round {k + 1}: {int((~active).sum())} observations rejected")
+        result = adjusted(alone.with_active(active), values)
+        done = replace(
+            result,
+            problem=problem.with_active_of(result.problem),
+            values=replace(result.values, blocks=blocks),
+        )
+        precision = direct_precision(done)
+        w = np.abs(precision.w[alone.order])
+        unit = max(1.0, float(np.nanmedian(w)) / MEDIAN_SIZE) if np.isfinite(w).any() else 1.0
+        worst = worst_of_points(alone, w, limit_w * unit) & active
+        if keep_all or not worst.any():
+            break
+        active &= ~worst
+        active &= ~left_alone(alone, active)
+    return precision, np.sort(alone.order[alone.rays.active & ~active])
 
 
 def without_rays(problem: Problem) -> Problem:

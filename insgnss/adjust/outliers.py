@@ -146,7 +146,7 @@ def without_outliers(
         result = adjusted(problem.with_active(active), values)
         values = _kept_values(result, values)
         precision = precision_of(result, scale)
-        worst = _worst_of_points(problem, precision.w[problem.order], limit_w)
+        worst = worst_of_points(problem, precision.w[problem.order], limit_w)
         control = _worst_control(whole, precision, left_out, limit_w)
         if control is not None:
             left_out.append(control)
@@ -157,7 +157,7 @@ def without_outliers(
         if not worst.any():
             break
         active &= ~worst
-        active &= ~_left_alone(problem, active)
+        active &= ~left_alone(problem, active)
     rejected = np.sort(problem.order[problem.rays.active & ~active])
     rejections = tuple(_rejection(whole, result, row, w) for row, w in left_out)
     return Cleaned(precision, rejected, rejections)
@@ -194,7 +194,7 @@ def _robust(
     doubtful = np.zeros(len(problem.block.points), dtype=bool)
     doubtful[[groups[k].keys[0][1] for k in np.flatnonzero(off_groups > 1.0)]] = True
     active &= ~((off > FAR * unit) & ~doubtful[_point_of_rays(problem)])
-    active &= ~_left_alone(problem, active)
+    active &= ~left_alone(problem, active)
     return replace(problem, rays=given, groups=groups), values, active
 
 
@@ -290,8 +290,21 @@ def _kept_values(result: Adjusted, before: Unknowns) -> Unknowns:
     return result.values.with_points(np.where(np.isnan(point), before.point, point))
 
 
-def _left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the rays of points that rejections left two of at most, and that no group observes."""
+def left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rays of points that rejections left two of at most, and that no group observes.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    active : ndarray of bool, (n,)
+        Which of its rays are left.
+
+    Returns
+    -------
+    ndarray of bool, (n,)
+        Rays that could not be judged any more.
+    """
     m = problem.rays.start.size - 1
     point = _point_of_rays(problem)
     left = np.bincount(point[active], minlength=m)
@@ -301,8 +314,23 @@ def _left_alone(problem: Problem, active: NDArray[np.bool_]) -> NDArray[np.bool_
     return np.asarray(active & alone[point])
 
 
-def _worst_of_points(problem: Problem, w: Array, limit: float) -> NDArray[np.bool_]:
-    """Return which observation of each point has the largest w beyond the limit."""
+def worst_of_points(problem: Problem, w: Array, limit: float) -> NDArray[np.bool_]:
+    """Return which observation of each point has the largest w beyond the limit.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    w : ndarray, (n, 2)
+        Standardised residuals in the order of its rays.
+    limit : float
+        Largest one that is accepted.
+
+    Returns
+    -------
+    ndarray of bool, (n,)
+        One ray of a point at most.
+    """
     size = np.nan_to_num(np.abs(w)).max(axis=1)
     point = _point_of_rays(problem)
     largest = np.zeros(problem.rays.start.size - 1)

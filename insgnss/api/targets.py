@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from .verbs import Progress, Source, _quiet
 
 if TYPE_CHECKING:
+    from ..config.block_file import VehicleTable
     from ..target_measurement.request import Target
     from ..target_measurement.run import MeasurementResult, PredictionResult
 
@@ -18,6 +19,7 @@ def predict_targets(
     *,
     crs: str | None = None,
     geoid: Source | None = None,
+    vehicle: "VehicleTable | None" = None,
     write: bool = True,
     progress: Progress = _quiet,
 ) -> "PredictionResult":
@@ -31,6 +33,7 @@ def predict_targets(
     out : the table; None: targets/predictions.csv beside `eo`.
     crs : of the ground points; None: the tangent plane of `eo`, or what their file says.
     geoid : grid of geoid heights, for heights above sea level.
+    vehicle : table [vehicle] of a block file: `ground` is where a vehicle with a target was.
     write : whether to write the table; False: the predictions are in the result only.
     progress : is called with the name of each step.
 
@@ -47,7 +50,9 @@ def predict_targets(
     from ..target_measurement.request import Request
     from ..target_measurement.run import predict_targets as predicted
 
-    request = Request(Path(eo), Path(ground), Path(camera), None, crs, _path(geoid))
+    request = Request(
+        Path(eo), Path(ground), Path(camera), None, crs, _path(geoid), vehicle=vehicle
+    )
     return predicted(request, _path(out), progress, write)
 
 
@@ -62,6 +67,7 @@ def measure_targets(
     crs: str | None = None,
     geoid: Source | None = None,
     search_px: float = 0.0,
+    vehicle: "VehicleTable | None" = None,
     write: bool = True,
     progress: Progress = _quiet,
 ) -> "MeasurementResult":
@@ -78,6 +84,7 @@ def measure_targets(
     crs : of the ground points; None: the tangent plane of `eo`, or what their file says.
     geoid : grid of geoid heights, for heights above sea level.
     search_px : standard deviation that is added to both coordinates of a prediction, pixels.
+    vehicle : table [vehicle] of a block file: `ground` is where a vehicle with a target was.
     write : whether to write the products; False: the windows are in the result only.
     progress : is called with the name of each step.
 
@@ -105,6 +112,7 @@ def measure_targets(
         _path(geoid),
         target or Target(),
         search_px,
+        vehicle=vehicle,
     )
     return measured(request, _path(out), progress, write)
 

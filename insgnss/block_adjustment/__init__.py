@@ -7,6 +7,7 @@ inputs         files of the block file joined to one block in the tangent plane
 placing        first poses of a program's own axes
 plausibility   whether rays meet with the poses that are given; `readings` that do
 control        aerial control of the orientation, its mounting and its flight lines
+vehicle        kinematic ground control: a vehicle whose target the images see
 solve          adjustment without gross errors, variances by components
 figures        everything that was determined, as adjust.json has it
 check_points   surveyed minus adjusted, judged together

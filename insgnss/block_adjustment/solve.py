@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.adjustment import Adjusted, adjusted
-from ..adjust.direct import direct_precision
+from ..adjust.direct import intersected_points
 from ..adjust.groups import PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
@@ -132,18 +132,12 @@ def _intersected(
             f"mode direct: image {name}, and {int((~oriented).sum()) - 1} more, have no aerial"
             " control to be held; leave them out by images.skip, or take mode iso"
         )
-    held = replace(block, held=np.ones_like(block.held))
-    alone, values = problem_of(held), replace(values, blocks={})
     progress(f"intersecting {len(block.points)} points from {len(block.images)} poses")
-    if options.keep_all:
-        cleaned = Cleaned(precision_of(adjusted(alone, values)), np.zeros(0, dtype=np.int64))
-    else:
-        cleaned = without_outliers(alone, values, options.limit_w, progress=progress)
-    result = cleaned.result
-    values = replace(result.values, blocks=control.blocks)
-    done = replace(result, problem=problem.with_active_of(result.problem), values=values)
-    solution = Reweighted(direct_precision(done), (), True)
-    return Solved(inputs, control, solution, cleaned.rejected, (), result.iterations)
+    precision, rejected = intersected_points(
+        problem, values, options.limit_w, options.keep_all, progress
+    )
+    solution = Reweighted(precision, (), True)
+    return Solved(inputs, control, solution, rejected, (), precision.result.iterations)
 
 
 def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:

@@ -123,7 +123,7 @@ def _as_ground(vehicle: Vehicle) -> GroundTable:
     """Return the places of a target as ground points, each of its own image."""
     n = len(vehicle.images)
     cov = vehicle.cov.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
-    return GroundTable(vehicle.points, vehicle.at.position_m, cov, np.zeros(n, dtype=bool))
+    return GroundTable(vehicle.points, vehicle.exposures.position_m, cov, np.zeros(n, dtype=bool))
 
 
 def _predicted(

@@ -23,11 +23,11 @@ from ..formats.blocks.columns import write_table
 from ..formats.blocks.gcp_list import write_gcp_list
 from ..formats.blocks.ground_points import GroundTable, write_ground_points
 from ..formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
-from ..formats.blocks.target_positions import TargetPositions, write_target_positions
-from ..formats.blocks.target_sizes import write_target_sizes
 from ..formats.markers.metashape_markers import write_metashape_markers
 from ..formats.markers.pix4d_marks import write_pix4d_marks
 from ..formats.orientation.exported import check_names
+from ..formats.vehicle.target_positions import TargetPositions, write_target_positions
+from ..formats.vehicle.target_sizes import write_target_sizes
 from ..geodesy.frames import TangentPlane
 from ..records.block import ImageObservations
 from ..targets.prediction import VISIBILITY

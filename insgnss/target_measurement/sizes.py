@@ -12,7 +12,7 @@ Its standard deviation is that of the deformation (T = M^-1 T_0) and that of bot
 
 import numpy as np
 
-from ..formats.blocks.target_sizes import TargetSizes
+from ..formats.vehicle.target_sizes import TargetSizes
 from ..records.block import Array
 from .inputs import Inputs
 from .windows import Window

@@ -13,6 +13,7 @@ from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.plan import planned
 from insgnss.cli.main import main
 from insgnss.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
+from insgnss.formats.blocks.image_points import read_image_points, write_image_points
 from insgnss.formats.orientation.eo_json import write_eo_json
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 
@@ -248,3 +249,32 @@ def test_a_plan_says_what_comes_out(calibrated, done, mode) -> None:
     ratio = np.sqrt((rows[0] ** 2).mean(axis=0) / (rows[1] ** 2).mean(axis=0))
     # targets are planned in all images that see them, at 0.3 px; they were measured at 0.2 px
     assert ((ratio > 0.7) & (ratio < 1.4)).all(), ratio
+
+
+def test_direct_orientation_rejects_gross_errors_alone(calibrated, done, flown, tmp_path) -> None:
+    """Errors that poses share are no gross errors: nothing is rejected but what was planted."""
+    assert done["direct"].solved.rejected.size == 0
+    assert all(c["images"] >= 3 for c in done["direct"].figures["check_points"])
+    measured = read_image_points(calibrated.images.file)
+    seen, uv = measured.observations, measured.observations.uv.copy()
+    many = np.bincount(seen.point)[seen.point] >= 5
+    gross = np.flatnonzero(many)[::120]
+    uv[gross] += np.where(uv[gross] > 1000.0, -80.0, 80.0)
+    path = tmp_path / "image_points.csv"
+    write_image_points(replace(measured, observations=replace(seen, uv=uv)), path)
+    file = in_mode(calibrated, "direct")
+    result = adjust_block(replace(file, images=replace(file.images, file=path)), write=False)
+    names = {(measured.images[seen.image[k]], measured.points[seen.point[k]]) for k in gross}
+    rejected = {(r["image"], r["point"]) for r in result.figures["rejected"]}
+    assert len(gross) > 5
+    assert names <= rejected
+    # of a point with few rays left nothing tells which one is wrong
+    assert {point for _, point in rejected} == {point for _, point in names}
+    assert result.figures["verdict"] == "consistent"
+
+
+def test_indirect_orientation_has_no_aerial_control(done) -> None:
+    figures = done["indirect"].figures
+    assert figures["covariance_of_aerial_control"] == "none"
+    assert figures["flight_lines"] == []
+    assert [c["name"] for c in figures["components"]] == ["image observations", "ground control"]

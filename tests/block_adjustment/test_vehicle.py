@@ -20,10 +20,10 @@ from insgnss.block_adjustment.vehicle.verdict import frame_of
 from insgnss.cli.main import main
 from insgnss.config.block_file import VehicleTable, load_block
 from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
-from insgnss.formats.blocks.target_positions import TargetPositions, write_target_positions
 from insgnss.formats.orientation.eo_covariance import write_eo_covariance
 from insgnss.formats.orientation.eo_json import write_eo_json
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv, write_trajectory_csv
+from insgnss.formats.vehicle.target_positions import TargetPositions, write_target_positions
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.records import ExteriorOrientation
@@ -262,9 +262,12 @@ def test_the_events_of_a_processed_vehicle_are_joined_by_name_and_by_stamp(made,
         (into / "block.toml").write_text(vehicles.BLOCK + text)
         ways[name] = inputs_of(load_block(into), quiet).vehicle
     for name in ("name", "stamp"):
-        off = ways[name].at.position_m - ways["trajectory"].at.position_m
+        off = ways[name].exposures.position_m - ways["trajectory"].exposures.position_m
         assert np.abs(off).max() < 2e-4  # rounding of trajectory.csv
-        assert np.abs(ways[name].at.velocity - ways["trajectory"].at.velocity).max() < 0.02
+        assert (
+            np.abs(ways[name].exposures.velocity - ways["trajectory"].exposures.velocity).max()
+            < 0.02
+        )
         assert ways[name].images == made.sizes.images
     P = ways["name"].cov.reshape(16, 3, 16, 3)
     here, there = TangentPlane(*ORIGIN), TangentPlane(*eo.origin)
@@ -281,7 +284,7 @@ def test_a_table_of_target_positions(made, tmp_path) -> None:
     write(made, into)
     first = inputs_of(load_block(into), quiet).vehicle
     cov = first.cov.reshape(16, 3, 16, 3)[np.arange(16), :, np.arange(16)]
-    named = TargetPositions(made.eo.images, None, None, first.at.position_m, cov)
+    named = TargetPositions(made.eo.images, None, None, first.exposures.position_m, cov)
     write_target_positions(named, into / "named.csv")
     t = read_trajectory_csv(into / "vehicle.csv")
     plane = TangentPlane(*ORIGIN)
@@ -294,8 +297,8 @@ def test_a_table_of_target_positions(made, tmp_path) -> None:
     for name in ("named", "stamped"):
         (into / "block.toml").write_text(vehicles.BLOCK + f'[vehicle]\nfile = "{name}.csv"\n')
         got = inputs_of(load_block(into), quiet).vehicle
-        assert np.abs(got.at.position_m - first.at.position_m).max() < 1e-3
-        speed = np.linalg.norm(got.at.velocity - first.at.velocity, axis=1)
+        assert np.abs(got.exposures.position_m - first.exposures.position_m).max() < 1e-3
+        speed = np.linalg.norm(got.exposures.velocity - first.exposures.velocity, axis=1)
         assert np.median(speed) < (0.02 if name == "stamped" else 0.5)
     (into / "block.toml").write_text(
         vehicles.BLOCK + '[vehicle]\nfile = "named.csv"\ntarget_m = [0, 0, -2]\n'

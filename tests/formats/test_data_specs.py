@@ -19,8 +19,6 @@ from insgnss.formats.blocks.ground_points import read_ground_points
 from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.pose_table import read_pose_table
 from insgnss.formats.blocks.reading import read_measured_block
-from insgnss.formats.blocks.target_positions import read_target_positions
-from insgnss.formats.blocks.target_sizes import read_target_sizes
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.imu.variances import read_variances
@@ -30,6 +28,8 @@ from insgnss.formats.orientation.relative_csv import read_relative_csv
 from insgnss.formats.trajectory.odyn import read_odyn_poses
 from insgnss.formats.trajectory.sbet import read_sbet
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
+from insgnss.formats.vehicle.target_positions import read_target_positions
+from insgnss.formats.vehicle.target_sizes import read_target_sizes
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.orient.mounting_file import read_mounting_file

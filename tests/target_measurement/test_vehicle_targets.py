@@ -22,10 +22,10 @@ from scipy.spatial.transform import Rotation
 from insgnss.cli.main import main
 from insgnss.formats.blocks.camera_toml import write_camera_toml
 from insgnss.formats.blocks.image_points import read_image_points
-from insgnss.formats.blocks.target_positions import read_target_positions
-from insgnss.formats.blocks.target_sizes import read_target_sizes
 from insgnss.formats.orientation.eo_json import write_eo_json
 from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
+from insgnss.formats.vehicle.target_positions import read_target_positions
+from insgnss.formats.vehicle.target_sizes import read_target_sizes
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.records import ExteriorOrientation, Trajectory

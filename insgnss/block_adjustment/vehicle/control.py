@@ -79,10 +79,10 @@ def vehicle_control(
     groups.append(
         KinematicControl(
             tuple(point),
-            vehicle.at.position_m,
+            vehicle.exposures.position_m,
             weight_of(vehicle.cov, f"{options.file}: places of the target"),
-            vehicle.at.velocity,
-            vehicle.at.C_mv,
+            vehicle.exposures.velocity,
+            vehicle.exposures.C_mv,
             parameters,
         )
     )
@@ -156,7 +156,7 @@ def with_first_points(values: Unknowns, vehicle: Vehicle | None, block: ImageBlo
     if vehicle is None:
         return values
     point = values.point.copy()
-    point[rows_in(vehicle, block)[1]] = vehicle.at.position_m
+    point[rows_in(vehicle, block)[1]] = vehicle.exposures.position_m
     return values.with_points(point)
 
 
@@ -180,7 +180,7 @@ def remedies(
     out: list[tuple[str, str, str, VehicleTable, Key]] = []
     if vehicle is None:
         return out
-    speed = np.linalg.norm(vehicle.at.velocity, axis=1)
+    speed = np.linalg.norm(vehicle.exposures.velocity, axis=1)
     if options.time_offset_sigma_s == 0.0 and np.median(speed) > 0.1:
         wider = replace(options, time_offset_sigma_s=LOOSE[CLOCK])
         out.append((CLOCK, "vehicle.time_offset_sigma_s", "s", wider, (CLOCK, 0)))

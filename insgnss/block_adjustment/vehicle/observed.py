@@ -47,7 +47,7 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
     target : str
         Prefix of its names, or its name.
     ground : sequence of str
-        Names of ground points, which stand still.
+        Names of ground points, which do not move.
 
     Returns
     -------
@@ -69,10 +69,10 @@ def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> 
             f" {near(target, names[:200])}; the target of image IMG is called {target}IMG"
         )
     fixed = set(ground)
-    if still := [names[p] for p in np.unique(seen.point[rows]) if names[p] in fixed]:
+    if fixed_points := [names[p] for p in np.unique(seen.point[rows]) if names[p] in fixed]:
         raise InputError(
-            f"vehicle.target: point {shown(still[0])} begins with {shown(target)} and is a ground"
-            " point, which stands still; rename it, or give another vehicle.target"
+            f"vehicle.target: point {shown(fixed_points[0])} begins with {shown(target)} and is a"
+            " ground point, which does not move; rename it, or give another vehicle.target"
         )
     count = np.bincount(seen.image[rows], minlength=len(measured.images))
     if (count > 1).any():

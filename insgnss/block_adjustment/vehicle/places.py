@@ -10,7 +10,7 @@ from ...base.errors import InputError, near
 from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.image_points import ImagePoints
 from ...formats.blocks.joined import matched
-from ...formats.blocks.target_sizes import read_target_sizes
+from ...formats.vehicle.target_sizes import read_target_sizes
 from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import WEEK_S
 from ...records import ExteriorOrientation
@@ -21,7 +21,7 @@ from .track import Track, read_track, rows_by_name, week_shift
 EVENT_S = 0.02
 """Stamps of one exposure by two recorders, of the vehicle and of the drone, differ by less."""
 OTHER_EVENT_S = 0.5
-TOLD_S = 1e-3
+REPORTED_S = 1e-3
 Rows = NDArray[np.int64]
 
 
@@ -39,7 +39,7 @@ class Vehicle:
         (n,) stamps of the exposures, s; NaN where they are not known.
     track : Track
         The whole way, in the axes and the GPS week of the block.
-    at : Track
+    exposures : Track
         Its places at the exposures.
     cov : ndarray
         (3 n, 3 n) covariance of these places, m^2.
@@ -52,7 +52,7 @@ class Vehicle:
     points: tuple[str, ...]
     time: Array
     track: Track
-    at: Track
+    exposures: Track
     cov: Array
     size_px: Array
     size_sigma_px: Array
@@ -65,7 +65,7 @@ class Vehicle:
             images=tuple(self.images[k] for k in rows),
             points=tuple(self.points[k] for k in rows),
             time=self.time[rows],
-            at=self.at.rows(rows),
+            exposures=self.exposures.rows(rows),
             cov=self.cov[np.ix_(columns, columns)],
             size_px=self.size_px[rows],
             size_sigma_px=self.size_sigma_px[rows],
@@ -165,14 +165,14 @@ def placed_vehicle(
         if track.time is not None:
             shift = week_shift(eo.gps_week, track.week)
             track = replace(track, time=track.time + shift, week=eo.gps_week)
-    at, there = at_exposures(options, track, images, time, notes)
+    placed, there = at_exposures(options, track, images, time, notes)
     own = np.flatnonzero(there).tolist()
-    placed = tuple(images[k] for k in own)
-    when = at.time if at.time is not None else time[there]
-    cov = at.covariance(when)
-    size, sigma = _sizes(options, placed, notes)
+    seen_in = tuple(images[k] for k in own)
+    when = placed.time if placed.time is not None else time[there]
+    cov = placed.covariance(when)
+    size, sigma = _sizes(options, seen_in, notes)
     names = tuple(points[k] for k in own)
-    return Vehicle(options, placed, names, time[there], track, at, cov, size, sigma)
+    return Vehicle(options, seen_in, names, time[there], track, placed, cov, size, sigma)
 
 
 def at_exposures(
@@ -199,7 +199,7 @@ def at_exposures(
 
     Returns
     -------
-    at : Track
+    placed : Track
         A row an exposure that is covered.
     there : ndarray of bool, (n,)
         Which are.
@@ -212,11 +212,11 @@ def at_exposures(
     path = options.file
     if (rows := rows_by_name(track, images)) is not None:
         there = rows >= 0
-        at = track.rows(rows[there])
-        _compare_stamps(options, at, time[there], notes)
-        if at.time is None and np.isfinite(time[there]).all():
-            at = _with_velocities(at, time[there])
-        what = "are not named in it"
+        placed = track.rows(rows[there])
+        _compare_stamps(options, placed, time[there], notes)
+        if placed.time is None and np.isfinite(time[there]).all():
+            placed = _with_velocities(placed, time[there])
+        reason = "are not named in it"
     elif track.time is None:
         assert track.images is not None
         raise InputError.at_line(
@@ -233,51 +233,51 @@ def at_exposures(
             " (eo.json), or name the image of each position",
         )
     elif track.kind == "eo":
-        known = np.where(np.isfinite(time), time, np.inf)
-        row = np.abs(track.time[None] - known[:, None]).argmin(axis=1)
+        stamps = np.where(np.isfinite(time), time, np.inf)
+        row = np.abs(track.time[None] - stamps[:, None]).argmin(axis=1)
         dt = time - track.time[row]
         there = np.abs(dt) < EVENT_S
-        at = track.rows(row[there])
-        at = replace(at, position_m=at.position_m + dt[there, None] * at.velocity)
-        what = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
+        placed = track.rows(row[there])
+        placed = replace(placed, position_m=placed.position_m + dt[there, None] * placed.velocity)
+        reason = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
     else:
         if len(track.time) < 2:
             raise InputError.at_line(path, None, "one row; two are needed to interpolate")
         filled = np.where(np.isfinite(time), time, track.time[0] - 1e6)
-        at, there = track.at(filled, options.longest_gap_s)
-        at = at.rows(np.flatnonzero(there))
-        what = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
+        placed, there = track.at(filled, options.longest_gap_s)
+        placed = placed.rows(np.flatnonzero(there))
+        reason = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
     if not there.any():
         _refuse_stamps(options, track, time)
     if missing := int((~there).sum()):
         notes.append(
-            f"{missing} of {len(there)} exposures of the vehicle's target {what},"
+            f"{missing} of {len(there)} exposures of the vehicle's target {reason},"
             f" {images[int(np.argmin(there))]} first: they have no kinematic ground control"
         )
-    return at, there
+    return placed, there
 
 
-def _with_velocities(at: Track, time: Array) -> Track:
+def _with_velocities(placed: Track, time: Array) -> Track:
     """Return places that images name with the velocities of their order in time."""
     from .track import along_course
 
     if len(time) < 3:
-        return replace(at, time=time)
+        return replace(placed, time=time)
     order = np.argsort(time, kind="stable")
     if (np.diff(time[order]) <= 0.0).any():
-        return at
-    velocity = np.empty_like(at.position_m)
-    velocity[order] = np.gradient(at.position_m[order], time[order], axis=0)
-    attitude = np.empty_like(at.C_mv)
+        return placed
+    velocity = np.empty_like(placed.position_m)
+    velocity[order] = np.gradient(placed.position_m[order], time[order], axis=0)
+    attitude = np.empty_like(placed.C_mv)
     attitude[order] = along_course(velocity[order])
-    return replace(at, time=time, velocity=velocity, C_mv=attitude)
+    return replace(placed, time=time, velocity=velocity, C_mv=attitude)
 
 
-def _compare_stamps(options: VehicleTable, at: Track, time: Array, notes: list[str]) -> None:
+def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: list[str]) -> None:
     """Hold the stamps of two recorders of the same exposures against each other."""
-    if at.time is None or not np.isfinite(time).any():
+    if placed.time is None or not np.isfinite(time).any():
         return
-    off = at.time - time
+    off = placed.time - time
     middle = float(np.nanmedian(off))
     if abs(middle) > OTHER_EVENT_S:
         raise InputError.at_line(
@@ -291,10 +291,11 @@ def _compare_stamps(options: VehicleTable, at: Track, time: Array, notes: list[s
         raise InputError.at_line(
             options.file,
             None,
-            f"its stamp of image {at.images[k] if at.images else k} lies {off[k] - middle:+.3f} s"
-            " from that of the image, others do not: events are joined with other images",
+            f"its stamp of image {placed.images[k] if placed.images else k} lies"
+            f" {off[k] - middle:+.3f} s from that of the image, others do not: events are joined"
+            " with other images",
         )
-    if abs(middle) > TOLD_S:
+    if abs(middle) > REPORTED_S:
         notes.append(
             f"stamps of the vehicle lie {1e3 * middle:+.1f} ms from those of the same images; its"
             " place is that at its own stamp"
@@ -329,14 +330,14 @@ def scale_of(seconds: float) -> str:
 
 def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
     """Refuse a file that has none of the exposures."""
-    known = time[np.isfinite(time)]
+    stamps = time[np.isfinite(time)]
     assert track.time is not None
     a, b = float(track.time[0]), float(track.time[-1])
-    first, last = float(known.min()), float(known.max())
+    first, last = float(stamps.min()), float(stamps.max())
     weeks = round((0.5 * (a + b) - 0.5 * (first + last)) / WEEK_S)
     off = 0.5 * (a + b) - 0.5 * (first + last)
     text = (
-        f"none of the {known.size} exposures that see the target ({first:.1f} to {last:.1f} s) is"
+        f"none of the {stamps.size} exposures that see the target ({first:.1f} to {last:.1f} s) is"
         f" within its {len(track.time)} rows ({a:.1f} to {b:.1f} s)"
     )
     for seconds in (weeks * WEEK_S, 3600.0 * round(off / 3600.0)):

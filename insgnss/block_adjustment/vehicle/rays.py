@@ -61,20 +61,21 @@ def refuse_elsewhere(
     row = {name: k for k, name in enumerate(block.points)}
     seen_as = {int(p): k for k, p in enumerate(block.observations.point)}
     uv = block.observations.uv[[seen_as[row[name]] for name in vehicle.points]]
-    known = np.isfinite(position_m[image]).all(axis=1) & np.isfinite(C_mc[image]).all(axis=(1, 2))
-    own = np.flatnonzero(known)
+    oriented = np.isfinite(position_m[image]).all(axis=1)
+    oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
+    own = np.flatnonzero(oriented)
     if own.size < FEWEST:
         return
     image, vehicle = image[own], vehicle.rows(own)
     direction = _directions(block, image, uv[own], C_mc)
-    centre, place = position_m[image], vehicle.at.position_m
+    centre, stated = position_m[image], vehicle.exposures.position_m
     if (direction[:, 2] > -0.2).any():
         return  # cameras that do not look down: rays and levels do not meet well
-    depth = (place[:, 2] - centre[:, 2]) / direction[:, 2]
+    depth = (stated[:, 2] - centre[:, 2]) / direction[:, 2]
     if (depth <= 0.0).any():
         return
     met = centre + depth[:, None] * direction
-    off = (met - place)[:, :2]
+    off = (met - stated)[:, :2]
     limit = max(LEAST_M, SIGMAS * float(np.median(sigma_rad[image] * depth)))
     size = _middle(off)
     if size <= limit:
@@ -120,7 +121,7 @@ def _readings(vehicle: Vehicle, met: Array, off: Array) -> Sequence[_Reading]:
             " from where they are: its base or datum is another",
         )
     ]
-    course = along_course(vehicle.at.velocity)[:, :2, :2]
+    course = along_course(vehicle.exposures.velocity)[:, :2, :2]
     own = np.einsum("nji,nj->ni", course, off)
     arm = np.median(own, axis=0)
     out.append(
@@ -142,10 +143,10 @@ def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
     longest = max(vehicle.options.longest_gap_s, 3.0 * float(np.median(np.diff(track.time))))
 
     def apart(seconds: float) -> float:
-        at, within = track.at(vehicle.time + seconds, longest)
+        moved, within = track.at(vehicle.time + seconds, longest)
         if within.sum() < max(FEWEST, len(within) // 3):
             return np.inf
-        return _middle((met - at.position_m)[within, :2])
+        return _middle((met - moved.position_m)[within, :2])
 
     steps = np.arange(-RANGE_S, RANGE_S + STEP_S, STEP_S)
     sizes = np.array([apart(float(s)) for s in steps])

@@ -29,10 +29,10 @@ from ...base.errors import InputError
 from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
-from ...formats.blocks.target_positions import read_target_positions
 from ...formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ...formats.orientation.eo_json import read_eo_json
 from ...formats.trajectory.trajectory_csv import COLUMNS, read_trajectory_csv
+from ...formats.vehicle.target_positions import read_target_positions
 from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import WEEK_S
 from ...geodesy.rotation import (
@@ -254,8 +254,8 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         raise InputError.at_line(
             path,
             None,
-            "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward, right,"
-            " down from there to the target, m",
+            "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward,"
+            " right, down from there to the target, m",
         )
     if len(given.time) < 2:
         raise InputError.at_line(path, None, "one row; a trajectory has two at least")
@@ -313,9 +313,9 @@ def _of_eo(
         raise InputError.at_line(
             path, None, "needs aerial control, whose tangent plane has the axes of the block"
         )
-    at = TangentPlane(*own.origin)
-    turn = plane.C_em.T @ at.C_em
-    geodetic = at.geodetic_from_position(own.position_m)
+    own_plane = TangentPlane(*own.origin)
+    turn = plane.C_em.T @ own_plane.C_em
+    geodetic = own_plane.geodetic_from_position(own.position_m)
     C_own = own.C_mc @ own.camera_from_body @ own.boresight  # C_mb of (O.1)
     offset = C_own @ arm
     order = np.argsort(own.time, kind="stable")

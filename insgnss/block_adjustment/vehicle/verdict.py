@@ -248,16 +248,16 @@ def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str
         )
     arm = vehicle.track.arm_m + value
     words = ", ".join(f"{x:.2f}" for x in arm)
-    found = frame_of(vehicle.track.arm_m, arm, sigma)
-    return f"{found + '; ' if found else ''}with vehicle.target_m = [{words}] it fits"
+    axes = frame_of(vehicle.track.arm_m, arm, sigma)
+    return f"{f'{axes}; ' if axes else ''}with vehicle.target_m = [{words}] it fits"
 
 
-def frame_of(stated: Array, found: Array, sigma: Array) -> str:
+def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
     """Say in which axes a lever arm was stated that the adjustment finds to be another.
 
     Parameters
     ----------
-    stated, found, sigma : ndarray, (3,)
+    stated, adjusted, sigma : ndarray, (3,)
         As stated, as found, and its standard deviation, m: forward, right, down.
 
     Returns
@@ -271,7 +271,7 @@ def frame_of(stated: Array, found: Array, sigma: Array) -> str:
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):
                 continue
-            off = np.abs(np.array(signs) * stated[list(order)] - found)
+            off = np.abs(np.array(signs) * stated[list(order)] - adjusted)
             if (off < limit).all():
                 fits.append((_changes(order, signs), float((off / limit).sum()), order, signs))
     if not fits or (np.abs(stated) < FRAME_M).all():
@@ -297,11 +297,11 @@ def frame_of(stated: Array, found: Array, sigma: Array) -> str:
 
 def _changes(order: Sequence[int], signs: Sequence[float]) -> int:
     """Return how much was changed: what people do wrong changes little."""
-    known: dict[tuple[int, ...], tuple[float, ...]] = {
+    usual: dict[tuple[int, ...], tuple[float, ...]] = {
         (1, 0, 2): (1.0, 1.0, 1.0),
         (2, 0, 1): (1.0, 1.0, 1.0),
     }
-    if known.get(tuple(order)) == tuple(signs) or (
+    if usual.get(tuple(order)) == tuple(signs) or (
         tuple(order) == (1, 0, 2) and tuple(signs) == (1.0, 1.0, -1.0)
     ):
         return 1

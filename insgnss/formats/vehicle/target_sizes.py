@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
+from ..blocks.image_points import ALIASES as IMAGE_POINTS
+from ..blocks.image_points import PIXELS
 from ..orientation.exported import check_names
 from ..text.columns import Aliases, Columns
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
-from .columns import first_repeat, named_columns, positive, rows_of, write_table
-from .image_points import ALIASES as IMAGE_POINTS
-from .image_points import PIXELS
 
 Array = NDArray[np.float64]
 

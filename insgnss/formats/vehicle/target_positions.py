@@ -7,25 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
+from ..blocks.ground_points import ALIASES as GROUND
+from ..blocks.ground_points import METRES
 from ..orientation.exported import check_names
 from ..text.columns import TIME, Aliases, Columns, gps_time
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
-from .columns import first_repeat, named_columns, positive, rows_of, write_table
-from .ground_points import ALIASES as GROUND
-from .ground_points import METRES
 
 Array = NDArray[np.float64]
 
-PLACE = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+POSITION = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 CORRELATIONS = ("corr_xy", "corr_xz", "corr_yz")
 ALIASES: Aliases = {
     "image": ("image", "img", "photo", "image_name", "image_id", "filename"),
     **TIME,
-    **{name: GROUND[name] for name in PLACE},
+    **{name: GROUND[name] for name in POSITION},
     **{name: (name, name.replace("corr", "rho")) for name in CORRELATIONS},
 }
-DEFAULTS = (("image", *PLACE), ("week", "tow", *PLACE))
+DEFAULTS = (("image", *POSITION), ("week", "tow", *POSITION))
 UNITS = (*METRES, "s", "1")
 
 
@@ -77,7 +77,7 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
         images nor stamps, with file and line.
     """
     table = read_text_table(path)
-    index = named_columns(table, ALIASES, PLACE, DEFAULTS, UNITS, columns)
+    index = named_columns(table, ALIASES, POSITION, DEFAULTS, UNITS, columns)
     if "image" not in index and "tow" not in index:
         raise table.error_at(
             0,
@@ -97,8 +97,8 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     if "tow" in index:
         weeks = table.floats(index["week"]) if "week" in index else None
         time, week = gps_time(table, table.floats(index["tow"]), weeks, None)
-    position = np.column_stack([table.floats(index[name]) for name in PLACE[:3]])
-    sigma = np.column_stack([positive(table, index[name], name, "m") for name in PLACE[3:]])
+    position = np.column_stack([table.floats(index[name]) for name in POSITION[:3]])
+    sigma = np.column_stack([positive(table, index[name], name, "m") for name in POSITION[3:]])
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
     for name, (i, j) in zip(CORRELATIONS, ((0, 1), (0, 2), (1, 2)), strict=True):
         if name in index:
@@ -159,4 +159,4 @@ def write_target_positions(
     )
     form = "%.4f,%.4f,%.4f,%.5f,%.5f,%.5f,%.5f,%.5f,%.5f\n"
     rows = (a + form % tuple(v) for a, v in zip(first, values.tolist(), strict=True))
-    write_table(path, comments, (*head, *PLACE, *CORRELATIONS), rows)
+    write_table(path, comments, (*head, *POSITION, *CORRELATIONS), rows)

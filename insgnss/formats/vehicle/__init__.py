@@ -1,0 +1,1 @@
+"""Tables of a vehicle whose target images see: where it was, and how large it appears."""
