@@ -42,7 +42,8 @@ _HEIGHT_M, _UP_AND_DOWN_M = 85.0, 4.5  # of flight, 80 to 90 m above ground
 _NAVIGATION_M = 1.5  # navigation centre above the road
 _ROW_S, _AROUND_S = 0.1, 15.0
 _GUST_S = 3.0
-_RPY_DEG = np.array([5.0, 4.5, 3.0])
+_RPY_DEG = np.array([3.5, 4.0, 3.0])
+"""Of 149 draws the largest is 2.5 times as large: pitch up to 10 deg, as the paper has it."""
 _OFF_M = np.array([1.5, 1.5, 0.3])
 _RATE_DEGPS = 8.0
 
@@ -149,7 +150,7 @@ def followed(terrain: Terrain, rng: np.random.Generator) -> Stations:
     gust = gauss_markov(time, _GUST_S, 6, rng)
     height = _HEIGHT_M + _UP_AND_DOWN_M * np.sin(2.0 * np.pi * length / 420.0)
     position = ground + np.column_stack([np.zeros((time.size, 2)), height]) + gust[:, 3:] * _OFF_M
-    rpy = np.radians(np.clip(gust[:, :3], -2.2, 2.2) * _RPY_DEG)
+    rpy = np.radians(gust[:, :3] * _RPY_DEG)
     rpy[:, 2] += course(length)
     C_mb = ENU_NED @ rotation_from_rpy(rpy)
     speed = np.gradient(length, time)
