@@ -366,12 +366,13 @@ WHY = """## What differs from the paper, and why
   but for one pair: horizontally the paper's corridor is better by direct orientation (99 mm) than
   by Fast AT (111 mm). One of 30 simulated corridors is; the three ground points at its end, which
   Fast AT takes and direct orientation does not, have only the errors here that they are said to.
-- In height most of the published numbers are larger. A camera constant does that without changing
-  anything horizontally, by 45 mm for each pixel at 150 m. The calibrations here are off by 0.8 px;
-  the 166 mm of direct orientation of the block would take 3 to 4 px.
-- Rows with relative control are 0.35 to 1.05 of the published ones. What was drawn is stationary and
-  has the stated size; mismatches, shifts of the fixes and weights by equation 6 with figures of the
-  gyroscopes that may be too good are not in it.
+- In height most of the published numbers are larger. Where the camera is held, its camera constant
+  would do that without changing anything horizontally, by 45 mm for each pixel at 150 m (by this
+  rule, not tried): the calibrations here are off by 0.8 px, and the 166 mm of direct orientation of
+  the block would take 3 to 4 px. It does not explain the integrated rows, which calibrate it.
+- Rows with relative control are 0.35 to 1.05 of the published ones. What was drawn is stationary
+  and has the stated size; mismatches, shifts of the fixes and weights by equation 6 with figures of
+  the gyroscopes that may be too good are not in it.
 - Indirect orientation fails in the same way and by less. Its errors grow with the square of the
   distance from the control points, and small systematic errors of image coordinates, of which there
   are none here, bend a block as noise does.
