@@ -1,14 +1,14 @@
 """Direct sensor orientation: points from poses that are held, with the covariance of these poses.
 
-Poses x have the cofactors Q that observation groups alone give them, aerial control above all. A
-point is intersected from its rays, weighed as image observations; with V and W of (J.6), and T = W
+Poses and cameras x have the cofactors Q that observation groups alone give them: aerial control,
+and the calibration of a camera where it is weighed. A point is intersected from its rays, weighed as image observations; with V and W of (J.6), and T = W
 V^-1, its error is that of its rays less T^T dx, so that
 
     Q_pp = V^-1 + T^T Q T,    Q_pq = T_p^T Q T_q                                             (J.19)
 
 for one point and for two of them: (J.7) with Q in the place of S^-1. Image observations do not
 improve the poses, and their residuals have more than their own errors. With H = B V^-1 B^T of a
-point, B and A whitened derivatives of its rays by the point and by the poses,
+point, B and A whitened derivatives of its rays by the point and by x,
 
     E[e e^T] = (I - H) (I + A Q A^T) (I - H)                                                 (J.20)
 
@@ -67,7 +67,8 @@ def intersected_points(
         An image has no pose, or groups do not determine the poses.
     """
     block, blocks = problem.block, values.blocks
-    alone = problem_of(replace(block, held=np.ones_like(block.held)))
+    cameras = tuple(replace(camera, free=()) for camera in block.cameras)
+    alone = problem_of(replace(block, held=np.ones_like(block.held), cameras=cameras))
     active = alone.rays.active.copy()
     values = replace(values, blocks={})
     for k in range(MOST_REJECTIONS):

@@ -45,6 +45,16 @@ class OptionError(UsageError):
         option = named(key) if value is _ABSENT else setting(key, value)
         super().__init__(f"{option}: {problem}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes it again, in another process too; the message as it was."""
+        return _option_error, (self.key, self.problem, str(self))
+
+
+def _option_error(key: str, problem: str, message: str) -> OptionError:
+    error = OptionError(key, problem)
+    error.args = (message,)
+    return error
+
 
 class InputError(InsgnssError):
     """An input file or a value in it is wrong."""

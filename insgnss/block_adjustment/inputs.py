@@ -101,7 +101,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     )
     notes += source.notes
     source = _without_images(source, file.images.skip)
-    source = replace(source, cameras=cameras_in_mode(mode, _cameras(file, source)))
+    source = replace(source, cameras=cameras_in_mode(file, _cameras(file, source), notes))
     if (
         source.cameras
         and len(source.camera)

@@ -3,7 +3,8 @@
 iso        everything: integrated sensor orientation
 indirect   image observations and ground control; the orientation gives first values alone
 fast_at    image observations of ground points, aerial control, a camera that is held (Blazquez and
-           Colomina 2012, Fast AT: a simple procedure for quasi direct orientation)
+           Colomina 2012, Fast AT: a simple procedure for quasi direct orientation), or that its
+           calibration holds (camera.weighed)
 direct     poses and camera are held; all points are intersected, ground control among them, which
            is compared with them as check points are (direct sensor orientation)
 """
@@ -15,6 +16,7 @@ import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..config.block_file import BlockFile
+from ..formats.blocks.camera_toml import read_camera_covariance
 from ..formats.blocks.ground_points import GroundTable
 from ..formats.blocks.measured_block import MeasuredBlock
 from ..records.block import BrownCamera
@@ -62,23 +64,36 @@ def file_in_mode(file: BlockFile, notes: list[str]) -> BlockFile:
     return replace(file, aerial_control=held)
 
 
-def cameras_in_mode(mode: str, cameras: Sequence[BrownCamera]) -> tuple[BrownCamera, ...]:
-    """Return the cameras, of which modes "fast_at" and "direct" estimate nothing.
+def cameras_in_mode(
+    file: BlockFile, cameras: Sequence[BrownCamera], notes: list[str]
+) -> tuple[BrownCamera, ...]:
+    """Return the cameras, which modes "fast_at" and "direct" hold.
 
     Parameters
     ----------
-    mode : str
-        The mode.
+    file : BlockFile
+        The block file.
     cameras : sequence of BrownCamera
         The cameras.
+    notes : list of str
+        Gets a sentence where errors of a held camera are not counted.
 
     Returns
     -------
     tuple of BrownCamera
-        The same otherwise.
+        In these modes nothing of them is free, but for what a calibration has standard deviations
+        of, where it is weighed.
     """
-    if mode not in CAMERA_HELD:
+    if file.adjustment.mode not in CAMERA_HELD:
         return tuple(cameras)
+    path = file.camera.file
+    P = None if path is None else read_camera_covariance(path)
+    if file.camera.weighed and P is not None:
+        return tuple(replace(camera, free=P.parameters) for camera in cameras)
+    notes.append(
+        f"mode {file.adjustment.mode} holds the camera: no standard deviation counts its errors"
+        + ("; camera.weighed counts what its file says of them" if P is not None else "")
+    )
     return tuple(replace(camera, free=()) for camera in cameras)
 
 

@@ -191,7 +191,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     camera = read_camera_toml(file.camera.file)
     if file.camera.free is not None:
         camera = replace(camera, free=file.camera.free)
-    (camera,) = cameras_in_mode(mode, [camera])
+    (camera,) = cameras_in_mode(file, [camera], notes)
     ground = ground_in_plane(file, None, eo, [])
     terrain = replace(FLAT, height_m=_ground_height(file, ground))
     if file.vehicle.file is not None:

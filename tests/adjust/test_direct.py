@@ -10,12 +10,18 @@ from simulated_blocks import camera, simulated
 from insgnss.adjust.adjustment import adjusted, residuals_px
 from insgnss.adjust.aerial import AerialControl
 from insgnss.adjust.direct import direct_precision, joint_covariance
-from insgnss.adjust.groups import weight_of
+from insgnss.adjust.groups import InteriorObservation, weight_of
 from insgnss.adjust.normals import problem_of
 from insgnss.adjust.start import first_values
 from insgnss.geodesy.rotation import rotation_from_vector
 
 N = 4
+
+
+def of_poses_and_camera() -> np.ndarray:
+    P = np.zeros((6 * N + 2, 6 * N + 2))
+    P[: 6 * N, : 6 * N], P[6 * N :, 6 * N :] = covariance(), CALIBRATION
+    return P
 
 
 def covariance() -> np.ndarray:
@@ -24,12 +30,22 @@ def covariance() -> np.ndarray:
     return np.kron(in_time, np.diag(np.repeat([0.03, np.radians(0.05)], 3) ** 2))
 
 
+CALIBRATION = np.diag([0.8, 0.5]) ** 2
+"""Of f and cx, px^2."""
+
+
 def held(block):
-    return problem_of(replace(block, held=np.ones_like(block.held)))
+    cameras = tuple(replace(c, free=()) for c in block.cameras)
+    return problem_of(replace(block, held=np.ones_like(block.held), cameras=cameras))
 
 
-def intersection(block, values, step=None, rays=None):
-    """Points and whitened residuals from poses moved by `step` and pixels moved by `rays`."""
+def intersection(block, values, step=None, rays=None, camera=None):
+    """Points and whitened residuals from poses moved by `step`, pixels by `rays`, f, cx by `camera`.
+    """
+    if camera is not None:
+        interior = values.interior.copy()
+        interior[0, :2] += camera
+        values = replace(values, interior=interior)
     if step is not None:
         values = replace(
             values,
@@ -45,7 +61,7 @@ def intersection(block, values, step=None, rays=None):
 
 @pytest.fixture(scope="module")
 def case():
-    made = simulated(61, strips=1, images=N, points=12, cameras=(camera(free=()),), control=0)
+    made = simulated(61, strips=1, images=N, points=12, cameras=(camera(free=("f", "cx")),), control=0)
     block = made.block
     rows, zeros = tuple(range(N)), np.zeros((N, 3))
     control = AerialControl(
@@ -57,7 +73,10 @@ def case():
         zeros,
         zeros,
     )
-    problem = problem_of(block, [control])
+    calibration = InteriorObservation(
+        0, np.array([0, 1]), made.truth.interior[0, :2], np.linalg.inv(CALIBRATION)
+    )
+    problem = problem_of(block, [control, calibration])
     first = first_values(replace(block, position_m=made.truth.position, C_mc=made.truth.C_mc))
     alone = adjusted(held(block), first)
     done = replace(alone, problem=problem.with_active_of(alone.problem))
@@ -66,7 +85,7 @@ def case():
 
 @pytest.fixture(scope="module")
 def derivatives(case):
-    """Of points and whitened residuals by errors of poses and of whitened pixels, numerically."""
+    """Of points and whitened residuals by poses and camera, and by whitened pixels, numerically."""
     made, done = case
     values, block = done.values, made.block
     by_pose, by_ray = [], []
@@ -76,6 +95,11 @@ def derivatives(case):
         ahead = intersection(block, values, step.reshape(N, 6))
         back = intersection(block, values, -step.reshape(N, 6))
         by_pose.append([(a - b) / (2.0 * step[k]) for a, b in zip(ahead, back, strict=True)])
+    for k in range(2):
+        step = 0.05 * np.eye(2)[k]
+        ahead = intersection(block, values, camera=step)
+        back = intersection(block, values, camera=-step)
+        by_pose.append([(a - b) / 0.1 for a, b in zip(ahead, back, strict=True)])
     n = block.observations.uv.size
     for k in range(n):
         step = np.zeros(n)
@@ -92,7 +116,7 @@ def test_covariance_of_points_and_between_them(case, derivatives) -> None:
     """(J.19). Oracle: F P F^T with derivatives of the intersection itself."""
     _, done = case
     (by_pose, by_ray), _ = derivatives
-    whole = by_pose @ covariance() @ by_pose.T + by_ray @ by_ray.T
+    whole = by_pose @ of_poses_and_camera() @ by_pose.T + by_ray @ by_ray.T
     precision = direct_precision(done)
     good = np.flatnonzero(np.isfinite(done.values.point[:, 0]))
     columns = (3 * good[:, None] + np.arange(3)).ravel()
@@ -115,7 +139,7 @@ def test_expected_squares_of_residuals(case, derivatives) -> None:
     """(J.20). Oracle: the same derivatives of the residuals."""
     _, done = case
     _, (by_pose, by_ray) = derivatives
-    squares = np.diagonal(by_pose @ covariance() @ by_pose.T + by_ray @ by_ray.T)
+    squares = np.diagonal(by_pose @ of_poses_and_camera() @ by_pose.T + by_ray @ by_ray.T)
     precision = direct_precision(done)
     found = precision.redundancy.ravel()
     active = np.isfinite(found)
@@ -135,7 +159,8 @@ def test_points_lie_within_their_covariance(case) -> None:
     for _ in range(draws):
         step = (L @ rng.normal(size=6 * N)).reshape(N, 6)
         noise = 0.5 * rng.normal(size=made.block.observations.uv.shape)
-        moved, _ = intersection(made.block, values, step, noise)
+        camera_off = np.sqrt(np.diagonal(CALIBRATION)) * rng.normal(size=2)
+        moved, _ = intersection(made.block, values, step, noise, camera_off)
         off = moved.reshape(-1, 3)[point] - values.point[point]
         total += off @ np.linalg.solve(cov, off)
     low, high = chi2.ppf([5e-5, 1.0 - 5e-5], 3 * draws)

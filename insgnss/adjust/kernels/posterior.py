@@ -111,14 +111,14 @@ def expected_squares(rays, values, own_V, own_g, s, places, Q, out):
     places : Places
         Where the entries of Q stand.
     Q : ndarray
-        Cofactors of the poses.
+        Cofactors of poses and cameras.
     out : ndarray, (n, 2)
         Expected squares, written here but for observations that are not active.
     """
     most = 2 * s.L.shape[0]
     C, H, F = np.empty((most, most)), np.empty((most, most)), np.empty((most, most))
     wide = 6 + rays.columns.size
-    block, half = np.empty((6, 6)), np.empty((2, 6))
+    block, half = np.empty((wide, wide)), np.empty((2, wide))
     for p in range(rays.start.size - 1):
         take_own(own_V, own_g, p, s)
         m, _ = linearise_point(rays, values, p, s, False)
@@ -126,18 +126,18 @@ def expected_squares(rays, values, own_V, own_g, s, places, Q, out):
             continue
         for t in range(m):
             for u in range(t + 1):
-                for a in range(6):
-                    for b in range(6):
+                for a in range(wide):
+                    for b in range(wide):
                         block[a, b] = Q[address(places, s.column[t, a], s.column[u, b])]
                 for r in range(2):
-                    for b in range(6):
+                    for b in range(wide):
                         half[r, b] = 0.0
-                        for a in range(6):
+                        for a in range(wide):
                             half[r, b] += s.L[t, r, a] * block[a, b]
                 for r in range(2):
                     for q in range(2):
                         c, h = 0.0, 0.0
-                        for b in range(6):
+                        for b in range(wide):
                             c += half[r, b] * s.L[u, q, b]
                         for a in range(3):
                             for b in range(3):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...records.block import INTERIOR, BrownCamera
+from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
 from .pose_errors import PoseErrors
 
 FREE_003 = ("f", "cx", "cy", "k1", "k2")
@@ -104,6 +104,12 @@ class Survey:
         """The camera that is written for self-calibration: a few pixels off."""
         off = [OFF.get(name, 0.0) * (name in self.camera.free) for name in INTERIOR]
         return self.camera.with_(self.camera.interior + off)
+
+    @property
+    def calibration(self) -> InteriorCovariance:
+        """The covariance of an earlier calibration."""
+        names = tuple(name for name in INTERIOR if name in CALIBRATED and name in self.camera.free)
+        return InteriorCovariance(names, np.diag([CALIBRATED[name] ** 2 for name in names]))
 
     def calibrated(self, rng: np.random.Generator) -> BrownCamera:
         """Return the camera as an earlier calibration found it, with errors of `CALIBRATED`."""
