@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..adjust.adjustment import adjusted
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.groups import ObservationGroup, PointObservation
+from ..adjust.kinematic import CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
@@ -36,6 +37,7 @@ from .solve import IMAGE, Solved, ground_groups
 from .solve import solved as adjusted_block
 from .vehicle.control import remedies as vehicle_remedies
 from .vehicle.control import vehicle_control
+from .vehicle.rays import moved_in_time
 from .vehicle.verdict import remedy as what_to_do
 
 LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
@@ -308,7 +310,11 @@ def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
     block = own.block
     same = remedy.aerial is inputs.file.aerial_control
     control = solved.control if same else control_of(inputs, remedy.aerial)
-    moving = vehicle_control(inputs.vehicle, block, control.blocks, remedy.vehicle)
+    alone = _without_rays(own)
+    vehicle, began = inputs.vehicle, 0.0
+    if vehicle is not None and key == (CLOCK, 0) and alone:  # too far off to be linear
+        began, vehicle = moved_in_time(vehicle, block, result.values)
+    moving = vehicle_control(vehicle, block, control.blocks, remedy.vehicle)
     points = ground_groups(own)
     groups: list[ObservationGroup] = [*control.groups, *points, *inputs.interior, *moving.groups]
     first = control.blocks | moving.blocks
@@ -323,7 +329,6 @@ def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
     rest = {name: f for name, f in solved.factors.items() if not name.startswith(IMAGE)}
     problem = with_factors(problem, rest)
     values = replace(result.values, blocks=blocks)
-    alone = _without_rays(own)
     reconnects = (key == DATUM or key in moving.blocks) and bool(alone)
     if reconnects:  # rays that were rejected for the shift's sake take part again
         again = without_outliers(problem, values).result
@@ -335,6 +340,7 @@ def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
     value = _value(again.values, key, columns)
     if key[0] == CAMERA:
         value = value - _value(result.values, key, columns)
+    value = value + began
     sigma = np.sqrt(np.diagonal(cov))
     if reconnects:
         gain = float(value @ np.linalg.solve(cov, value))

@@ -269,6 +269,8 @@ def test_the_events_of_a_processed_vehicle_are_joined_by_name_and_by_stamp(made,
             < 0.02
         )
         assert ways[name].images == made.sizes.images
+        turned = ways[name].exposures.C_mv - ways["trajectory"].exposures.C_mv
+        assert np.abs(turned).max() < 1e-5
     P = ways["name"].cov.reshape(16, 3, 16, 3)
     here, there = TangentPlane(*ORIGIN), TangentPlane(*eo.origin)
     turn = here.C_em.T @ there.C_em

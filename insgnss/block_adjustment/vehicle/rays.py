@@ -9,20 +9,24 @@ also finds what is too small to be seen so.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...adjust.camera import rays_of
+from ...adjust.unknowns import Unknowns
 from ...base.errors import DataError
 from ...records.block import Array, ImageBlock
 from .places import Vehicle, scale_of
 from .track import along_course
 
+Rows = NDArray[np.int64]
+
 LEAST_M, SIGMAS = 1.5, 5.0
 BETTER = 4.0
 FEWEST = 4
-RANGE_S, STEP_S = 60.0, 0.25
+RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
 ALIKE = 1.5
 FAR_M = 20.0
 """Nearer than this an adjustment converges, and tells clock, lever arm and base apart."""
@@ -57,10 +61,7 @@ def refuse_elsewhere(
     DataError
         It is metres away, and where it was at another time, beside itself, or nowhere.
     """
-    image = np.array([block.images.index(name) for name in vehicle.images])
-    row = {name: k for k, name in enumerate(block.points)}
-    seen_as = {int(p): k for k, p in enumerate(block.observations.point)}
-    uv = block.observations.uv[[seen_as[row[name]] for name in vehicle.points]]
+    image, uv = seen_pixels(vehicle, block)
     oriented = np.isfinite(position_m[image]).all(axis=1)
     oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
     own = np.flatnonzero(oriented)
@@ -98,7 +99,7 @@ def refuse_elsewhere(
     raise DataError(f"{text}, and {good[0].off_m:.1f} m {words}")
 
 
-def _directions(block: ImageBlock, image: Array, uv: Array, C_mc: Array) -> Array:
+def _directions(block: ImageBlock, image: Rows, uv: Array, C_mc: Array) -> Array:
     """Return the rays of the target in the axes of the block."""
     xy = np.empty((len(image), 2))
     for c, camera in enumerate(block.cameras):
@@ -137,6 +138,20 @@ def _readings(vehicle: Vehicle, met: Array, off: Array) -> Sequence[_Reading]:
 
 def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
     """Return the time by which the vehicle was where it is seen."""
+    best = _best_time(vehicle, met, RANGE_S)
+    if best is None:
+        return None
+    seconds, off_m = best
+    offset = vehicle.options.time_offset_s - seconds
+    return _Reading(
+        off_m,
+        f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: its stamps are"
+        f" off ({scale_of(seconds)}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+    )
+
+
+def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, float] | None:
+    """Return by which time the vehicle is nearest to where it is seen, s, and how near, m."""
     track = vehicle.track
     if track.time is None or not np.isfinite(vehicle.time).all() or len(track.time) < 2:
         return None
@@ -148,18 +163,54 @@ def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
             return np.inf
         return _middle((met - moved.position_m)[within, :2])
 
-    steps = np.arange(-RANGE_S, RANGE_S + STEP_S, STEP_S)
+    steps = np.arange(-range_s, range_s + STEP_S, STEP_S)
     sizes = np.array([apart(float(s)) for s in steps])
     best = float(steps[int(np.argmin(sizes))])
     for width in (0.1, 0.02, 0.005):
         finer = best + width * np.arange(-5, 6)
         values = [apart(float(s)) for s in finer]
         best = float(finer[int(np.argmin(values))])
-    if not np.isfinite(apart(best)):
-        return None
-    offset = vehicle.options.time_offset_s - best
-    return _Reading(
-        apart(best),
-        f"where it was {abs(best):.2f} s {'later' if best > 0 else 'before'}: its stamps are off"
-        f" ({scale_of(best)}); correct them, vehicle.time_offset_s = {offset:+.2f}",
-    )
+    off_m = apart(best)
+    return (best, off_m) if np.isfinite(off_m) else None
+
+
+def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:
+    """Return the vehicle at the time at which adjusted images see it, where (J.21) is linear.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle.
+    block : ImageBlock
+        The block that sees it.
+    values : Unknowns
+        Adjusted poses and cameras.
+
+    Returns
+    -------
+    delay_s : float
+        The delay of its clock so far; 0 where the time of its places is not known.
+    vehicle : Vehicle
+        Its places a delay earlier.
+    """
+    adjusted = replace(block, cameras=values.cameras(block.cameras))
+    image, uv = seen_pixels(vehicle, adjusted)
+    direction = _directions(adjusted, image, uv, values.C_mc)
+    centre = values.position[image]
+    depth = (vehicle.exposures.position_m[:, 2] - centre[:, 2]) / direction[:, 2]
+    met = centre + depth[:, None] * direction
+    best = _best_time(vehicle, met, SHORT_S)
+    if best is None:
+        return 0.0, vehicle
+    moved, within = vehicle.track.at(vehicle.time + best[0], np.inf)
+    if not within.all():
+        return 0.0, vehicle
+    return -best[0], replace(vehicle, exposures=moved)
+
+
+def seen_pixels(vehicle: Vehicle, block: ImageBlock) -> tuple[Rows, Array]:
+    """Return the row of each image that sees the target, and the pixel (n, 2)."""
+    image = np.array([block.images.index(name) for name in vehicle.images])
+    row = {name: k for k, name in enumerate(block.points)}
+    seen_as = {int(p): k for k, p in enumerate(block.observations.point)}
+    return image, block.observations.uv[[seen_as[row[name]] for name in vehicle.points]]

@@ -25,7 +25,7 @@ from .places import Vehicle
 
 MANY_LEFT_OUT = 0.1
 """Of the measurements of the target: gross errors of a good detector are below 2 %."""
-DISCONNECTED = 8.0  # times the share that was left out, for its rank
+DISCONNECTED = 10.0  # times the share that was left out, for its rank: before ground control
 FRAME_SIGMAS, FRAME_M = 4.0, 0.05
 UNITS = {TARGET_ARM: "m", CLOCK: "s", VEHICLE_SHIFT: "m", SIZE: "m"}
 AXES = {
