@@ -1,8 +1,9 @@
 """Direct sensor orientation: points from poses that are held, with the covariance of these poses.
 
 Poses and cameras x have the cofactors Q that observation groups alone give them: aerial control,
-and the calibration of a camera where it is weighed. A point is intersected from its rays, weighed as image observations; with V and W of (J.6), and T = W
-V^-1, its error is that of its rays less T^T dx, so that
+and the calibration of a camera where it is weighed. A point is intersected from its rays, weighed
+as image observations; with V and W of (J.6), and T = W V^-1, its error is that of its rays less
+T^T dx, so that
 
     Q_pp = V^-1 + T^T Q T,    Q_pq = T_p^T Q T_q                                             (J.19)
 

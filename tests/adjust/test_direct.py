@@ -40,8 +40,7 @@ def held(block):
 
 
 def intersection(block, values, step=None, rays=None, camera=None):
-    """Points and whitened residuals from poses moved by `step`, pixels by `rays`, f, cx by `camera`.
-    """
+    """Points and whitened residuals with poses moved by `step`, pixels by `rays`, f and cx too."""
     if camera is not None:
         interior = values.interior.copy()
         interior[0, :2] += camera
@@ -61,7 +60,9 @@ def intersection(block, values, step=None, rays=None, camera=None):
 
 @pytest.fixture(scope="module")
 def case():
-    made = simulated(61, strips=1, images=N, points=12, cameras=(camera(free=("f", "cx")),), control=0)
+    made = simulated(
+        61, strips=1, images=N, points=12, cameras=(camera(free=("f", "cx")),), control=0
+    )
     block = made.block
     rows, zeros = tuple(range(N)), np.zeros((N, 3))
     control = AerialControl(

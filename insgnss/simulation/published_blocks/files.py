@@ -2,7 +2,7 @@
 
 block.toml  eo.json  eo_covariance.npz  image_points.csv  ground_points.csv
 camera.toml                 a few pixels off, its parameters free: for self-calibration
-camera_calibrated.toml      by an earlier calibration, with its standard deviations and nothing free:
+camera_calibrated.toml      by an earlier calibration with its standard deviations, nothing free:
                             Fast AT, direct orientation
 vehicle.csv  target_sizes.csv  ground_points_all.csv  block_cc.toml  block_mc.toml
     block_fc.toml           (with a vehicle: the three configurations of paper 004)
@@ -83,9 +83,7 @@ def _write(root: Path, made: SimulatedSurvey) -> None:
     write_image_points(made.measured, root / "image_points.csv")
     write_ground_points(made.ground, root / "ground_points.csv", [_AXES])
     write_camera_toml(made.survey.stated_camera, root / "camera.toml")
-    write_camera_toml(
-        made.calibrated, root / "camera_calibrated.toml", made.survey.calibration
-    )
+    write_camera_toml(made.calibrated, root / "camera_calibrated.toml", made.survey.calibration)
     if made.vehicle is not None:
         _write_vehicle(root, made)
     for name, text in _block_files(made).items():
