@@ -377,10 +377,14 @@ def _explained(finding: Limit, trials_made: tuple[Trial, ...], direct: bool) -> 
 def shown(trial: Trial) -> str:
     """Return the values of a trial as people read them."""
     factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
-    forms = ("+.3g", "+.0f")  # without a power of ten
-    words = " / ".join(format(factor * v, forms[abs(factor * v) >= 999.5]) for v in trial.value[:3])
+    words = " / ".join(_plain(factor * v) for v in trial.value[:3])
     sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
     return f"{words} {unit} (sigma {sigma})"
+
+
+def _plain(value: float) -> str:
+    """Return a number in three digits at least, without a power of ten."""
+    return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
 
 
 def advice(trial: Trial) -> str:
