@@ -184,8 +184,7 @@ class RelativeAerialControl:
             columns[p] = slice(width, width + size_of(value[p]))
             width = columns[p].stop
         J = np.zeros((n, 3, width))
-        for k in range(n):
-            J[k, :, 6 * k : 6 * k + 6] = own[k]
+        _put(J, 6 * np.arange(n), own)
         for p, where in columns.items():
             J[:, :, where] = of[p]
         e = self.position_m - computed
@@ -214,13 +213,18 @@ class RelativeAerialControl:
         rho = vector_from_rotation(self.C_mc[i] @ self.C_mc[j].swapaxes(1, 2) @ D_t.swapaxes(1, 2))
         right = inverse_right_jacobian(rho)
         J = np.zeros((len(i), 3, width))
-        for k, (a, b) in enumerate(zip(i, j, strict=True)):
-            J[k, :, 6 * a + 3 : 6 * a + 6] = -right[k] @ turn[a]
-            J[k, :, 6 * b + 3 : 6 * b + 6] = right[k] @ D_t[k] @ turn[b]
+        _put(J, 6 * i + 3, -right @ turn[i])
+        _put(J, 6 * j + 3, right @ D_t @ turn[j])
         if TIME_OFFSET in value:
             by_d = self.rate[i] - np.einsum("kij,kj->ki", D_t, self.rate[j])
             J[:, :, columns[TIME_OFFSET]] = right @ by_d[:, :, None]
         return -rho, J
+
+
+def _put(J: Array, columns: Rows, blocks: Array) -> None:
+    """Write a block of each row of (k, 3, u), from a column of its own on."""
+    wide = columns[:, None] + np.arange(blocks.shape[2])
+    J[np.arange(len(J))[:, None, None], np.arange(3)[:, None], wide[:, None]] = blocks
 
 
 def operator(C_mc: Array, observed: Observed) -> "csr_array":
