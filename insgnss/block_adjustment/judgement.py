@@ -29,6 +29,7 @@ DISCONNECTED = 8.0  # times the share of ground control, for its rank
 TOO_LARGE = 5.0
 """Times its standard deviations of a contradiction, beyond which no orientation is written."""
 CHECKS = "check points"
+ALIKE = 0.8  # of the gain of the best explanation, from which on another one is named beside it
 HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
@@ -102,9 +103,12 @@ def judged(
     if contradicted:
         shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
         of_checks = shift_of_check_points(solved)
+        smoothed = solved.inputs.file.aerial_control.relative_weights == "smoothed"
         own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
-            _explained(finding, own if finding.topic == CHECKS else trials_made, solved.direct)
+            _explained(
+                finding, own if finding.topic == CHECKS else trials_made, solved.direct, smoothed
+            )
             for finding in beyond
         ]
     else:
@@ -347,7 +351,9 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
             )
 
 
-def _explained(finding: Limit, trials_made: tuple[Trial, ...], direct: bool) -> Limit:
+def _explained(
+    finding: Limit, trials_made: tuple[Trial, ...], direct: bool, smoothed: bool
+) -> Limit:
     """Add what explains a contradiction: the best of those that do."""
     if finding.rank < 1.0 or not (trials_made or direct):
         return finding
@@ -358,20 +364,24 @@ def _explained(finding: Limit, trials_made: tuple[Trial, ...], direct: bool) -> 
         )
     if not good:
         names = ", ".join(trial.name for trial in trials_made)
+        weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
         return Limit(
             finding.topic,
             finding.rank,
             finding.text,
             f"tried without success: {names}; look for gross errors, exchanged names, or standard"
-            " deviations that are too small",
+            f" deviations that are too small{weights}",
         )
     best = good[0]
-    return Limit(
-        finding.topic,
-        finding.rank,
-        finding.text,
-        f"{best.name} of {shown(best)} explains it: {advice(best)}",
+    words = f"{best.name} of {shown(best)} explains it: {advice(best)}"
+    others = {t.name: t for t in good if t.name != best.name and t.gain > ALIKE * best.gain}
+    alike = others.values()
+    words += "".join(
+        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike
     )
+    if direct:
+        words += "; where poses are held, errors of camera constant and bore-sight look alike"
+    return replace(finding, help=words)
 
 
 def shown(trial: Trial) -> str:
@@ -523,7 +533,11 @@ def precision_sentence(figures: Mapping[str, Any]) -> str:
     if checks:
         d = np.array([c["difference_m"] for c in checks])
         rms = np.sqrt((d**2).mean(axis=0))
-        text += f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+        sigma = np.sqrt(np.mean([np.square(c["sigma_m"]) for c in checks], axis=0))
+        text += (
+            f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+            f" ({lengths([1e3 * x for x in sigma])} expected)"
+        )
     if words := headline_words(figures):
         text += f"; {words}"
     return text

@@ -266,6 +266,11 @@ class BlockFile:
     def _check_mode(self) -> None:
         """Refuse options that the mode has no use for."""
         mode, control = self.adjustment.mode, self.aerial_control
+        if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):
+            raise OptionError(
+                "aerial_control.control",
+                'has no meaning in mode "indirect", which takes no aerial control; leave one out',
+            )
         if mode in ("fast_at", "direct"):
             if control.file is None:
                 raise OptionError(

@@ -181,6 +181,7 @@ def test_a_line_that_nothing_holds_is_told(calibrated) -> None:
         ({"mode": "direct", "control": "Rp/Ra"}, "does not orient images in mode"),
         ({"mode": "iso", "relative_weights": "gyro"}, "has no meaning without relative control"),
         ({"mode": "iso", "lines": ("8001.tif",)}, "name of an image and one of"),
+        ({"mode": "indirect", "control": "Rp/Ra"}, "has no meaning in mode"),
     ],
 )
 def test_options_without_meaning_are_refused(flown, changes, message) -> None:
@@ -224,6 +225,21 @@ def test_a_wrong_camera_is_named_in_fast_at(calibrated, tmp_path) -> None:
     assert result.figures["verdict"] == "contradiction"
     assert "interior orientation" in result.judgement.headline
     assert "adjust the tie points in mode iso" in result.judgement.headline
+
+
+def test_what_explains_nearly_as_well_is_named_once(calibrated, tmp_path) -> None:
+    """Of relative positions the camera constant and a lever arm look alike."""
+    camera = read_camera_toml(calibrated.camera.file)
+    off = camera.interior.copy()
+    off[0] += 60.0
+    write_camera_toml(replace(camera, interior=off), tmp_path / "camera.toml")
+    file = in_mode(calibrated, "fast_at", control="Rp/Ra")
+    file = replace(file, camera=replace(file.camera, file=tmp_path / "camera.toml"))
+    result = adjust_block(file, write=False)
+    words = " ".join(f.sentence for f in result.judgement.findings if f.rank >= 1.0)
+    assert "interior orientation of -6" in words or "interior orientation of -5" in words
+    for finding in result.judgement.findings:
+        assert finding.help.count("lever arm of") <= 1
 
 
 def test_the_command_line(flown, tmp_path, capsys) -> None:

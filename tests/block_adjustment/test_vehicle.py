@@ -190,6 +190,15 @@ def test_another_target_size_is_told(made, tmp_path) -> None:
     assert not again.judgement.contradicted
 
 
+def test_a_target_of_another_diameter_is_refused_before_the_adjustment(made, tmp_path) -> None:
+    """Millimetres for metres, and twice the diameter; the remedy is the true diameter."""
+    for wrong in ("1200.0", "2.4"):
+        sizes = WITH_SIZES.replace("1.2", wrong)
+        file = load_block(write(made, tmp_path / wrong, VEHICLE + sizes))
+        with pytest.raises(DataError, match=r"a diameter of 1\.\d+ m fits"):
+            adjust(file, write=False)
+
+
 # ---- files
 
 

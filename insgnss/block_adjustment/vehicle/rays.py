@@ -28,6 +28,8 @@ BETTER = 4.0
 FEWEST = 4
 RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
 ALIKE = 1.5
+OTHER_SIZE = 0.2
+"""Of a size: heights above ground are known better than that before any adjustment."""
 FAR_M = 20.0
 """Nearer than this an adjustment converges, and tells clock, lever arm and base apart."""
 
@@ -75,6 +77,7 @@ def refuse_elsewhere(
     depth = (stated[:, 2] - centre[:, 2]) / direction[:, 2]
     if (depth <= 0.0).any():
         return
+    _refuse_sizes(vehicle, block, image, np.einsum("ni,ni->n", stated - centre, C_mc[image, :, 2]))
     met = centre + depth[:, None] * direction
     off = (met - stated)[:, :2]
     limit = max(LEAST_M, SIGMAS * float(np.median(sigma_rad[image] * depth)))
@@ -97,6 +100,23 @@ def refuse_elsewhere(
         return  # the adjustment tells them apart
     words = ", or ".join(r.words for r in alike)
     raise DataError(f"{text}, and {good[0].off_m:.1f} m {words}")
+
+
+def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array) -> None:
+    """Refuse apparent sizes of the target that its diameter cannot have (J.22)."""
+    options = vehicle.options
+    own = np.isfinite(vehicle.size_px)
+    if options.size_m is None or own.sum() < FEWEST:
+        return
+    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[image]]
+    times = float(np.median(vehicle.size_px[own] * depth[own] / (f[own] * options.size_m)))
+    limit = max(OTHER_SIZE, SIGMAS * options.size_sigma_m / options.size_m)
+    if abs(times - 1.0) > limit:
+        raise DataError(
+            f"{options.sizes}: the target appears {times:.3g} times as large as vehicle.size_m ="
+            f" {options.size_m:g} m makes it; a diameter of {times * options.size_m:.2f} m fits"
+            " (metres, of the whole target)"
+        )
 
 
 def _directions(block: ImageBlock, image: Rows, uv: Array, C_mc: Array) -> Array:

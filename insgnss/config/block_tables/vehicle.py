@@ -82,7 +82,10 @@ class VehicleTable:
         high=100.0,
     )
     sizes: Path | None = option(
-        None, "apparent sizes of the target (target_sizes.md), with size_m", kind="existing"
+        None,
+        "apparent sizes of the target (target_sizes.md), with size_m",
+        kind="existing",
+        form="file",
     )
     size_m: float | None = option(
         None, "diameter of the target", unit="m", positive=True, usual="not known"

@@ -185,7 +185,8 @@ def _readme(made: SimulatedSurvey) -> str:
         f" north, up), {lasts}.",
         f"A bore-sight of {turn:.2f} deg is in the images and not in eo.json." * int(turn > 1e-6),
         "`camera.toml` is a few pixels off and is estimated; `camera_calibrated.toml` is that of an"
-        " earlier calibration.",
+        " earlier calibration: for Fast AT and direct orientation, which hold the camera, take"
+        " `--camera camera_calibrated.toml`.",
         "`truth/` has poses, points, pixels without error and the true camera.",
     ]
     if made.vehicle is not None:
