@@ -162,6 +162,8 @@ def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
     if best is None:
         return None
     seconds, off_m = best
+    if "leap seconds" in scale_of(seconds):
+        seconds = round(seconds)  # of two time scales, whole; rays tell it to some 0.1 s
     offset = vehicle.options.time_offset_s - seconds
     return _Reading(
         off_m,

@@ -31,7 +31,7 @@ from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
 from ...formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ...formats.orientation.eo_json import read_eo_json
-from ...formats.trajectory.trajectory_csv import COLUMNS, read_trajectory_csv
+from ...formats.trajectory.trajectory_csv import COLUMNS, TrajectoryTable, read_trajectory_csv
 from ...formats.vehicle.target_positions import read_target_positions
 from ...geodesy.frames import TangentPlane
 from ...geodesy.gpstime import WEEK_S
@@ -47,6 +47,10 @@ from ...records.block import Array
 SLOWEST_MPS = 0.5
 """Below it the course of a vehicle without attitude is not known."""
 Rows = NDArray[np.int64]
+
+
+DRIVEN_MPS, FEWEST_DRIVEN, ACROSS_RAD = 2.0, 10, np.radians(10.0)
+"""Where a vehicle goes faster its course is known; how far a heading may lie off it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +263,7 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         )
     if len(given.time) < 2:
         raise InputError.at_line(path, None, "one row; a trajectory has two at least")
+    _refuse_radians(path, given)
     arm = np.array(options.target_m)
     C_mn = plane.C_mn(given.lat, given.lon)
     C_mv = C_mn @ given.C_nb
@@ -291,6 +296,27 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
         options.correlated_share,
         options.correlation_time_s,
     )
+
+
+def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
+    """Refuse headings that follow the way as radians and not as degrees."""
+    fast = np.hypot(*given.velocity_ned.T[:2]) > DRIVEN_MPS
+    if fast.sum() < FEWEST_DRIVEN:
+        return
+    course = np.arctan2(given.velocity_ned[fast, 1], given.velocity_ned[fast, 0])
+    heading = given.rpy[fast, 2]
+    as_degrees, as_radians = (
+        float(np.median(np.abs(np.angle(np.exp(1j * (x - course))))))
+        for x in (heading, np.degrees(heading))
+    )
+    if as_degrees > ACROSS_RAD and as_radians < 0.25 * as_degrees and as_radians < ACROSS_RAD:
+        raise InputError.at_line(
+            path,
+            None,
+            f"headings lie {np.degrees(as_degrees):.0f} deg off the way that the vehicle goes, and"
+            f" {np.degrees(as_radians):.0f} deg as radians; give degrees (roll_deg, pitch_deg,"
+            " heading_deg)",
+        )
 
 
 def _of_eo(
