@@ -138,7 +138,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
         some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
         notes.append(f"{unseen} images of the aerial control have no image observations: {some}")
     notes += _left_out(ground, block)
-    notes += _seen_once(block)
+    notes += _seen_once(block, moving)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
 
 
@@ -221,9 +221,13 @@ def refuse_field_of_view(camera: BrownCamera) -> None:
         )
 
 
-def _seen_once(block: ImageBlock) -> list[str]:
-    """Say that points take no part because one image alone sees them, where these are many."""
+def _seen_once(block: ImageBlock, moving: Sequence[str]) -> list[str]:
+    """Say that points take no part because one image alone sees them, where these are many; those
+    of a vehicle do.
+    """
     rays = np.bincount(block.observations.point, minlength=len(block.points))
+    own = set(moving)
+    rays[[name in own for name in block.points]] = 0
     single = int((rays == 1).sum())
     if single < MANY_SINGLE * (rays > 0).sum():
         return []

@@ -236,6 +236,7 @@ def test_given_attitude_starts_there(velocity):
     assert np.abs(error[:, 6:]).max() < np.radians(0.5)
 
 
+@pytest.mark.slow
 def test_motion_read_backwards_returns_to_its_start():
     """Oracle: the start itself, after 30 s forward and 30 s back through turns.
 

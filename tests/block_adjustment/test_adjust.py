@@ -191,6 +191,7 @@ def test_the_mounting_is_what_process_takes(flown, tmp_path) -> None:
     assert np.abs(turn).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_calibration_is_an_observation(flown, adjusted, tmp_path) -> None:
     """Oracle: of two independent normal values the precision matrices add up; the block's own is
     that without the calibration.
@@ -217,6 +218,7 @@ def test_a_calibration_is_an_observation(flown, adjusted, tmp_path) -> None:
     assert any(c["name"] == "interior orientation" for c in result.figures["components"])
 
 
+@pytest.mark.slow
 def test_options_change_a_block_file(flown, adjusted, tmp_path, capsys) -> None:
     """Oracle: the counts and the parameters that they ask for."""
     names = [p["point"] for p in adjusted.figures["ground_control"]]
@@ -247,6 +249,7 @@ def test_the_camera_goes_into_an_export(flown, adjusted, tmp_path, capsys) -> No
         assert abs(float(line.split()[5]) - f) < 1e-5  # six decimals
 
 
+@pytest.mark.slow
 def test_columns_of_tables(flown, adjusted, tmp_path) -> None:
     """Oracle: the block with the usual names."""
     own = flown.copied(tmp_path / "flight")

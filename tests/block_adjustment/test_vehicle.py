@@ -78,6 +78,25 @@ def test_a_good_vehicle_is_adjusted_and_nothing_is_said_against_it(made, adjuste
     assert written["vehicle"]["points"][3]["image"] == "IMG_0003.jpg"
 
 
+@pytest.mark.slow
+def test_fast_at_takes_the_vehicle(made, tmp_path) -> None:
+    """Its points, which one image sees, take part beside the ground points; tie points do not."""
+    file = load_block(write(made, tmp_path / "b", VEHICLE))
+    result = adjust(
+        replace(
+            file,
+            camera=replace(file.camera, free=None),
+            adjustment=replace(file.adjustment, mode="fast_at"),
+            aerial_control=replace(file.aerial_control, control="Ap/Aa"),
+        ),
+        write=False,
+    )
+    names = {c["name"]: c["observations"] for c in result.figures["components"]}
+    assert names[KINEMATIC] == 48
+    assert not any("measured once" in note for note in result.figures["notes"])
+    assert all(name[0] != "T" for name in result.solved.result.problem.block.points)
+
+
 def test_the_vehicle_makes_check_points_better(made, adjusted, tmp_path) -> None:
     """Oracle: the covariance without it."""
     without = adjust(load_block(write(made, tmp_path / "b", "")), write=False)
@@ -116,6 +135,7 @@ def test_headings_in_radians_are_refused(made, tmp_path) -> None:
         inputs_of(file, quiet)
 
 
+@pytest.mark.slow
 def test_a_clock_off_by_a_second_is_named(made, tmp_path) -> None:
     """Oracle: by how much it was moved; the same delay stated makes the block good again. A second
     is seen by rays, a fifth of one by the adjustment.
@@ -185,6 +205,7 @@ def test_a_single_wrong_measurement_is_left_out_and_told(made, tmp_path) -> None
     assert "1 of 16 measurements of the vehicle's target do not fit" in result.summary()
 
 
+@pytest.mark.slow
 def test_another_target_size_is_told(made, tmp_path) -> None:
     """Oracle: 5 % of its diameter."""
     sizes = WITH_SIZES.replace("1.2", "1.26")

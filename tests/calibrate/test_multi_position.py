@@ -84,6 +84,7 @@ def test_standard_errors_of_the_accelerometers_are_those_of_the_errors():
     assert within(nees, 9, 60), np.mean(nees)
 
 
+@pytest.mark.slow
 def test_standard_errors_of_the_gyroscopes_are_those_of_the_errors(ideal):
     """Oracle: Monte Carlo over exact motion with white noise; 16 recordings; NEES of twelve
     parameters within 99 % of chi-square.

@@ -200,6 +200,7 @@ def test_curvature_is_the_derivative_of_the_minimum_over_the_variances():
         )
 
 
+@pytest.mark.slow
 def test_fit_without_correlation_times_is_non_negative_least_squares():
     """Oracle: nnls of scipy on the textbook columns, with the full covariance of the estimates as
     weights.
