@@ -147,6 +147,7 @@ def test_expected_squares_of_residuals(case, derivatives) -> None:
     np.testing.assert_allclose(found[active], squares[active], rtol=1e-2, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_points_lie_within_their_covariance(case) -> None:
     """300 draws: normalised squares of one point within 99.99 % of chi-square."""
     from scipy.stats import chi2

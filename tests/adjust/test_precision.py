@@ -60,6 +60,7 @@ def nees(e, P):
     return float(e @ np.linalg.solve(P, e))
 
 
+@pytest.mark.slow
 def test_covariances_cover_the_errors_of_thirty_blocks() -> None:
     """Oracle: chi-square, 99 %: poses, points and camera of 30 blocks, sigma_0; components and the
     variance of w are one.

@@ -211,11 +211,13 @@ def test_a_block_without_datum_is_refused(flown) -> None:
         inputs_of(in_mode(replace(flown.block, ground=ground), "indirect"), quiet)
 
 
+@pytest.mark.slow
 def test_an_image_that_is_none(flown) -> None:
     with pytest.raises(InputError, match="is no image of the aerial control"):
         adjust_block(in_mode(flown.block, lines=("9999.tif Ap",)), write=False)
 
 
+@pytest.mark.slow
 def test_one_line_has_one_control(flown) -> None:
     first, second = read_eo(flown.directory / EO).images[:2]
     lines = (f"{first} Ap", f"{second} Rp")
@@ -279,6 +281,7 @@ def test_a_plan_says_what_comes_out(calibrated, done, mode) -> None:
     assert ((ratio > 0.7) & (ratio < 1.4)).all(), ratio
 
 
+@pytest.mark.slow
 def test_direct_orientation_rejects_gross_errors_alone(calibrated, done, flown, tmp_path) -> None:
     """Errors that poses share are no gross errors: nothing is rejected but what was planted."""
     assert done["direct"].solved.rejected.size == 0

@@ -97,6 +97,7 @@ def test_fast_at_takes_the_vehicle(made, tmp_path) -> None:
     assert all(name[0] != "T" for name in result.solved.result.problem.block.points)
 
 
+@pytest.mark.slow
 def test_the_vehicle_makes_check_points_better(made, adjusted, tmp_path) -> None:
     """Oracle: the covariance without it."""
     without = adjust(load_block(write(made, tmp_path / "b", "")), write=False)
@@ -457,6 +458,7 @@ def test_names_that_cannot_be_a_vehicle_are_refused(rows, target, ground, words)
         observed(points_of(rows), target, ground)
 
 
+@pytest.mark.slow
 def test_a_block_whose_target_has_one_name_is_adjusted_and_says_so(made, tmp_path) -> None:
     """Oracle: the same block with a name an image."""
     seen, names = made.measured.observations, made.measured.points

@@ -304,6 +304,7 @@ def test_a_large_contradiction_leaves_no_orientation(copied, capsys) -> None:
     assert (out / "eo.json").is_file()
 
 
+@pytest.mark.slow
 def test_a_lever_arm_that_hides_in_the_bore_sight_is_told(copied) -> None:
     """Oracle: 20 cm along the flight, which no variance component shows."""
     eo = read_eo(copied.directory / EO)

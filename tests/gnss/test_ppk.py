@@ -104,6 +104,7 @@ def normalised(error, cov):
     return float(np.mean(np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)) / 3.0)
 
 
+@pytest.mark.slow
 def test_positions_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
     """Oracle: the truth. Fix rate 99 %, none off by 10 cm, 3 mm horizontally and 10 mm in height,
     no height bias, NEES 0.5 to 2.

@@ -74,6 +74,7 @@ def test_errors_have_the_covariance_that_is_told() -> None:
     assert low < np.mean(squares) / 7.0 < high
 
 
+@pytest.mark.slow
 def test_images_weighed_alone_make_the_bore_sight_seem_better_than_it_is() -> None:
     """Why the whole covariance weighs: tilts that all images share do not average out.
 

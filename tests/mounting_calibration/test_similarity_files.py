@@ -155,6 +155,7 @@ def test_stamps_that_scatter_are_told(tmp_path, capsys) -> None:
     assert "times those across: a delay of the exposures" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_correlated_errors_grow_the_standard_errors(tmp_path, capsys) -> None:
     """Oracle: (1 + rho) / (1 - rho) of neighbours with a correlation of 0.8; none of white ones."""
     white, sigma = Flown(), []

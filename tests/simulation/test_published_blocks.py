@@ -23,6 +23,7 @@ from insgnss.simulation.published_blocks.pose_errors import PoseErrors
 from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
 
 BLOCKS = ("block2015", "corridor2014", "mapkite")
+OF_EACH = ["corridor2014", *(pytest.param(b, marks=pytest.mark.slow) for b in BLOCKS[::2])]
 
 
 @cache
@@ -90,7 +91,7 @@ def test_numbers_of_the_corridor_with_a_vehicle(seed) -> None:
     assert np.abs(pitch).max() > 7.0
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", OF_EACH)
 def test_pixels_without_error_are_collinear(name) -> None:
     """Oracle: collinearity and Brown's distortion in a few lines, from Brown's paper."""
     block = made(name)
@@ -138,7 +139,7 @@ def test_errors_of_poses_have_their_statistics(seeds) -> None:
     assert abs((first * last).mean() - expected) < 4.0 * spread / np.sqrt(first.size)
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", OF_EACH)
 def test_the_file_has_the_whole_covariance(name, tmp_path) -> None:
     """Oracle: the covariance of all poses by (B.2); between lines the shared errors have all of it,
     and what is left of each line is positive semi-definite.
@@ -177,7 +178,8 @@ def test_the_file_has_the_whole_covariance(name, tmp_path) -> None:
     )
 
 
-@pytest.mark.parametrize("first", [0, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 50])
 def test_poses_against_the_truth(first) -> None:
     """Oracle: normalised estimation error squared of all poses of ten corridors at once, chi-square
     within 4 standard deviations; errors are truth minus estimate, read from the poses themselves.
@@ -205,6 +207,7 @@ def test_a_bore_sight_is_in_the_images_and_not_in_the_poses() -> None:
     assert angle == pytest.approx(1.5, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_vehicle_is_where_its_file_says(tmp_path) -> None:
     """Oracle: positions are the integral of velocities (Simpson); the target by its lever arm;
     errors of the file against its standard deviations; apparent sizes against the distance.
@@ -235,6 +238,7 @@ def test_the_vehicle_is_where_its_file_says(tmp_path) -> None:
     assert abs(off_px.std() - 1.0) < 4.0 / np.sqrt(2 * off_px.size)
 
 
+@pytest.mark.slow
 def test_files_hold_what_was_simulated(tmp_path) -> None:
     """Oracle: the block in memory; bytes of a second run of the same seed."""
     block = made("corridor2014", 3)

@@ -332,6 +332,7 @@ def test_mirrored_axes_are_refused_in_json_too(
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "turned", "words"),
     [

@@ -130,6 +130,7 @@ def test_the_target_is_predicted_where_the_vehicle_is_just_then(followed, tmp_pa
     assert np.abs(got[:, :2] - followed.pixel).max() < 12.0
 
 
+@pytest.mark.slow
 def test_the_target_and_its_size_are_measured(followed, tmp_path) -> None:
     """Oracle: rendered pixels and f L / depth; sizes are as good as they say."""
     out = tmp_path / "t"

@@ -521,6 +521,7 @@ def test_a_process_below_a_sample_leaves_the_competition():
     assert "WN+3GM+RW" in FAMILY
 
 
+@pytest.mark.slow
 def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
     """Oracle: a slow Gauss-Markov process put in beside the one of the model; the advice is that
     process, not fewer fine scales.
