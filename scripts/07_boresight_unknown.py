@@ -36,6 +36,7 @@ from matplotlib.figure import Figure
 import insgnss
 from insgnss.base.errors import InsgnssError
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.simulation.published_blocks.survey import simulate_survey
 
 BORESIGHTS_DEG = (0.0, 0.1, 1.5)
 WAYS = tuple(mode for mode in cases.MODES if mode.startswith("F. AT"))
@@ -53,7 +54,7 @@ def main() -> None:
     found = {}
     with tempfile.TemporaryDirectory() as directory:
         for turn in BORESIGHTS_DEG:
-            made = cases.simulate_survey(name, options.seed, boresight_deg=turn)
+            made = simulate_survey(name, options.seed, boresight_deg=turn)
             file = cases.written(Path(directory) / f"{turn:g}", made)
             for way in WAYS:
                 for weights in WEIGHTS:

@@ -28,6 +28,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
+from insgnss.simulation.published_blocks.survey import simulate_survey
+
 GSD_M = 0.038
 WITHOUT = "ISO Ap Aa, no GCP"
 WAYS = ("Indirect SO", "ISO Ap Aa", "ISO Ap Ra", "ISO Rp Ra", WITHOUT, "DiSO")
@@ -44,7 +46,7 @@ def main() -> None:
     # 1. Corridors, each oriented in all ways.
     found: dict[str, list[tuple[np.ndarray, cases.Outcome]]] = {way: [] for way in WAYS}
     for seed in range(flights):
-        made = cases.simulate_survey("corridor2014", seed)
+        made = simulate_survey("corridor2014", seed)
         with tempfile.TemporaryDirectory() as directory:
             file = cases.written(Path(directory) / "corridor", made)
             for way in WAYS:

@@ -34,6 +34,7 @@ from matplotlib.figure import Figure
 from scipy.stats import chi2
 
 from insgnss.adjust.camera import pixels_of, undistorted
+from insgnss.simulation.published_blocks.survey import simulate_survey
 
 WAYS = ("DiSO", "F. AT Ap Aa", "F. AT Ap Ra", "ISO Ap Aa")
 FAST = "F. AT Ap Ra"
@@ -64,7 +65,7 @@ def main() -> None:
     options = parse_options()
     options.out.mkdir(parents=True, exist_ok=True)
     name = "corridor2014" if options.quick else "block2015"
-    made = cases.simulate_survey(name, options.seed)
+    made = simulate_survey(name, options.seed)
     found, shown, seconds = {}, {}, {}
     with tempfile.TemporaryDirectory() as directory:
         file = cases.written(Path(directory) / name, made)

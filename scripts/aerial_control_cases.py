@@ -18,10 +18,7 @@ from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.records.block import ImageObservations
 from insgnss.simulation.published_blocks.files import write_survey
-from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
-
-__all__ = ["simulate_survey"]
-
+from insgnss.simulation.published_blocks.survey import SimulatedSurvey
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),

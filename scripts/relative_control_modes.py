@@ -25,6 +25,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from insgnss.simulation.published_blocks.plans import SURVEYS
+from insgnss.simulation.published_blocks.survey import simulate_survey
 
 RELATIVE = tuple(mode for mode in cases.MODES if "Ra" in mode)
 ABSOLUTE = ("ISO Ap Aa", "F. AT Ap Aa")
@@ -86,7 +87,7 @@ def one(key: tuple[str, int, bool]) -> list[dict]:
     rows = []
     for name, turn, share in EXPERIMENTS:
         errors = replace(SURVEYS[block].errors, share=share)
-        made = cases.simulate_survey(block, seed, boresight_deg=turn, errors=errors)
+        made = simulate_survey(block, seed, boresight_deg=turn, errors=errors)
         with tempfile.TemporaryDirectory() as directory:
             file = cases.written(Path(directory) / block, made)
             for mode, weights, boresight in ways_of(name):

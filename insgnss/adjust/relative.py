@@ -44,7 +44,7 @@ from ..base.errors import InputError
 from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ..records.block import Array
 from .aerial import COMMON, PARAMETERS, TIME_OFFSET, positions, size_of
-from .groups import inverse_right_jacobian
+from .groups import PoseObservation, inverse_right_jacobian
 from .unknowns import POSE, Key, Unknowns
 
 if TYPE_CHECKING:
@@ -386,8 +386,6 @@ class Datum:
         J : ndarray, (m, 6)
             d computed / d unknown.
         """
-        psi = vector_from_rotation(self.C_mc @ values.C_mc[self.image].T)
-        e = np.concatenate([self.position_m - values.position[self.image], psi])
-        J = np.eye(6)
-        J[3:, 3:] = inverse_right_jacobian(psi)
+        pose = PoseObservation(self.image, self.position_m, self.C_mc, np.eye(6))
+        e, J = pose.linearised(values)
         return e[self._rows], J[self._rows]

@@ -248,10 +248,7 @@ def _without_images(source: MeasuredBlock, skip: Sequence[str]) -> MeasuredBlock
     gone = set(skip)
     left = np.array([name in gone for name in images])
     keep = ~left[seen.image]
-    observations = type(seen)(
-        seen.image[keep], seen.point[keep], seen.uv[keep], seen.sigma_px[keep]
-    )
-    return replace(source, measured=replace(source.measured, observations=observations))
+    return replace(source, measured=replace(source.measured, observations=seen.rows(keep)))
 
 
 def _oriented_only(

@@ -197,8 +197,7 @@ def source_in_mode(
             " points, which take no part"
         )
     new = np.cumsum(of_ground) - 1
-    observations = type(seen)(
-        seen.image[keep], new[seen.point[keep]], seen.uv[keep], seen.sigma_px[keep]
-    )
+    kept = seen.rows(keep)
+    observations = replace(kept, point=new[kept.point])
     points = tuple(p for p, mine in zip(measured.points, of_ground, strict=True) if mine)
     return replace(source, measured=replace(measured, points=points, observations=observations))

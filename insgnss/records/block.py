@@ -178,6 +178,23 @@ class ImageObservations:
                 f" {int(self.sigma_px.min(axis=1).argmin())}; it must be positive"
             )
 
+    def rows(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "ImageObservations":
+        """Return some of the observations.
+
+        Parameters
+        ----------
+        rows : ndarray of int or bool
+            Their rows, or which of all (n,) they are.
+
+        Returns
+        -------
+        ImageObservations
+            In the order of the rows.
+        """
+        return ImageObservations(
+            self.image[rows], self.point[rows], self.uv[rows], self.sigma_px[rows]
+        )
+
     def __len__(self) -> int:
         """Return the number of observed points, each of two coordinates."""
         return int(self.uv.shape[0])

@@ -56,9 +56,8 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     x = frame.position_from_geodetic(*geodetic)
     v = np.einsum("nij,nj->ni", C_ln, trajectory.velocity_ned)
     C_lb = C_ln @ trajectory.C_nb
-    s, hs = u[:, None], h[:, None]
-    position = (1.0 - 3.0 * s**2 + 2.0 * s**3) * x[first] + (3.0 * s**2 - 2.0 * s**3) * x[last]
-    position += hs * ((s - 2.0 * s**2 + s**3) * v[first] + (s**3 - s**2) * v[last])
+    s = u[:, None]
+    position = cubic((x[first], x[last]), (v[first], v[last]), u, h)
     turn = vector_from_rotation(C_lb[last] @ np.swapaxes(C_lb[first], 1, 2))
     lat, lon, height = frame.geodetic_from_position(position)
     C_nl = np.swapaxes(frame.C_ln(lat, lon), 1, 2)
@@ -77,6 +76,25 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
         rate_b=None,
         cross=None,
     )
+
+
+def cubic(x: tuple[Array, Array], v: tuple[Array, Array], u: Array, h: Array) -> Array:
+    """Return positions on the cubic through positions and velocities of both neighbours (T.1).
+
+    Parameters
+    ----------
+    x, v : (k, 3) positions, m, and velocities, m/s, before and after, in one Cartesian frame.
+    u : (k,) from 0 to 1 between them.
+    h : (k,) s between them.
+
+    Returns
+    -------
+    (k, 3) m.
+    """
+    s, hs = u[:, None], h[:, None]
+    position = (1.0 - 3.0 * s**2 + 2.0 * s**3) * x[0] + (3.0 * s**2 - 2.0 * s**3) * x[1]
+    position += hs * ((s - 2.0 * s**2 + s**3) * v[0] + (s**3 - s**2) * v[1])
+    return np.asarray(position)
 
 
 def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:

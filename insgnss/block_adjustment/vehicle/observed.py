@@ -154,11 +154,10 @@ def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip"
     points = {p for i, p in zip(observed.images, observed.points, strict=True) if i in gone}
     seen, names = observed.measured.observations, observed.measured.points
     keep = np.array([names[p] not in points for p in seen.point], dtype=bool)
-    kept = type(seen)(seen.image[keep], seen.point[keep], seen.uv[keep], seen.sigma_px[keep])
     left = [k for k, image in enumerate(observed.images) if image not in gone]
     return replace(
         observed,
-        measured=replace(observed.measured, observations=kept),
+        measured=replace(observed.measured, observations=seen.rows(keep)),
         images=tuple(observed.images[k] for k in left),
         points=tuple(observed.points[k] for k in left),
     )

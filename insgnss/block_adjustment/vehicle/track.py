@@ -43,6 +43,7 @@ from ...geodesy.rotation import (
 )
 from ...records import ExteriorOrientation
 from ...records.block import Array
+from ...records.interpolation import cubic
 
 SLOWEST_MPS = 0.5
 """Below it the course of a vehicle without attitude is not known."""
@@ -122,8 +123,7 @@ class Track:
         s, hs = u[:, None], h[:, None]
         x, v = self.position_m, self.velocity
         a, b = x[first], x[last]
-        position = (1.0 - 3.0 * s**2 + 2.0 * s**3) * a + (3.0 * s**2 - 2.0 * s**3) * b
-        position += hs * ((s - 2.0 * s**2 + s**3) * v[first] + (s**3 - s**2) * v[last])
+        position = cubic((a, b), (v[first], v[last]), u, h)
         velocity = 6.0 * (s - s**2) * (b - a) / hs
         velocity += (1.0 - 4.0 * s + 3.0 * s**2) * v[first] + (3.0 * s**2 - 2.0 * s) * v[last]
         turn = vector_from_rotation(self.C_mv[last] @ self.C_mv[first].swapaxes(1, 2))

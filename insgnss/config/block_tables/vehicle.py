@@ -27,7 +27,7 @@ class VehicleTable:
     target: str = option(
         "K_",
         "how the image observations call the target: a prefix before the name of the image "
-        "(K_IMG_0010), or one name in all images, which are told apart then",
+        "(K_IMG_0010), or one name in all images, which are divided by images then",
     )
     target_m: Triple | None = option(
         None,

@@ -30,6 +30,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...adjust.kinematic import gauss_markov as correlations
 from ...base.errors import UsageError
 from ...records.strips import CommonErrors, StripCovariance
 
@@ -124,9 +125,7 @@ class PoseErrors:
 
     def correlation(self, time: Array) -> Array:
         """Return the correlations (n, n) of any component of exposures at `time` (n,)."""
-        apart = np.abs(time[:, None] - time)
-        rho = self.share * np.exp(-apart / self.correlation_s)
-        return np.asarray(rho + (1.0 - self.share) * np.eye(time.size))
+        return correlations(time, self.share, self.correlation_s)
 
     def covariance(self, time: Array, C_mc: Array) -> Array:
         """Return the covariance (6 n, 6 n) of all poses, image after image."""
