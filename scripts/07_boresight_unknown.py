@@ -34,7 +34,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.base.errors import InsgnssError
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.simulation.published_blocks.survey import simulate_survey
 
@@ -105,7 +104,7 @@ def what_is_said(block: object) -> str:
     """What the program says of absolute attitudes with a bore-sight that is held at nothing."""
     try:
         result = insgnss.adjust_block(block, write=False)
-    except InsgnssError as error:
+    except insgnss.InsgnssError as error:
         return f"refused: {error}"
     return str(result.refusal or result.judgement.headline)
 
