@@ -17,7 +17,7 @@ from ..geodesy.rotation import (
     vector_from_rotation,
 )
 from ..records import Array, Trajectory
-from .codes import N_NAV, N_NOMINAL, NAV, POS, PSI, PSI0, QUAT, VEL
+from .codes import N_NAV, N_NOMINAL, POS, PSI, PSI0, QUAT, VEL
 from .kernels.strapdown import run_between
 from .solution import Solution, rotate_blocks
 from .strapdown import kernel_earth, kernel_intervals
@@ -56,7 +56,7 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
     time[inc.stop[1:] - 1] = inc.marks[1:]
     lat, lon, height = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
-    P = solution.P[:, NAV, NAV]
+    P = solution.nav_covariance()
     cov = P[interval] + share[:, None, None] * (P[interval + 1] - P[interval])
     C_lb = rotation_from_quaternion(nav[:, QUAT])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])

@@ -95,6 +95,51 @@ class Solution:
         at_event = np.flatnonzero(self.problem.epochs.event >= 0)
         return at_event[np.argsort(self.problem.epochs.event[at_event])]
 
+    def covariance(self, index: np.ndarray) -> Array:
+        """Return the smoothed covariance of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n, n) in l, navigation first.
+        """
+        return self.P[index]
+
+    def variance(self, index: np.ndarray) -> Array:
+        """Return the smoothed variances of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n), navigation first.
+        """
+        return np.diagonal(self.P, axis1=1, axis2=2)[index]
+
+    def nav_covariance(self, index: np.ndarray | slice = slice(None)) -> Array:
+        """Return the smoothed covariance of the navigation errors at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray or slice
+            (k,) the epochs; all of them without it.
+
+        Returns
+        -------
+        Array
+            (k, 9, 9) of position, velocity and attitude errors in l.
+        """
+        return self.P[:, NAV, NAV][index]
+
     def channel_bias(self, index: np.ndarray) -> tuple[Array, Array]:
         """Return the smoothed bias of the six channels at some epochs.
 
@@ -109,7 +154,9 @@ class Solution:
             (k, 6) rad/s and m/s^2 in body axes, and its standard deviation.
         """
         M = self.problem.layout.channel_sum()
-        spread = np.einsum("cs,mst,ct->mc", M, self.P[:, IMU, IMU][index], M, optimize=True)
+        spread = np.einsum(
+            "cs,mst,ct->mc", M, self.covariance(index)[:, IMU, IMU], M, optimize=True
+        )
         return self.x[index] @ M.T, np.sqrt(np.maximum(spread, 0.0))
 
 
@@ -258,7 +305,7 @@ def trajectory(
         Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
         with covariances of the errors in the same axes.
     """
-    nav, cov = solution.nav[index], solution.P[:, NAV, NAV][index]
+    nav, cov = solution.nav[index], solution.nav_covariance(index)
     cross = solution.event_cross[1:] if events else None
     return local_trajectory(solution, index, solution.time[index], nav, cov, cross, gps_week)
 

@@ -108,7 +108,7 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         rpy=rpy_from_rotation(rows.trajectory.C_nb),
         event=np.searchsorted(epochs, solution.event_epochs),
         filter_sigma=solution.filter_sigma[epochs, NAV],
-        smoothed_sigma=np.sqrt(np.diagonal(solution.P[:, NAV, NAV][epochs], axis1=1, axis2=2)),
+        smoothed_sigma=np.sqrt(solution.variance(epochs)[:, NAV]),
         bias=bias,
         bias_sigma=bias_sigma,
         fix_time=time[fix],

@@ -273,7 +273,7 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
         problem=SimpleNamespace(frame=frame, layout=layout, inc=inc),
         nav=nav,
         x=bias,
-        P=np.tile(np.eye(9), (3, 1, 1)),
+        nav_covariance=lambda index: np.tile(np.eye(9), (3, 1, 1))[index],
         event_cross=cross,
         time=inc.marks,
     )
