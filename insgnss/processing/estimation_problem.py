@@ -22,6 +22,7 @@ from .recording import Recording
 EPOCH_HZ = (
     10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
 )
+SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix
 HUBER_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
 WHITE_OF_CORRELATED = 0.3  # white share, in sigmas, of a fix whose error stays for minutes
 
@@ -41,7 +42,7 @@ class PreparedSegment:
     fixes : GnssFixes
         The fixes of the segment.
     grid : ndarray, shape (k,)
-        The epochs of the problem that are those of the output grid.
+        The epochs of the problem that are those of the output grid (`output_grid`).
     at_event : ndarray, shape (e,)
         Which of the recording's exposures the segment holds.
     """
@@ -92,7 +93,7 @@ def prepare_segment(
         fixes.time,
         exposure[at_event],
         heights[:, 0],
-        _grid(lo, hi, flight.output.trajectory_hz),
+        output_grid(lo, hi, flight.output.trajectory_hz, fixes.time),
         edges(recording.imu.time, lo, hi),
     )
     increments = body_increments(recording.imu, recording.C_b_imu, marks)
@@ -222,7 +223,29 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     )
 
 
-def _grid(lo: float, hi: float, trajectory_hz: float | None) -> Array:
-    """Return the epochs of the output grid in [lo, hi], s."""
+def output_grid(lo: float, hi: float, trajectory_hz: float | None, fixes: Array) -> Array:
+    """Return the epochs of the output grid of a segment.
+
+    A row stands at a fix that lies within `SNAP` of a step of it. The stamps of PPK carry the clock
+    of the receiver, milliseconds off the grid: every row would be an epoch beside that of its fix.
+
+    Parameters
+    ----------
+    lo, hi : float
+        First and last instant of the segment, s.
+    trajectory_hz : float or None
+        Rate that the flight file asks for, Hz; None is that of the samples.
+    fixes : ndarray, shape (k,), s
+        Increasing times of the fixes.
+
+    Returns
+    -------
+    ndarray, shape (m,), s
+        Increasing, from `lo` on, at `EPOCH_HZ` at most.
+    """
     rate = min(trajectory_hz or EPOCH_HZ, EPOCH_HZ)
-    return lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    regular = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    after = np.clip(np.searchsorted(fixes, regular), 1, fixes.size - 1)
+    before = fixes[after - 1]
+    nearest = np.where(regular - before < fixes[after] - regular, before, fixes[after])
+    return np.where(np.abs(nearest - regular) <= SNAP / rate, nearest, regular)
