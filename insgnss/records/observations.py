@@ -15,6 +15,8 @@ from .verdicts import Check
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
 
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
+# what describes the solution of a fix and weighs nothing; fields of `GnssFixes` by name
+OF_THE_SOLUTION = ("satellites", "ratio", "age_s", "pdop", "hdop")
 # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
 UNKNOWN_MPS = 1000.0
 
@@ -187,6 +189,11 @@ class GnssFixes(Rows):
     gps_week : GPS week of `time`, None where it is not known.
     source : where the fixes come from, for messages; the path of a file.
     notes : what the reader found odd and did about it.
+    satellites : (n,) number of satellites used; this and what follows describes the solution and
+        weighs nothing. Each is None where the source has none, not-a-number where it is not known.
+    ratio : (n,) ratio of the ambiguity validation: the second best's sum of squares to the best's.
+    age_s : (n,) age of the base's observations or of the corrections, s.
+    pdop, hdop : (n,) dilution of precision of the position, of its horizontal part.
 
     Raises
     ------
@@ -196,7 +203,7 @@ class GnssFixes(Rows):
 
     _ROWS: ClassVar[tuple[str, ...]] = (
         *("time", "lat", "lon", "height", "cov_ned"),
-        *("velocity_ned", "velocity_cov_ned", "quality"),
+        *("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION),
     )
     _NOUN: ClassVar[str] = "fixes"
 
@@ -211,6 +218,11 @@ class GnssFixes(Rows):
     gps_week: int | None = None
     source: str = ""
     notes: tuple[Check, ...] = ()
+    satellites: Array | None = None
+    ratio: Array | None = None
+    age_s: Array | None = None
+    pdop: Array | None = None
+    hdop: Array | None = None
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size
@@ -220,6 +232,9 @@ class GnssFixes(Rows):
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
             frozen(self, "velocity_cov_ned", (n, 3, 3))
+        for name in OF_THE_SOLUTION:
+            if getattr(self, name) is not None:
+                frozen(self, name, (n,), finite=False)
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix")
         increasing(self, self.time)
@@ -315,7 +330,8 @@ class GnssFixes(Rows):
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
             sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
             columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
-        return columns if self.quality is None else columns | {"quality": self.quality}
+        known = {name: getattr(self, name) for name in ("quality", *OF_THE_SOLUTION)}
+        return columns | {name: value for name, value in known.items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -26,10 +26,12 @@ from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import Source, Table, format_rows, load, parse
+from .fixes import of_the_solution
 from .pos_header import (
     DATE,
     POSITION,
     ROOTS,
+    SOLUTION,
     VELOCITY,
     VELOCITY_ROOTS,
     Header,
@@ -186,6 +188,9 @@ def read_rtklib_pos(
         read.gps_week,
         str(path),
         (*notes, *read.notes),
+        **of_the_solution(
+            {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
+        ),
     )
 
 
@@ -523,7 +528,7 @@ def write_rtklib_pos(
         The file.
     satellites, age_s, ratio : ndarray, optional
         (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
-        position; 0 where not given.
+        position; those of the fixes where not given, 0 where these have none.
 
     Raises
     ------
@@ -536,8 +541,13 @@ def write_rtklib_pos(
         )
     n = fixes.time.size
     quality, ns, age, ratios = (
-        np.zeros(n) if column is None else column
-        for column in (fixes.quality, satellites, age_s, ratio)
+        np.zeros(n) if column is None else np.nan_to_num(column)
+        for column in (
+            fixes.quality,
+            fixes.satellites if satellites is None else satellites,
+            fixes.age_s if age_s is None else age_s,
+            fixes.ratio if ratio is None else ratio,
+        )
     )
     beyond = np.floor(fixes.time / WEEK_S)
     parts = [
