@@ -85,11 +85,12 @@ def run_backward(
         if keep[e] != ABSENT:
             keep_information[keep[e]] = Lam
             keep_adjoint[keep[e]] = lam
-        for r in range(n):
-            t = history.m[e, r]
-            for c in range(n):
-                t += P[r, c] * lam[c]
-            delta[e, r] = t
+        estimate = delta[e]
+        estimate[:] = history.m[e]
+        for c in range(n):  # P is symmetric
+            t, row = lam[c], P[c]
+            for r in range(n):
+                estimate[r] += t * row[r]
         if full:
             within, outage, j = state.within[0] != 0, history.outage[e], event[e]
             np.dot(P[:N_NAV], Lam, AN)
@@ -158,22 +159,26 @@ def run_backward(
             for r in range(used):
                 lam[r] += h[r] * t
             if full:
+                # Lambda - h' g' - g h + t h' h with g = Lambda k, as a sum of two products
+                g[:] = 0.0
+                for c in range(n):
+                    t, row = k[c], Lam[c]
+                    for r in range(n):
+                        g[r] += t * row[r]
                 t = 1.0 / S
                 for r in range(n):
-                    a = 0.0
-                    for c in range(n):
-                        a += Lam[r, c] * k[c]
-                    g[r] = a
-                    t += a * k[r]
+                    t += g[r] * k[r]
                 for r in range(used):
-                    for c in range(n):
-                        Lam[r, c] -= h[r] * g[c]
+                    g[r] -= 0.5 * t * h[r]
+                for r in range(used):
+                    t, row = h[r], Lam[r]
+                    if t != 0.0:
+                        for c in range(n):
+                            row[c] -= t * g[c]
                 for r in range(n):
+                    t, row = g[r], Lam[r]
                     for c in range(used):
-                        Lam[r, c] -= g[r] * h[c]
-                for r in range(used):
-                    for c in range(used):
-                        Lam[r, c] += t * h[r] * h[c]
+                        row[c] -= t * h[c]
         if e == 0:
             break
         F = history.F[e]
@@ -189,20 +194,18 @@ def run_backward(
         if full:
             # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose
             for r in range(N_NAV):
-                row = G[r]
-                for c in range(n):
-                    row[c] = 0.0
-                for k in range(N_NAV):
-                    t = 0.5 * Lam[r, k]
-                    for c in range(n):
-                        row[c] += t * F[k, c]
+                for c in range(N_NAV):
+                    nav[r, c] = 0.5 * Lam[r, c]
+            np.dot(nav, F, G)
+            for r in range(N_NAV):
+                to, row = G[r, IMU0:], Lam[r, IMU0:]
                 for s in range(ns):
-                    row[IMU0 + s] += Lam[r, IMU0 + s] * D[s]
+                    to[s] += row[s] * D[s]
             np.dot(F.T, G, A)
-            for r in range(n):
-                if r >= IMU0:
-                    for c in range(IMU0, n):
-                        A[r, c] += 0.5 * Lam[r, c] * (D[r - IMU0] * D[c - IMU0])
+            for r in range(ns):
+                t, to, row = 0.5 * D[r], A[IMU0 + r, IMU0:], Lam[IMU0 + r, IMU0:]
+                for c in range(ns):
+                    to[c] += t * D[c] * row[c]
             for r in range(n):
                 for c in range(n):
                     Lam[r, c] = A[r, c] + A[c, r]

@@ -435,11 +435,11 @@ def predict_covariance(P, F, D, W, Qbb, X, nine):
             t = X[r, c] * D[c - IMU0] + W[r, c]
             P[r, c] = t
             P[c, r] = t
-    for r in range(N_NAV, n):
-        d = D[r - IMU0]
-        for c in range(N_NAV, n):
-            P[r, c] *= d * D[c - IMU0]
-        P[r, r] += Qbb[r - IMU0]
+    for s in range(D.size):
+        d, row = D[s], P[IMU0 + s, IMU0:]
+        for k in range(D.size):
+            row[k] *= d * D[k]
+        row[s] += Qbb[s]
 
 
 @njit(cache=True)

@@ -148,7 +148,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             used = history.used[b]
             for i in range(3):
                 history.S[e, b + i] = 0.0
-            nis = innovation_test(P, H, nu, m, R, used, S3, L, innovation)
+            nis = innovation_test(P, H, nu, m, R, used, S3, L, scratch, innovation)
             history.nis[e, kind] = nis
             for i in range(3):
                 history.innovation[e, b + i] = innovation[0, i]
