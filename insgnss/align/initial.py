@@ -210,7 +210,7 @@ def _estimated(window: EstimationProblem, start: InitialState) -> Solution | Non
     """
     for variant in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
-            return solve(variant, start, "on", separations=0)
+            return solve(variant, start, "on", separations=0, rows=0)
         except DataError:
             continue
     return None

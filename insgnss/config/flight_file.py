@@ -173,7 +173,7 @@ class Output:
     )
     trajectory_hz: float | None = option(
         10.0,
-        'rate of trajectory.csv and the SBET; a row within a quarter of its step of a fix stands'
+        "rate of trajectory.csv and the SBET; a row within a quarter of its step of a fix stands"
         ' at the fix; "imu" for every sample',
         kind="rate",
         form='number or "imu"',
