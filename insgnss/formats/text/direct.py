@@ -1,10 +1,10 @@
 """Columns of a large text table straight into the arrays of a record, in two threads.
 
-The table is cut behind line ends into pieces of a quarter of a megabyte. A first pass counts the lines of each,
-so that the place of every row is known; then each thread takes the next piece, parses it into a
-table of that piece and puts the columns where they belong. So there is one copy of the numbers, and
-of a mapped file what has been read is given back to the system piece by piece. Pieces with lines
-that are no rows leave holes, which are closed at the end.
+The table is cut behind line ends into pieces that a processor's cache holds. A first pass counts
+the lines of each, so that the place of every row is known; then each thread takes the next piece,
+parses it into a table of that piece and puts the columns where they belong. So there is one copy of
+the numbers, and of a mapped file what has been read is given back to the system piece by piece.
+Pieces with lines that are no rows leave holes, which are closed at the end.
 
 Nothing is decided here: where anything is not as it should be, in whatever piece, None is returned
 and `text.parse` reads the file from its beginning, row by row, and says what and where.
@@ -25,7 +25,7 @@ from .layout import Layout, decode, is_comment
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-PIECE = 1 << 18
+PIECE = 1 << 18  # bytes
 THREADS = 2
 
 
