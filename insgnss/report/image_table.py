@@ -56,7 +56,7 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
     ]
     columns += [
-        _column(key, f"{key[:1]}, m", eo.position_m[:, k], 3, title=f"{key} in the tangent plane of"
+        _column(key, f"{key[0].upper()}, m", eo.position_m[:, k], 3, title=f"{key} in the tangent plane of"
                 " eo.json", running=True)
         for k, key in enumerate(("east", "north", "up"))
     ]

@@ -34,7 +34,7 @@ from .sections import (
 )
 from .summary import plain
 
-SHORT = {  # what the list of contents calls the sections
+SHORT = {  # what the list of contents calls the sections; nothing: not in the list
     "what-limits-this-flight": "What limits it",
     "map": "Map",
     "image-by-image": "Images",
@@ -44,21 +44,24 @@ SHORT = {  # what the list of contents calls the sections
     "sigmas": "Sigmas",
     "image-sigmas": "Sigmas by image",
     "innovations": "Innovations",
-    "innovation-distribution": "Distribution",
-    "nis-distribution": "NIS",
-    "innovations-in-numbers": "in numbers",
+    "innovation-distribution": "",
+    "nis-distribution": "",
+    "innovations-in-numbers": "",
     "residuals": "Residuals",
-    "fixes-minus-solution": "in numbers",
+    "fixes-minus-solution": "",
     "biases": "IMU errors",
     "what-was-estimated-besides": "Constants",
-    "constants": "over time",
+    "constants": "",
     "separation": "Separation",
     "gnss-solution": "GNSS",
     "gnss-signals": "Signals",
+    "rejected-fixes": "Rejected",
     "segments-and-stationary-periods": "Segments",
     "checks-of-the-input": "Checks",
     "the-flight-file-resolved": "Settings",
-    "inputs-sha-256": "Inputs",
+    "inputs-sha-256": "",
+    "versions": "",
+    "time-taken": "",
 }
 
 

@@ -300,9 +300,12 @@
       this.group.panels.push(this);
       this.y = axes.limits ?? null;
       this.box = box;
+      this.named = (chart.shades ?? []).filter((shade) => shade.text);
       this.head = make("div", "keys");
       this.head.append(make("b", "", axes.label));
-      this.keys = axes.layers.filter((layer) => layer.name).map((layer) => this.key(layer));
+      const named = axes.layers.filter((layer, k) => layer.name
+        && axes.layers.findIndex((other) => other.name === layer.name) === k);
+      this.keys = named.map((layer) => this.key(layer));
       for (const layer of axes.layers) if (layer.value) this.head.append(...bar(layer));
       this.element = make("div", "panel");
       this.element.append(this.head, make("div", "axes"));
@@ -326,7 +329,7 @@
         grid: { stroke: () => ink("grid"), width: 1 }, ticks: { stroke: () => ink("rule"), size: 4 } };
       this.plot?.destroy();
       this.plot = new uPlot({
-        width, height: height + (last ? 24 : 0), padding: [6, 10, last ? 0 : 6, 0], legend: { show: false },
+        width, height: height + (last ? 24 : 0), padding: [this.number === 0 && this.named.length ? 18 : 6, 10, last ? 0 : 6, 0], legend: { show: false },
         cursor: { y: false, points: { show: false }, bind: { dblclick: () => null },
           drag: { x: true, y: true, uni: 24, setScale: false } },
         scales: {
@@ -335,9 +338,9 @@
         },
         axes: [
           { ...axis, size: last ? 24 : 0, gap: 2, space: 70, values: last ? ticks : () => [],
-            ...(this.logX ? { splits: logSplits } : {}), ...(last ? {} : { ticks: { show: false } }) },
+            ...(this.logX ? { splits: logSplits, filter: (u, splits) => splits } : {}), ...(last ? {} : { ticks: { show: false } }) },
           { ...axis, size: width < 500 ? 46 : 60, gap: 3, space: 32, values: ticks,
-            ...(this.log ? { splits: logSplits } : {}) },
+            ...(this.log ? { splits: logSplits, filter: (u, splits) => splits } : {}) },
         ],
         series: [{}, { paths: () => null, points: { show: false } }],
         hooks: {
@@ -386,11 +389,11 @@
       g.rect(b.left, b.top, b.right - b.left, b.bottom - b.top);
       g.clip();
       paint(g, this.axes.layers, this.view.hidden, X, Y, s, b);
-      if (this.number === 0) {
-        const named = (this.view.chart.shades ?? []).filter((shade) => shade.text);
-        texts(g, named.map((shade) => [shade.text, (X(shade.begin) + X(shade.end)) / 2, b.top + 9 * s]), s, b);
-      }
       g.restore();
+      if (this.number === 0 && this.named.length) { // the numbers of the lines, above the axes
+        const above = { left: b.left - 2, right: b.right + 12 * s, top: -99, bottom: b.top + 99 };
+        texts(g, this.named.map((shade) => [shade.text, (X(shade.begin) + X(shade.end)) / 2, b.top - 8 * s]), s, above);
+      }
     }
 
     /** The vertical range: what was asked for, else all that is drawn in the horizontal one. */
@@ -501,7 +504,8 @@
     values(x) {
       for (const { layer, value } of this.keys) {
         let text = "";
-        if (x !== null && (layer.kind === "line" || layer.kind === "points") && layer.x.length) {
+        const alone = this.axes.layers.filter((other) => other.name === layer.name).length === 1;
+        if (alone && x !== null && (layer.kind === "line" || layer.kind === "points") && layer.x.length) {
           const i = nearest(layer.x, x);
           const far = Math.abs(layer.x[i] - x) > 0.02 * (this.group.range[1] - this.group.range[0]);
           if (!far) text = layer.texts[i] ?? short(layer.y[i]);
@@ -1135,7 +1139,8 @@
     const figure = document.getElementById(chart.name);
     return figure ? [new (chart.map ? MapView : AxesView)(chart, figure)] : [];
   });
-  for (const group of groups.values()) {
+  for (const [name, group] of groups) {
+    if (name === "image") group.full = [group.full[0] - 0.7, group.full[1] + 0.7];
     if (!(group.full[1] > group.full[0])) group.full = Number.isFinite(group.full[0]) ? [group.full[0] - 1, group.full[0] + 1] : [0, 1];
     group.home ??= group.full;
     group.range = group.home.slice();

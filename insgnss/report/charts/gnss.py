@@ -154,7 +154,8 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
         )
     for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
         if name in series:
-            yield Axes(label, (line(t, np.asarray(series[name], dtype=np.float64), label),))
+            y = np.asarray(series[name], dtype=np.float64)
+            yield Axes(label, list(_by_class(t, y, kind, known)))
     if "separation_m" in series:
         yield _separation(t, series)
     if "distance_m" in series:

@@ -40,7 +40,8 @@ _BIASES = (
     " flight did not determine the bias."
 )
 _CONSTANTS = (
-    "Constants that were estimated with the flight, within three standard deviations: dark, after"
+    "Constants that were estimated with the flight, lever arm and time offset as what has to be"
+    " added to those of the flight file, within three standard deviations: dark, after"
     " smoothing; pale, what the forward filter allowed at the time. The pale band narrows where"
     " the flight determines the constant, mostly in turns and speed changes; what never narrows is"
     " not observed."
