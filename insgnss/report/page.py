@@ -116,7 +116,10 @@ def page(
     data : what the script needs besides by name: "images" and "track" of `image_table`.
     """
     verdict, reason = mood(summary)
-    why = f'<p class="reason {verdict}"><b>{verdict.capitalize()}</b>: {escape(reason)}.</p>\n'
+    why = (
+        f'<p class="reason {verdict}"><strong>{verdict.capitalize()}</strong>:'
+        f" {escape(reason)}.</p>\n"
+    )
     body = "".join(_body(summary, shown, "images" in data))
     blocks = (embedded(name, script_safe(block)) for name, block in data.items())
     return document(
@@ -130,9 +133,7 @@ def page(
     )
 
 
-def _body(
-    summary: Mapping[str, Any], shown: Sequence[Chart], with_images: bool
-) -> Iterator[str]:
+def _body(summary: Mapping[str, Any], shown: Sequence[Chart], with_images: bool) -> Iterator[str]:
     left = {chart.name: charted(chart) for chart in shown}
 
     def of(*names: str) -> str:

@@ -67,7 +67,9 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
         Axes(
             f"{name}, {unit}",
             (
-                band(t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"),
+                band(
+                    t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"
+                ),
                 *_points(t, factor * d.innovation[:, k], d.used),
             ),
             limits=(-1.03 * factor * reach, 1.03 * factor * reach),

@@ -40,8 +40,8 @@ def scatter(y: Array, limit: int = MOST_DOTS) -> NDArray[np.int64]:
     """
     if y.size <= limit:
         return np.arange(y.size)
-    regular = np.arange(0, y.size, -(-y.size // (3 * limit // 4)))
-    return np.union1d(regular, thin(y, limit // 4))
+    regular = np.arange(0, y.size, -(-y.size // (7 * limit // 8)))
+    return np.union1d(regular, thin(y, limit // 8))
 
 
 def thinned(layer: Layer, limit: int = MOST_POINTS) -> Layer:
