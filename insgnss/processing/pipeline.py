@@ -35,9 +35,8 @@ from .checks import (
     refuse_contradictions,
     refuse_unobservable,
 )
-from .circumstances import circumstances
 from .diagnostics import report_rows, run_diagnostics
-from .history import run_history
+from .history import run_circumstances, run_history
 from .input_files import input_files
 from .orientation import orient_images, output_trajectory, strip_covariances
 from .products import RunResult, output_directory, write_products
@@ -231,7 +230,7 @@ def _report(
         imu_samples=recording.imu.time.size,
         epochs=sum(segment.solution.time.size for segment in segments),
         series=recording.series,
-        run=circumstances(),
+        run=run_circumstances(),
     )
     ppk = recording.ppk
     if ppk is not None:

@@ -1,4 +1,4 @@
-"""Pictures of a PPK solution: what was solved epoch by epoch, and what the receiver observed.
+"""The picture of a PPK solution: what was solved epoch by epoch, and what the receiver observed.
 
 `series` holds what `gnss.quality` found, arrays by name; those that are not known are absent, and
 their rows with them:
@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..markup import Picture
 from .style import (
     ACCENT,
     AXIS_COLOURS,
@@ -64,48 +63,6 @@ VALIDATED = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0
 MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
-
-_SOLUTION = (
-    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
-    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
-    " left."
-    " With them, the share of confirmed fixes within 30 s, and distance and height above the base,"
-    " along which the atmosphere differs."
-)
-_SEPARATION = (
-    "The run backward minus the run forward, within three standard deviations of their difference:"
-    " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
-    " is an incorrect ambiguity fix in one of them."
-)
-_SIGNALS = (
-    "Median C/N0 of all satellites by band: a drop on one band is interference or a"
-    " cable, one on all bands an obstruction. Dots are cycle slips by satellite; many at one"
-    " instant are the receiver's own loss of lock. Red, times without observations."
-)
-
-
-def pictures(series: Series) -> tuple[Picture, ...]:
-    """Pictures for which the series hold something: the solution, and the signals."""
-    drawn = []
-    panels = _solution_panels(series)
-    if panels:
-        reading = _SOLUTION + (" " + _SEPARATION if "separation_m" in series else "")
-        drawn.append(
-            Picture(
-                "gnss_solution",
-                "How the antenna positions were solved",
-                reading,
-                png(_draw(series, panels)),
-            )
-        )
-    panels = _signal_panels(series)
-    if panels:
-        drawn.append(
-            Picture(
-                "gnss_signals", "What the receiver observed", _SIGNALS, png(_draw(series, panels))
-            )
-        )
-    return tuple(drawn)
 
 
 def draw_quality(series: Series) -> bytes:
