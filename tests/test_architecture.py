@@ -96,7 +96,7 @@ INNER = {  # folders inside rooms, from below; a folder stands on those before i
     ),
     "gnss": ("rinex", "satellites", "phase", "engine", "quality", "exposures"),
     "stochastic": ("moments", "estimation"),
-    "report": ("rules", "figures"),
+    "report": ("rules", "charts", "figures"),
     "tuning": ("products", "in_flight"),
 }
 FOLDER_MODULES = 16  # beside __init__: as many as a reader overlooks

@@ -18,6 +18,7 @@ from ...prepare.gaps import nominal_interval
 from ...processing.input_files import input_files
 from ...processing.recording import Recording
 from ...records import ImuSamples
+from ...report.charts.chart import Chart
 from ...stochastic.model import (
     NOISE_UNITS,
     AxisNoise,
@@ -81,16 +82,16 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     return tuning
 
 
-def spectrum_figure(tuning: "FlightTuning") -> bytes:
-    """Draw the IMU's spectrum in straight flight as a PNG, empty without one.
+def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:
+    """Return the IMU's spectra in straight flight, none without one.
 
-    White noise of the static model and of the model in flight stand beside it.
+    White noise of the static model and of the model in flight stand beside them.
     """
-    from ...report.figures.noise import SpectrumPanel, draw_psd
+    from ...report.figures.noise import SpectrumPanel, spectrum_charts
 
     s = tuning.straight
     if s is None:
-        return b""
+        return ()
     panels = []
     for c in range(6):
         sensor, axis = ("gyro", "accel")[c // 3], c % 3
@@ -116,11 +117,22 @@ def spectrum_figure(tuning: "FlightTuning") -> bytes:
                 frequencies,
             )
         )
+    return spectrum_charts(panels)
+
+
+def spectrum_figure(tuning: "FlightTuning") -> bytes:
+    """Draw the IMU's spectra as a PNG, empty without one."""
+    from ...report.charts.drawn import draw_sheet
+
+    s = tuning.straight
+    if s is None:
+        return b""
     subtitle = (
         f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
         f" {s.lowest_hz:g} Hz the vehicle's own motion"
     )
-    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", subtitle)
+    columns = [[chart] for chart in spectra(tuning)]
+    return draw_sheet(columns, f"{tuning.name}: {tuning.headline}", subtitle)
 
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
