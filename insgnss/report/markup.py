@@ -4,36 +4,20 @@ import base64
 import html
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from .charts.chart import Chart
+from .charts.encoded import BLOCK, encoded
 
 Row = Sequence[str]
 
-_STYLE = """
-:root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8;
-  --rule: #d5dae1; --soft: #5b6675;
-  --ok: #00734f; --note: #a65200; --bad: #b3261e; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --paper: #14181e; --pale: #1e242c;
-  --rule: #38424f; --soft: #9aa6b5;
-  --ok: #4cc9a0; --note: #f0a35a; --bad: #ff8a80; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 1040px; margin: 0 auto;
-  padding: 1.5rem 1rem 4rem; overflow-wrap: break-word; }
-h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; }
-.headline { margin: .4rem 0 1.2rem; padding: .7rem 1rem; background: var(--pale);
-  border-left: 4px solid var(--ok); }
-.headline.doubtful { border-color: var(--note); } .headline.bad { border-color: var(--bad); }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-td, th { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule);
-  vertical-align: top; }
-th { color: var(--soft); font-weight: 600; } td.number { text-align: right; white-space: nowrap; }
-  th.number { text-align: right; }
-.wide { overflow-x: auto; } .ok { color: var(--ok); } .note { color: var(--note); }
-  .contradiction { color: var(--bad); font-weight: 600; }
-figure { margin: 0 0 1.2rem; } figure img { width: 100%; height: auto; background: #fff;
-  border: 1px solid var(--rule); border-radius: 4px; }
-figcaption, .soft { color: var(--soft); } code { font: 13px ui-monospace, monospace;
-  overflow-wrap: anywhere; }
-summary { cursor: pointer; } li { margin: .35rem 0; } .help { color: var(--ok); }
-""".strip()
+ASSETS = Path(__file__).parent / "assets"
+# nothing is loaded from anywhere, and nothing that a name of a file might hold is run
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:;"
+    " base-uri 'none'; form-action 'none'"
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +31,13 @@ class Picture:
 
 
 def document(
-    title: str, headline: str, mood: str, body: Iterable[str], heading: str | None = None
+    title: str,
+    headline: str,
+    mood: str,
+    body: Iterable[str],
+    heading: str | None = None,
+    charts: Sequence[Chart] = (),
+    report_sha256: str = "",
 ) -> Iterator[str]:
     """A whole page, piece by piece.
 
@@ -57,20 +47,51 @@ def document(
     mood : "good", "doubtful" or "bad".
     body : HTML below the headline.
     heading : above the headline, by default the title.
+    charts : what `charted` has places for in the body; the page draws them itself.
+    report_sha256 : SHA-256 of the text of report.json of the same run, for `insgnss figures`.
     """
+    style = asset("uplot/uPlot.min.css") + "\n" + asset("report.css") if charts else ""
     yield (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}'
         "</title>\n"
-    )
-    yield (
-        '<meta name="viewport" content="width=device-width,'
-        f' initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f"<style>\n{style or asset('report.css')}\n</style>\n</head>\n<body>\n<main>\n"
     )
     yield (
         f'<h1>{escape(heading or title)}</h1>\n<p class="headline {mood}">{escape(headline)}.</p>\n'
     )
     yield from body
-    yield "</main>\n</body>\n</html>\n"
+    yield "</main>\n"
+    if charts:
+        yield embedded(BLOCK, encoded(charts, report_sha256))
+        licence = asset("uplot/LICENSE").strip()
+        library = asset("uplot/uPlot.iife.min.js").strip()
+        yield f"<script>\n/*! uPlot, https://github.com/leeoniya/uPlot\n\n{licence}\n*/\n"
+        yield f"{library}\n</script>\n<script>\n{asset('report.js')}</script>\n"
+    yield "</body>\n</html>\n"
+
+
+@cache
+def asset(name: str) -> str:
+    """Return the text of a file that pages hold: style, script, licence."""
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def embedded(name: str, text: str) -> str:
+    """Data of the page: JSON made by `encoded` or `script_safe`, under an id."""
+    return f'<script type="application/json" id="{name}">{text}</script>\n'
+
+
+def charted(chart: Chart) -> str:
+    """The place of a chart with its title and how to read it; the page's script draws it there."""
+    return (
+        f'<figure id="{escape(chart.name)}" class="chart">\n<h2>{escape(chart.title)}</h2>\n'
+        '<div class="plot"></div>\n'
+        '<noscript><p class="soft">The page draws this figure itself, and scripts are off here:'
+        " <code>insgnss figures report.html</code> writes it as a file.</p></noscript>\n"
+        f"<figcaption>{escape(chart.reading)}</figcaption>\n</figure>\n"
+    )
 
 
 def pictured(picture: Picture) -> str:
