@@ -107,7 +107,9 @@ def test_limits_hold_the_curve_and_hours_stand_at_the_top():
     assert low < 10.0 / np.sqrt(TAU[-1])
     assert high > 10.0 / np.sqrt(TAU[0])
     assert chart.limits[0] < TAU[0] < TAU[-1] < chart.limits[1]
-    assert [(shade.begin, shade.text) for shade in chart.shades] == [(60.0, "1 min")]
+    clock = next(layer for layer in chart.panels[0].layers if layer.kind == "labels")
+    assert (clock.x.tolist(), list(clock.texts)) == ([60.0], ["1 min"])
+    assert low < clock.y[0] < high
 
 
 @pytest.mark.parametrize(

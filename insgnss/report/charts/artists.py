@@ -1,4 +1,4 @@
-"""The layers of a chart as artists of matplotlib: lines, points, bands, arrows and their inks.
+"""The layers of a chart as artists of matplotlib, in the inks that pages have in a light room.
 
 Colours are those of Okabe and Ito (2008), which the colour-blind tell apart. Sizes are pixels of a
 sheet of 1000 pixels, a point is `POINTS` of them.
@@ -15,24 +15,29 @@ INKS: Mapping[Ink, str] = {
     "first": "#0072B2",
     "second": "#D55E00",
     "third": "#009E73",
-    "fourth": "#8E5BA6",
-    "fifth": "#E69F00",
+    "fourth": "#A0478A",
+    "fifth": "#7F6A00",
     "ink": "#000000",
     "faint": "#8A8F98",
     "warn": "#CC3311",
-    "ok": "#00734F",
+    "ok": "#009E73",
 }
-SHADES = {"line": "#E4ECF5", "rest": "#F7F0CC", "outage": "#F6C4BC", "other": "#C9CDD3"}
-SHADE_NAMES = {"line": "flight line", "rest": "stationary", "outage": "no used fix"}
+SHADES = {"line": "#E4ECF5", "rest": "#F7F0CC", "outage": "#F9CFC8", "other": "#C9CDD3"}
+SHADE_NAMES = {
+    "line": "flight line",
+    "rest": "stationary",
+    "outage": "no used fix",
+    "other": "no solution",
+}
 MARKS: Mapping[Mark, str] = {"dot": "o", "cross": "x", "ring": "o", "square": "s", "triangle": "^"}
-SIZES: Mapping[Mark, float] = {"dot": 4.0, "cross": 7.0, "ring": 8.0, "square": 9.0, "triangle": 10}
+SIZE = 4.4  # pixels that a mark has where its layer says nothing
+WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
 POINTS = 0.72
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
 MANY = 5000  # points from which on a PDF has them as an image
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
-CLIPPED = (0.02, 0.98)  # quantiles of the values where the colours end, of FEW and more
-FEW = 50
+USUAL, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
 
 
 def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
@@ -65,7 +70,7 @@ def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
-    size = px * (layer.width or SIZES[layer.mark])
+    size = px * (layer.width or SIZE) * WIDER.get(layer.mark, 1.0)
     shape = MARKS[layer.mark]
     many = layer.x.size > MANY
     if layer.value is not None:
@@ -142,12 +147,13 @@ def _labels(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
         ax.annotate(
             text,
             (x, y),
-            (4, 3),
-            textcoords="offset points",
-            size=px * (layer.width or 10.0),
+            size=px * (layer.width or 11.5),
             color=style["color"],
             alpha=style["alpha"],
+            ha="center",
+            va="center",
             annotation_clip=True,
+            bbox={"boxstyle": "square,pad=0.12", "fc": "white", "ec": "none", "alpha": 0.7},
             parse_math=False,
         )
 
@@ -187,13 +193,13 @@ def value_range(value: Array) -> tuple[float, float]:
     finite = value[np.isfinite(value)]
     if not finite.size:
         return 0.0, 1.0
-    ends = CLIPPED if finite.size >= FEW else (0.0, 1.0)
-    low, high = (float(x) for x in np.quantile(finite, ends))
-    return low, high if high > low else low + max(0.2 * abs(low), 1e-12)
+    low, high = float(finite.min()), float(finite.max())
+    high = min(high, MOST * float(np.quantile(finite, USUAL)))
+    return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
 
 
 def draw_shades(ax: Any, shades: Sequence[Shade], span: tuple[float, float]) -> None:
-    """Shade spans behind the layers; one without length is a thin line.
+    """Shade spans behind the layers.
 
     Parameters
     ----------
@@ -207,9 +213,6 @@ def draw_shades(ax: Any, shades: Sequence[Shade], span: tuple[float, float]) -> 
     least = NARROWEST * (span[1] - span[0])
     for shade in shades:
         colour = SHADES[shade.kind]
-        if shade.end <= shade.begin:
-            ax.axvline(shade.begin, color=colour, lw=0.8, zorder=0.4)
-            continue
         missing = max(0.0, 0.5 * (least - (shade.end - shade.begin)))
         ax.axvspan(shade.begin - missing, shade.end + missing, color=colour, lw=0, zorder=0.4)
 

@@ -155,7 +155,9 @@ def figure_of(
     head = _wrapped(title, subtitle, width, paper.letters)
     titled = sum(map(len, columns)) > 1
     places = [[_Place(chart, width / len(columns), paper, titled) for chart in c] for c in columns]
-    height = head.height + max(sum(place.height for place in column) for column in places)
+    height = head.height + max(
+        (sum(place.height for place in column) for column in places), default=0.1
+    )
     figure = Figure(figsize=(width, height), dpi=paper.dpi, facecolor="white")
     head.write(figure, height)
     for k, column in enumerate(places):
@@ -308,7 +310,9 @@ class _Place:
         """Put the bar of colours beside the axes."""
         box, width = ax.get_position(), figure.get_size_inches()[0]
         place = (box.x1 + 0.08 / width, box.y0 + 0.1 * box.height, 0.1 / width, 0.8 * box.height)
-        bar = figure.colorbar(artist, cax=figure.add_axes(place))
+        more = float(np.nanmax(artist.get_array(), initial=-np.inf)) > artist.norm.vmax
+        extend = "max" if more else "neither"
+        bar = figure.colorbar(artist, cax=figure.add_axes(place), extend=extend)
         bar.set_label(layer.value_name, size=self.letters)
         bar.ax.tick_params(labelsize=0.9 * self.letters, length=2, color=FRAME)
         bar.outline.set_visible(False)
@@ -389,7 +393,7 @@ Keys = list[tuple[str, Any, str]]
 
 def _legends(chart: Chart) -> list[Keys]:
     """Return what stands in the legend of each panel: not again what stood in the one before."""
-    kinds = [k for k in SHADE_NAMES if any(s.kind == k and s.end > s.begin for s in chart.shades)]
+    kinds = [k for k in SHADE_NAMES if any(s.kind == k for s in chart.shades)]
     shades: Keys = [(SHADE_NAMES[k], SHADES[k], "shade") for k in kinds]
     keys: list[Keys] = []
     before: Keys = []

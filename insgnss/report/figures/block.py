@@ -105,7 +105,7 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
         size = 1.5 * float((high - low).max()) + 40.0
         factor = SHARE * size / max(usual, 1e-9)
         for group in points:
-            layers += group.layers(factor)
+            layers += group.layers(factor, 0.02 * size)
         scale, unit = length_unit(usual)
         reading += (
             f" Arrows: surveyed minus adjusted, east and north, {factor:.0f} times enlarged"
@@ -126,18 +126,18 @@ class _Points:
     ink: Ink
     mark: Mark
 
-    def layers(self, factor: float) -> Iterator[Layer]:
-        """Yield marks, names and arrows that are so many times enlarged."""
+    def layers(self, factor: float, above: float) -> Iterator[Layer]:
+        """Yield marks, arrows that are so many times enlarged, and names so many m above."""
         x, y = self.place[:, 0], self.place[:, 1]
         east, north, up = (factor * self.off).T
         texts = [
             f"{name}: " + " / ".join(f"{1e3 * value:+.1f}" for value in off) + " mm E N U"
             for name, off in zip(self.names, self.off, strict=True)
         ]
-        yield Layer("points", x, y, self.kind, self.ink, mark=self.mark, texts=texts)
+        yield Layer("points", x, y, self.kind, self.ink, mark=self.mark, texts=texts, width=8.0)
         yield Layer("arrows", x, y, ink=self.ink, x2=x + east, y2=y + north)
         yield Layer("arrows", x, y, ink="warn", x2=x, y2=y + up, faint=True)
-        yield Layer("labels", x, y, ink="ink", texts=self.names)
+        yield Layer("labels", x, y + above, ink="ink", texts=self.names)
 
 
 def _surveyed(figures: Mapping[str, Any]) -> Iterator[_Points]:
@@ -179,12 +179,13 @@ def precision_map(
                 *("points", place[:, 0], place[:, 1], "ground control", "second"),
                 mark="triangle",
                 texts=names,
+                width=8.0,
             )
         )
     if proposed is not None:
         x, y = np.asarray(proposed[:1]), np.asarray(proposed[1:2])
         words = "one more would help here"
-        layers.append(Layer("points", x, y, words, "warn", mark="ring", width=16.0, texts=[words]))
+        layers.append(Layer("points", x, y, words, "warn", mark="ring", width=10.0, texts=[words]))
     reading = (
         "Each dot is an object point; its colour is the standard deviation of its height. Points of"
         " two images, at the rim, are worse than those of many; colours that change over the whole"

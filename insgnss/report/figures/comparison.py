@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..charts.chart import Axes, Chart, Layer
+from ..charts.chart import Axes, Chart, Ink, Layer
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def _over_time(
 
 
 def _layers(x: Array, curve: Curve, names: Sequence[str], remaining: bool) -> list[Layer]:
-    ink = "second" if remaining else "first"
+    ink: Ink = "second" if remaining else "first"
     along, y, sigma = _broken(x, curve.values, curve.sigma)
     layers = [Layer("rules", np.zeros(0), np.zeros(1), ink="faint", width=1.0)]
     if sigma is not None:

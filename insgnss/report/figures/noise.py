@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...base.units import parse_unit
 from ...records import WaveletVariance
-from ..charts.chart import Axes, Chart, Ink, Layer, Shade
+from ..charts.chart import Axes, Chart, Ink, Layer
 
 Array = NDArray[np.float64]
 Sensor = Literal["gyro", "accel"]
@@ -141,28 +141,29 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
     """
     factor = 1.0 / parse_unit(UNIT[sensor]).scale
     tau = _span([curve.averaging_time_s for panel in panels for curve in panel.curves])
+    drawn = []
+    for panel in panels:
+        limits = _heights(panel, factor)
+        layers = [*_noise_layers(panel, factor), *_clock(tau, limits)]
+        label = f"{panel.title}: deviation, {_pretty(UNIT[sensor])}"
+        drawn.append(Axes(label, layers, "log", limits))
     return Chart(
         f"noise-{sensor}",
         f"{NAMES[sensor]}: noise over averaging time",
         _CURVES.format(misfit=100.0 * MISFIT),
-        [
-            Axes(
-                f"{panel.title}: deviation, {_pretty(UNIT[sensor])}",
-                list(_noise_layers(panel, factor)),
-                "log",
-                _heights(panel, factor),
-            )
-            for panel in panels
-        ],
+        drawn,
         "averaging time, s",
         "log",
-        shades=[
-            Shade(seconds, seconds, "other", words)
-            for seconds, words in TIMES.items()
-            if tau[0] < seconds < tau[1]
-        ],
         limits=tau,
     )
+
+
+def _clock(tau: tuple[float, float], limits: tuple[float, float]) -> Iterator[Layer]:
+    """Yield minutes and hours in words along the top."""
+    shown = {seconds: words for seconds, words in TIMES.items() if tau[0] < seconds < tau[1]}
+    if shown:
+        height = np.full(len(shown), limits[1] / (limits[1] / limits[0]) ** 0.05)
+        yield Layer("labels", np.array([*shown]), height, ink="faint", texts=[*shown.values()])
 
 
 def spectrum_charts(panels: Sequence[SpectrumPanel]) -> tuple[Chart, ...]:
@@ -259,7 +260,7 @@ def _curve(
         off = used & ((model < low) | (model > high)) & (np.abs(model / deviation - 1.0) > MISFIT)
         if off.any():
             name = f"fit off by more than {100 * MISFIT:g} %"
-            yield Layer("points", tau[off], deviation[off], name, "warn", mark="ring", width=12.0)
+            yield Layer("points", tau[off], deviation[off], name, "warn", mark="ring", width=8.0)
 
 
 def _spectrum(panel: SpectrumPanel, unit: str) -> Axes:

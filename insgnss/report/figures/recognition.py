@@ -5,7 +5,7 @@ liveliest minutes lie on each other only if units, axes, signs and clock are rig
 best of the 24 orientations is ahead of the others, and how sharply the time offset stands out.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 
 # what is shown of the motion: more could not be distinguished
 ROWS, SHORTEST_S, LONGEST_S = 130, 20.0, 150.0
+BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their words stand
 LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
 _MOTION = (
-    "Turn rate and specific force of the IMU, lines, and the same as the receiver saw it, dots, over"
+    "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, over"
     " the liveliest stretch. They lie on each other only if units, axes, signs and clock are right."
 )
 _ORIENTATIONS = (
@@ -122,9 +123,9 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
     gyro, gnss = (np.degrees(curves[name][window]) for name in ("turn_gyro", "turn_gnss"))
     slow = "" if np.isfinite(gnss).any() else " It moved too slowly for GNSS to have a course."
 
-    def panel(label: str, felt: Array, seen: Array, ink: int) -> Axes:
+    def panel(label: str, felt: Array, seen: Array, k: int) -> Axes:
         layers = [
-            Layer("line", x, felt, "felt by the IMU", AXES_INKS[ink]),
+            Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
             Layer("points", x, seen, "seen by GNSS", "ink", width=5.0),
         ]
         return Axes(label, layers, limits=_reach(felt, seen))
@@ -138,33 +139,26 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
 
 
 def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:
-    """The 24 scores, the best on top, and marked where it is `certain` to be right."""
-    order = np.argsort(score)
+    """The best of the 24 scores, highest on top, and marked where it is `certain` to be right."""
+    order = np.argsort(score)[-BEST:]
     rank, own = np.arange(1.0, order.size + 1.0), score[order]
     texts = [words[k] for k in order]
-    best = slice(-1, None) if certain else slice(0, 0)
-    rest = slice(0, -1) if certain else slice(None)
+    found = Layer("points", own[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
     layers = [
         Layer("rules", np.zeros(1), np.zeros(0), ink="faint", width=1.0),
-        *_bars(own[rest], rank[rest], texts[rest], ""),
-        *(_bars(own[best], rank[best], texts[best], "the one found") if certain else ()),
+        Layer("points", own, rank, ink="faint", texts=texts, width=7.0),
+        *([found] if certain else []),
+        Layer("labels", np.full(rank.size, WORDS_AT), rank, ink="ink", texts=texts),
     ]
     doubt = "" if certain else " None is sure here."
     return Chart(
         "orientations",
         "How well each orientation of the IMU's x y z fits",
         _ORIENTATIONS + doubt,
-        [Axes("from the worst to the best", layers, limits=(0.0, order.size + 1.5))],
+        [Axes(f"the best of {score.size}", layers, limits=(0.0, order.size + 1.0))],
         "score, 1 perfect, -1 the opposite",
-        limits=(-1.1, 1.9),
+        limits=(-1.1, 2.0),
     )
-
-
-def _bars(score: Array, rank: Array, texts: Sequence[str], name: str) -> Iterator[Layer]:
-    """Dots with the words of the orientations at their right."""
-    ink = "second" if name else "faint"
-    yield Layer("points", score, rank, name, ink, texts=texts, width=9.0 if name else 6.0)
-    yield Layer("labels", score, rank, ink="second" if name else "ink", texts=texts, width=9.0)
 
 
 def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
