@@ -35,6 +35,35 @@ def constant(solution: Solution, state: int) -> tuple[float, float]:
     return float(solution.x[-1, state]), float(np.sqrt(variance))
 
 
+def constant_states(
+    solution: Solution, stated: Mapping[str, float] = MappingProxyType({})
+) -> list[int]:
+    """Return the states of a solution that are constants besides biases.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    stated : mapping of str to float
+        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
+        the flight file states them and were not asked for; they are left out.
+
+    Returns
+    -------
+    list of int
+        Their indices among the states behind navigation.
+    """
+    layout = solution.problem.layout
+    return [
+        s
+        for s, name in enumerate(layout.names)
+        if layout.beta[s] == 0.0
+        and layout.drive[s] == 0.0
+        and layout.factor[s] not in (BIAS, DRIFT)
+        and not any(name.startswith(of) and layout.sigma0[s] <= own for of, own in stated.items())
+    ]
+
+
 def state_verdicts(
     solution: Solution, moved_s: float = 0.0, stated: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[StateVerdict, ...]:
@@ -58,11 +87,8 @@ def state_verdicts(
     layout = solution.problem.layout
     speed = rms_speed(solution)
     verdicts = []
-    for s, name in enumerate(layout.names):
-        if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (BIAS, DRIFT):
-            continue
-        if any(name.startswith(of) and layout.sigma0[s] <= own for of, own in stated.items()):
-            continue
+    for s in constant_states(solution, stated):
+        name = layout.names[s]
         (value, sigma), prior = constant(solution, s), float(layout.sigma0[s])
         moves_m = None
         if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:

@@ -115,7 +115,10 @@ def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     keep = (gnss.time >= lo) & (gnss.time <= hi)
     optional: dict[str, Any] = {
         name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep]
-        for name in ("velocity_ned", "velocity_cov_ned", "quality")
+        for name in (
+            *("velocity_ned", "velocity_cov_ned", "quality"),
+            *("satellites", "ratio", "age_s", "pdop"),
+        )
     }
     cut: dict[str, Any] = {
         name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..diagnosis.estimated import state_verdicts, time_correlated_errors
+from ..diagnosis.estimated import constant_states, state_verdicts, time_correlated_errors
 from ..geodesy.rotation import rpy_from_rotation
 from ..navigation.codes import (
     BAROMETER,
@@ -19,6 +19,7 @@ from ..navigation.codes import (
 )
 from ..navigation.solution import trajectory
 from ..records import Array, Check, Diagnostics, Trajectory
+from ..records.series import ConstantSeries
 from .segment import Segment
 
 REPORT_ROWS = 4000  # of a segment that the report shows, exposures besides
@@ -133,4 +134,24 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         time_correlated=time_correlated_errors(solution),
         residuals=segment.residuals,
         withheld=solution.problem.epochs.withheld[fix],
+        constants=_constants(segment, epochs),
+    )
+
+
+def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
+    """Return the constants that a segment estimates besides biases, at the rows of the report."""
+    solution, layout = segment.solution, segment.solution.problem.layout
+    states = constant_states(solution, segment.stated)
+    if not states:
+        return None
+    rows = NAV.stop + np.array(states)
+    value = solution.x[np.ix_(epochs, states)]
+    if layout.offset in states:
+        value[:, states.index(layout.offset)] += segment.time_offset_s
+    variance = np.diagonal(solution.P[epochs], axis1=1, axis2=2)[:, rows]
+    return ConstantSeries(
+        tuple(layout.names[s] for s in states),
+        value,
+        np.sqrt(np.maximum(variance, 0.0)),
+        solution.filter_sigma[np.ix_(epochs, rows)],
     )

@@ -35,6 +35,7 @@ from .checks import (
     refuse_contradictions,
     refuse_unobservable,
 )
+from .circumstances import circumstances
 from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
@@ -229,6 +230,8 @@ def _report(
         history,
         imu_samples=recording.imu.time.size,
         epochs=sum(segment.solution.time.size for segment in segments),
+        series=recording.series,
+        run=circumstances(),
     )
     ppk = recording.ppk
     if ppk is not None:

@@ -181,9 +181,10 @@ def write_products(
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
-        series = None if ppk is None else ppk.series
-        write_report(directory / "report.html", report, result.diagnostics, eo, series)
-        write_report_json(report, directory / "report.json")
+        digest = write_report_json(report, directory / "report.json")
+        write_report(
+            directory / "report.html", report, result.diagnostics, eo, recording.series, digest
+        )
         moves = [move for staging in staged for move in staging.moves()]
         _refuse_overwriting(flight, (goal for _, goal in moves))
         for file, goal in moves:

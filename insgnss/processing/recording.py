@@ -1,8 +1,9 @@
 """A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -71,6 +72,13 @@ class Recording:
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
     event_clock: Literal["imu", "receiver"] = "imu"
+
+    @property
+    def series(self) -> Mapping[str, Any]:
+        """What the source of the fixes says of each epoch, as `report.charts.gnss` takes it."""
+        from ..report.charts.gnss import fix_series
+
+        return fix_series(self.gnss) if self.ppk is None else self.ppk.series
 
     def moved(self, offset_s: float) -> "Recording":
         """Return the recording with the stamps of the fixes, and of events of their clock, moved.

@@ -22,10 +22,12 @@ def float_array(who: str, value: Any) -> Array:
         raise InputError(f"{who}: {shown} is no array of numbers") from None
 
 
-def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
+def frozen(
+    record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True
+) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
-    `shape` holds None for a length that may be any.
+    `shape` holds None for a length that may be any; where not `finite`, a value may be unknown.
     """
     kind = type(record).__name__
     a = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))
@@ -36,7 +38,7 @@ def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
             f"{kind}.{name}: shape {a.shape}, expected"
             f" {tuple('n' if s is None else s for s in shape)}"
         )
-    if not np.isfinite(a).all():
+    if finite and not np.isfinite(a).all():
         row, *column = (int(k) for k in np.argwhere(~np.isfinite(a))[0])
         raise InputError(
             f"{kind}.{name}: value in row {row} is not finite{_where(record, a, row, column)}"

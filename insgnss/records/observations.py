@@ -187,6 +187,9 @@ class GnssFixes(Rows):
     gps_week : GPS week of `time`, None where it is not known.
     source : where the fixes come from, for messages; the path of a file.
     notes : what the reader found odd and did about it.
+    satellites, ratio, age_s, pdop : (n,) number of satellites, ratio of the ambiguity test, age of
+        the base's observations (s) and PDOP, as the source states them; None where it does not.
+        They are reported and weigh nothing.
 
     Raises
     ------
@@ -197,6 +200,7 @@ class GnssFixes(Rows):
     _ROWS: ClassVar[tuple[str, ...]] = (
         *("time", "lat", "lon", "height", "cov_ned"),
         *("velocity_ned", "velocity_cov_ned", "quality"),
+        *("satellites", "ratio", "age_s", "pdop"),
     )
     _NOUN: ClassVar[str] = "fixes"
 
@@ -211,6 +215,10 @@ class GnssFixes(Rows):
     gps_week: int | None = None
     source: str = ""
     notes: tuple[Check, ...] = ()
+    satellites: Array | None = None
+    ratio: Array | None = None
+    age_s: Array | None = None
+    pdop: Array | None = None
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size
@@ -220,6 +228,9 @@ class GnssFixes(Rows):
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
             frozen(self, "velocity_cov_ned", (n, 3, 3))
+        for name in ("satellites", "ratio", "age_s", "pdop"):
+            if getattr(self, name) is not None:  # NaN where the source does not know it
+                frozen(self, name, (n,), finite=False)
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix")
         increasing(self, self.time)
@@ -315,7 +326,8 @@ class GnssFixes(Rows):
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
             sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
             columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
-        return columns if self.quality is None else columns | {"quality": self.quality}
+        said = ("quality", "satellites", "ratio", "age_s", "pdop")
+        return columns | {k: v for k in said if (v := getattr(self, k)) is not None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

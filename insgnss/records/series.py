@@ -1,5 +1,6 @@
 """What the filter estimated of the IMU, and how the fixes agreed with it, row by row."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -103,3 +104,47 @@ class Innovations(Rows):
         for prefix, values in (("", self.position), ("sd_", self.sigma)):
             columns |= {f"{prefix}{axis}_m": values[:, k] for k, axis in enumerate("ned")}
         return columns | {"nis": self.nis, "used": self.used}
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantSeries:
+    """Constants estimated besides biases, at m epochs: what the flight knew of them, and when.
+
+    Parameters
+    ----------
+    names : tuple of str
+        (c,) the constants, as in `StateVerdict`.
+    value, sigma : ndarray
+        (m, c) smoothed value and standard deviation, SI.
+    filter_sigma : ndarray
+        (m, c) standard deviation of the forward filter at the time.
+    """
+
+    names: tuple[str, ...]
+    value: Array
+    sigma: Array
+    filter_sigma: Array
+
+    @classmethod
+    def joined(
+        cls, segments: Sequence["ConstantSeries | None"], sizes: Sequence[int]
+    ) -> "ConstantSeries | None":
+        """Return those of several segments as one; NaN where a segment did not estimate them.
+
+        Parameters
+        ----------
+        segments : sequence of ConstantSeries or None
+            Those of the segments, in the order of time.
+        sizes : sequence of int
+            Number of epochs of each segment.
+        """
+        given = [segment for segment in segments if segment is not None]
+        names = tuple(dict.fromkeys(name for segment in given for name in segment.names))
+        if not names:
+            return None
+        parts = [np.full((3, size, len(names)), np.nan) for size in sizes]
+        for part, segment in zip(parts, segments, strict=True):
+            if segment is not None:
+                columns = [names.index(name) for name in segment.names]
+                part[:, :, columns] = segment.value, segment.sigma, segment.filter_sigma
+        return cls(names, *np.concatenate(parts, axis=1))

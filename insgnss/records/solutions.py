@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._checked import Array, frozen, increasing
 from .rows import Rows
-from .series import ImuBiases, Innovations
+from .series import ConstantSeries, ImuBiases, Innovations
 from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 
 
@@ -347,6 +347,8 @@ class Diagnostics:
     withheld : ndarray, optional
         (k,) bool, whether the position fix was withheld as one of a spell of incorrect ones; those
         are not used. None: none was.
+    constants : ConstantSeries, optional
+        Constants estimated besides biases, at `time`; None where there was none.
     """
 
     time: Array
@@ -381,6 +383,7 @@ class Diagnostics:
     time_correlated: tuple[TimeCorrelatedError, ...] = ()
     residuals: tuple[MeanResidual, ...] = ()
     withheld: NDArray[np.bool_] | None = None
+    constants: ConstantSeries | None = None
 
     @property
     def biases(self) -> ImuBiases:
@@ -428,4 +431,8 @@ class Diagnostics:
             [segment.event + first for segment, first in zip(segments, offset, strict=True)]
         )
         values["passes"] = max(segment.passes for segment in segments)
+        values["constants"] = ConstantSeries.joined(
+            [segment.constants for segment in segments],
+            [segment.time.size for segment in segments],
+        )
         return cls(**values)

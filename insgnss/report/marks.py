@@ -1,38 +1,22 @@
-"""What all figures over time mark in the same way.
+"""What all charts over time mark in the same way.
 
-Numbered lines, stationary periods, times without fixes, segments, exposures.
-
-Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is
-at the figure's top.
+Numbered lines, stationary periods, times without fixes, segments.
 """
 
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
+from .charts.chart import Shade
 from .coverage import outages, segments, stationary_periods
 from .flightlines import flight_lines
 
 Array = NDArray[np.float64]
-
-LINE_SHADE, STATIONARY_SHADE, OUTAGE_SHADE, NOTHING_SHADE = (
-    "#E4ECF5",
-    "#F7F0CC",
-    "#F6C4BC",
-    "#C9CDD3",
-)
-NARROWEST = 0.002  # of the flight: what is shorter is drawn so wide, to be seen
-MOST_NUMBERS = 40
-KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
-    0.085,
-    0.13,
-    0.0062,
-)  # of the figure's width; inches from its top; width of a letter
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +29,7 @@ class Marks:
     ----------
     parts : the rows of the diagnostics of each part that was solved by itself.
     label : of the axis of time.
+    span : of the flight, minutes.
     """
 
     minutes: Callable[[Array], Array]
@@ -55,15 +40,32 @@ class Marks:
     nothing: Array
     exposures: Array
     parts: tuple[slice, ...]
+    span: tuple[float, float]
 
-    def parts_of(self, minutes: Array) -> tuple[slice, ...]:
-        """The rows of other `minutes` in each part."""
-        edges = (
-            np.searchsorted(minutes, self.nothing.mean(axis=1))
-            if self.nothing.size
-            else np.zeros(0, dtype=np.int64)
+    @property
+    def shades(self) -> tuple[Shade, ...]:
+        """All pieces as a chart shades them, lines with their numbers."""
+        kinds: tuple[tuple[Array, Literal["rest", "outage", "other"]], ...] = (
+            (self.stationary, "rest"),
+            (self.outages, "outage"),
+            (self.nothing, "other"),
         )
-        return slices(edges, minutes.size)
+        return (
+            *(Shade(*x, "line", str(k)) for k, x in enumerate(self.lines.tolist(), 1)),
+            *(Shade(*x, kind) for pieces, kind in kinds for x in pieces.tolist()),
+        )
+
+    def broken(self, minutes: Array, y: Array) -> Array:
+        """Return y (n,) at `minutes`, not a number in the first row of each part but the first.
+
+        A line is broken there.
+        """
+        if not self.nothing.size:
+            return y
+        rows = np.searchsorted(minutes, self.nothing.mean(axis=1))
+        out = y.copy()
+        out[rows[(rows > 0) & (rows < y.size)]] = np.nan
+        return out
 
 
 def slices(edges: NDArray[np.int64], size: int) -> tuple[slice, ...]:
@@ -92,77 +94,5 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
         minutes(nothing),
         np.zeros(0) if eo is None else minutes(eo.time),
         slices(np.searchsorted(d.time, nothing.mean(axis=1)), d.time.size),
+        (0.0, float(minutes(d.time[-1]))),
     )
-
-
-def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> None:
-    """Shade `axes` (n,), which share their time, and mark the exposures on the last.
-
-    Where `lines`, the lines are numbered on the first.
-    """
-    kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
-    kinds += [
-        (marks.stationary, STATIONARY_SHADE, "stationary"),
-        (marks.outages, OUTAGE_SHADE, "no used fix"),
-    ]
-    kinds.append((marks.nothing, NOTHING_SHADE, "no solution"))
-    keys = []
-    for pieces, colour, name in kinds:
-        if pieces.size:
-            keys.append(("\u25a0", colour, name))
-            for ax in axes:
-                _shade(ax, pieces, colour)
-    if marks.exposures.size:
-        ax, height = axes[-1], np.full(marks.exposures.size, 0.012)
-        ax.plot(marks.exposures, height, "|k", transform=ax.get_xaxis_transform(), ms=4.0, mew=0.6)
-        keys.append(("|", "black", "exposure"))
-    if lines:
-        _number(axes[0], marks.lines)
-    _key(figure, keys)
-
-
-def _shade(ax: Any, pieces: Array, colour: str) -> None:
-    from matplotlib.collections import PolyCollection
-
-    span = ax.dataLim.width or float(pieces.max() - pieces.min())
-    half = 0.5 * np.maximum(pieces[:, 1] - pieces[:, 0], NARROWEST * span)
-    left, right, zero = (
-        pieces.mean(axis=1) - half,
-        pieces.mean(axis=1) + half,
-        np.zeros(len(pieces)),
-    )
-    corners = np.stack(
-        [left, zero, right, zero, right, zero + 1.0, left, zero + 1.0], axis=1
-    ).reshape(-1, 4, 2)
-    ax.add_collection(
-        PolyCollection(
-            list(corners), transform=ax.get_xaxis_transform(), facecolors=colour, lw=0, zorder=0.4
-        ),
-        autolim=False,
-    )
-
-
-def _key(figure: Any, keys: list[tuple[str, str, str]]) -> None:
-    """Sign and name side by side at the figure's top left.
-
-    A legend would measure all of its texts first.
-    """
-    x, (_, height) = KEY_LEFT, figure.get_size_inches()
-    y = 1.0 - KEY_TOP_IN / height
-    for sign, colour, name in keys:
-        figure.text(x, y, sign, color=colour, fontsize=11 if sign != "|" else 7, va="center")
-        figure.text(x + 0.016, y, name, fontsize=8, va="center")
-        x += 0.016 + KEY_LETTER * (len(name) + 3)
-
-
-def _number(ax: Any, lines: Array) -> None:
-    step = max(1, -(-len(lines) // MOST_NUMBERS))
-    style = {
-        "transform": ax.get_xaxis_transform(),
-        "ha": "center",
-        "va": "top",
-        "fontsize": 7.5,
-        "color": "#40506A",
-    }
-    for number, (start, end) in list(enumerate(lines, 1))[::step]:
-        ax.text(0.5 * (start + end), 0.985, str(number), **style)

@@ -2,7 +2,8 @@
 
 import base64
 import html
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -102,6 +103,30 @@ def pictured(picture: Picture) -> str:
         f' src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">\n'
         f"<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n"
     )
+
+
+def with_contents(body: str, short: Mapping[str, str]) -> str:
+    """Return a body with a list of contents before it, and an id at each heading.
+
+    Parameters
+    ----------
+    short : what the list says in place of a heading, by its id.
+    """
+    entries = []
+
+    def placed(found: re.Match[str]) -> str:
+        figure, title = found.group(1), found.group(3)
+        name = found.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
+        entries.append(f'<a href="#{name}">{escape(short[name]) if name in short else title}</a>')
+        return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
+
+    body = re.sub(r'(<figure id="([^"]*)"[^>]*>\n)?<h2>(.*?)</h2>', placed, body)
+    return f'<nav class="contents" aria-label="contents">{"".join(entries)}</nav>\n{body}'
+
+
+def explained(term: str, meaning: str) -> str:
+    """A term that says on pointing at it what it means."""
+    return f'<abbr title="{escape(meaning)}">{escape(term)}</abbr>'
 
 
 def escape(value: object) -> str:

@@ -1,29 +1,65 @@
-"""report.html, one page without scripts or outside files.
+"""report.html, one page that needs nothing else: data and what draws them are in it.
 
 It is for the person who has to trust the images.
 
-The order is that of the questions: what accuracy, what limits it, line by line, how it looks, what
-was checked and thrown away, from what it was made. Every text is escaped; the pictures are PNG
-inside the page.
+The order is that of the questions: what accuracy, what limits it, where, image by image, line by
+line, how it looks, what was checked and thrown away, from what it was made. Every text is escaped;
+charts and the table of images are drawn by the page's own script.
 """
 
+import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..base.files import atomic_write
 from ..records import Diagnostics, ExteriorOrientation
-from .figures import gnss
-from .figures.run import pictures
-from .markup import Picture, document, escape, folded, pictured, table
+from .charts.chart import Chart
+from .charts.encoded import script_safe
+from .charts.run import charts
+from .image_table import image_table, track
+from .markup import charted, document, embedded, escape, folded, table, with_contents
+from .mood import mood
 from .rules.wording import millimetres
-from .sections import constants, flight_lines, key_numbers, limits, segments_and_stationary_periods
+from .sections import (
+    constants,
+    fixes_by_line,
+    flight_lines,
+    images,
+    key_numbers,
+    limits,
+    segments_and_stationary_periods,
+)
 from .summary import plain
 
-# mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
-FAR_ABOVE = 2.0
+SHORT = {  # what the list of contents calls the sections
+    "what-limits-this-flight": "What limits it",
+    "map": "Map",
+    "image-by-image": "Images",
+    "line-by-line": "Lines",
+    "gnss-line-by-line": "GNSS by line",
+    "motion": "Motion",
+    "sigmas": "Sigmas",
+    "image-sigmas": "Sigmas by image",
+    "innovations": "Innovations",
+    "innovation-distribution": "Distribution",
+    "nis-distribution": "NIS",
+    "innovations-in-numbers": "in numbers",
+    "residuals": "Residuals",
+    "fixes-minus-solution": "in numbers",
+    "biases": "IMU errors",
+    "what-was-estimated-besides": "Constants",
+    "constants": "over time",
+    "separation": "Separation",
+    "gnss-solution": "GNSS",
+    "gnss-signals": "Signals",
+    "segments-and-stationary-periods": "Segments",
+    "checks-of-the-input": "Checks",
+    "the-flight-file-resolved": "Settings",
+    "inputs-sha-256": "Inputs",
+}
 
 
 def write_report(
@@ -31,74 +67,89 @@ def write_report(
     summary: Mapping[str, Any],
     diagnostics: Diagnostics,
     eo: ExteriorOrientation | None,
-    receiver: Mapping[str, Any] | None = None,
+    series: Mapping[str, Any] | None = None,
+    report_sha256: str = "",
 ) -> Path:
-    """Draw and write the page, whole or not at all; returns where it is.
+    """Write the page, whole or not at all; returns where it is.
 
     Parameters
     ----------
     path : the file, or a directory that gets report.html.
     summary : of `summary.run_summary`.
     eo : None without a camera.
-    receiver : series of a PPK solution, as `gnss.pictures` takes them.
+    series : what the source of the fixes says of each epoch, as `charts.gnss` takes it.
+    report_sha256 : SHA-256 of the text of report.json of the same run, as `write_report_json`
+        returns it.
     """
     path = Path(path)
     if path.is_dir():
         path = path / "report.html"
-    drawn = chain(
-        pictures(diagnostics, eo, summary["standing"]),
-        () if receiver is None else gnss.pictures(receiver),
-    )
-    atomic_write(path, page(summary, drawn))
+    shown = charts(diagnostics, eo, summary["standing"], series or None)
+    data: dict[str, Any] = {"track": track(diagnostics)}
+    if eo is not None and eo.images:
+        data["images"] = image_table(diagnostics, eo)
+    atomic_write(path, page(summary, shown, data, report_sha256))
     return path
 
 
-def write_report_json(summary: Mapping[str, Any], path: str | Path) -> None:
-    """Write `summary` to `path`, whole or not at all."""
-    atomic_write(
-        path, json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    )
+def write_report_json(summary: Mapping[str, Any], path: str | Path) -> str:
+    """Write `summary` to `path`, whole or not at all; returns the SHA-256 of the text."""
+    text = json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    atomic_write(path, text)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
-def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
-    """The HTML of the page, piece by piece."""
+def page(
+    summary: Mapping[str, Any],
+    shown: Sequence[Chart],
+    data: Mapping[str, Any] = MappingProxyType({}),
+    report_sha256: str = "",
+) -> Iterator[str]:
+    """The HTML of the page, piece by piece.
+
+    Parameters
+    ----------
+    shown : the charts.
+    data : what the script needs besides by name: "images" and "track" of `image_table`.
+    """
+    verdict, reason = mood(summary)
+    why = f'<p class="reason {verdict}"><b>{verdict.capitalize()}</b>: {escape(reason)}.</p>\n'
+    body = "".join(_body(summary, shown, "images" in data))
+    blocks = (embedded(name, script_safe(block)) for name, block in data.items())
     return document(
         f"{summary['name'] or 'flight'}: insgnss report",
         summary["headline"],
-        _mood(summary),
-        _body(summary, drawn),
+        verdict,
+        (why, with_contents(body, SHORT), *blocks),
         heading=summary["name"] or "flight",
+        charts=shown,
+        report_sha256=report_sha256,
     )
 
 
-def _body(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
-    yield from (limits(summary), flight_lines(summary), key_numbers(summary), constants(summary))
-    yield from (pictured(picture) for picture in drawn)
-    if not summary["standing"]:
-        yield from (_innovations(summary), _residuals(summary), _rejected(summary), _gaps(summary))
+def _body(
+    summary: Mapping[str, Any], shown: Sequence[Chart], with_images: bool
+) -> Iterator[str]:
+    left = {chart.name: charted(chart) for chart in shown}
+
+    def of(*names: str) -> str:
+        return "".join(left.pop(name, "") for name in names)
+
+    standing = summary["standing"]
+    yield from (limits(summary), of("map"), images(summary) if with_images else "")
+    yield from (flight_lines(summary), "" if standing else fixes_by_line(summary))
+    yield key_numbers(summary)
+    yield of("motion", "sigmas", "image-sigmas")
+    yield of("innovations", "innovation-distribution", "nis-distribution")
+    if not standing:
+        yield _innovations(summary)
+        yield of("residuals") + _residuals(summary)
+    yield of("biases") + constants(summary) + of("constants", "separation")
+    yield of("gnss-solution", "gnss-signals")
+    yield of(*list(left))
+    if not standing:
+        yield from (_rejected(summary), _gaps(summary))
     yield from (segments_and_stationary_periods(summary), _checks(summary), _made_from(summary))
-
-
-def _mood(summary: Mapping[str, Any]) -> str:
-    """Return good, doubtful or bad.
-
-    It is bad for a contradiction, no fix used, innovations far above their sigmas, or a solution
-    that leaves its own fixes.
-    """
-    position, residuals = summary["consistency"]["position"], summary["residuals"]
-    if (
-        any(check["verdict"] == "contradiction" for check in summary["checks"])
-        or not summary["counts"]["fixes_used"]
-        or (residuals is not None and residuals["beyond"])
-    ):
-        return "bad"
-    if (
-        not summary["standing"]
-        and position["verdict"] == "overconfident"
-        and position["mean_per_dof"] > FAR_ABOVE
-    ):
-        return "bad"
-    return "doubtful" if any(limit["rank"] >= 1.0 for limit in summary["limits"]) else "good"
 
 
 def _innovations(s: Mapping[str, Any]) -> str:
@@ -228,11 +279,12 @@ def _made_from(s: Mapping[str, Any]) -> str:
     tables = (
         ("The flight file, resolved", _flat(s["flight"])),
         ("Inputs (SHA-256)", s["inputs_sha256"].items()),
+        ("The run", s["run"].items()),
         ("Versions", s["versions"].items()),
         ("Time taken", ((step, f"{seconds:.2f} s") for step, seconds in s["timings_s"].items())),
     )
-    for title, rows in tables:
-        cells = [(escape(key), f"<code>{escape(value)}</code>") for key, value in rows]
+    for title, listed in tables:
+        cells = [(escape(key), f"<code>{escape(value)}</code>") for key, value in listed]
         parts.append(f"<h2>{title}</h2>\n{table(cells)}" if cells else "")
     return "".join(parts)
 

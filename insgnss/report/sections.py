@@ -98,6 +98,64 @@ def flight_lines(s: Summary) -> str:
     )
 
 
+def images(s: Summary) -> str:
+    """Return the section that the page's script fills with the table of images."""
+    return (
+        '<h2>Image by image</h2>\n<p class="soft">Click a heading to sort, a row to mark the image'
+        " in the map and in the charts. Standard deviations are of the projection centre and of the"
+        " attitude about the axes of the tangent plane; flags say what is worth a look.</p>\n"
+        '<div id="image-table"></div>\n<noscript><p class="soft">The table of'
+        f" {s['counts']['images']} images needs scripts; the exports hold all of it.</p></noscript>"
+        "\n"
+    )
+
+
+def fixes_by_line(s: Summary) -> str:
+    """Return the fixes line by line: used, rejected, quality, satellites, PDOP, innovations."""
+    lines: Sequence[Mapping[str, Any]] = s["line_fixes"]
+    if not any(line["fixes"] for line in lines):
+        return ""
+
+    def share(x: float | None) -> str:
+        return "–" if x is None else f"{100 * x:.0f}"
+
+    def pair(usual: float | None, extreme: float | None, form: str) -> str:
+        return "–" if usual is None else f"{usual:{form}} ({extreme:{form}})"
+
+    rows = [
+        (
+            str(line["line"]),
+            str(line["used"]),
+            _strong(str(line["rejected"]), line["rejected"] > 0),
+            f"{share(line['fixed_share'])} / {share(line['float_share'])}",
+            pair(line["satellites"], line["least_satellites"], ".0f"),
+            pair(line["pdop"], line["largest_pdop"], ".1f"),
+            three(line["innovation_mm"], ".1f"),
+            three(line["innovation_sigma_mm"], ".1f"),
+        )
+        for line in lines
+    ]
+    head = (
+        "Line",
+        "fixes used",
+        "rejected",
+        "fixed / float, %",
+        "satellites (least)",
+        "PDOP (largest)",
+        "mean innovation N / E / D, mm",
+        "sigma of one, mm",
+    )
+    caption = (
+        '<p class="soft">The fixes of each line. A dash: the source of the fixes does not say it. A'
+        " mean innovation beyond a fraction of the sigma of one fix is systematic: lever arm, time"
+        " offset, or the fixes themselves.</p>\n"
+    )
+    content = caption + table(rows, head, numbers=True)
+    return "<h2>GNSS line by line</h2>\n" + (
+        folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
+    )
+
+
 def _strong(text: str, strong: bool) -> str:
     return f"<b>{text}</b>" if strong else text
 
@@ -121,10 +179,10 @@ def constants(s: Summary) -> str:
     for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
-            f"<p>Time-correlated errors of {error['fixes']} fixes, correlation time"
-            f" {error['time_s']:.1f} s: {size} of their sigmas, or"
-            f" {lengths([1e3 * x for x in error['sigma_m']])}, are correlated and {white} are white"
-            " (N / E / D).</p>\n"
+            f"<p>Errors of {error['fixes']} fixes are not independent from fix to fix: a part of"
+            f" them, {lengths([1e3 * x for x in error['sigma_m']])} north / east / down, changes"
+            f" only over some {error['time_s']:.1f} s (correlation time {error['time_s']:.1f} s)."
+            f" That is {size} of the sigmas of the fixes; {white} of them are independent.</p>\n"
         )
     return f"<h2>What was estimated besides</h2>\n{out}" if out else ""
 

@@ -16,6 +16,7 @@ from ..geodesy.rotation import rpy_from_rotation
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
+from .line_fixes import fixes_of_lines
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from .statistics import (
@@ -45,6 +46,8 @@ def run_summary(
     *,
     imu_samples: int | None = None,
     epochs: int | None = None,
+    series: Mapping[str, Any] | None = None,
+    run: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """All figures of merit of a run, ready for JSON.
 
@@ -57,14 +60,18 @@ def run_summary(
     timings : s by step.
     history : what was done, sentence by sentence.
     imu_samples, epochs : numbers of them, where known.
+    series : what the source of the fixes says of each epoch, as `charts.gnss` takes it.
+    run : when, where and by which command, as text by name.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
+    figures["line_fixes"] = fixes_of_lines(diagnostics, eo, series)
     figures |= {
         "timings_s": timings,
         "history": history,
         "flight": flight,
         "versions": versions,
+        "run": run or {},
         "inputs_sha256": inputs,
     }
     gnss = flight.get("gnss")

@@ -186,7 +186,13 @@ def read_rtklib_pos(
         read.gps_week,
         str(path),
         (*notes, *read.notes),
+        *(_stated(cols, name) for name in ("ns", "ratio", "age")),
     )
+
+
+def _stated(cols: dict[str, Array], name: str) -> Array | None:
+    """Return a column of the quality of each epoch; zeros throughout say that nobody knows it."""
+    return cols[name] if name in cols and cols[name].any() else None
 
 
 def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:

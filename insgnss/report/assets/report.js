@@ -1,7 +1,7 @@
 /* Draws the charts of a page of insgnss and makes its table of images searchable.
 
    The data are in the page: <script id="charts"> holds what insgnss/report/charts/encoded.py wrote,
-   <script id="images"> (where there are images) what report/image_table.py wrote. uPlot draws axes,
+   <script id="images"> (where there are images) what insgnss/report/image_table.py wrote. uPlot draws axes,
    cursor and selection; everything inside the axes, and the maps, are painted here. Texts of others
    (names of images) only ever become text nodes. */
 (() => {
@@ -28,6 +28,14 @@
     }
   }
   const images = imageTable(json("images"));
+  const track = trackOf(json("track"));
+
+  /** Where the flight was at which minute. */
+  function trackOf(given) {
+    if (!given) return null;
+    const [t, x, y] = [given.minutes, given.east, given.north].map((text) => new Float32Array(bytesOf(text)));
+    return { t, x, y };
+  }
 
   /** Columns of whole numbers in steps, each value or its difference from the one before. */
   function imageTable(given) {
@@ -650,9 +658,7 @@
       this.body.style.minHeight = "480px";
       this.shots = images && chart.link === "image"
         ? this.layers.find((layer) => layer.kind === "points" && layer.x.length === images.count && layer.value) : null;
-      this.track = chart.link === "image" && images?.track ? {
-        t: new Float32Array(bytesOf(images.track.minutes)), x: new Float32Array(bytesOf(images.track.east)),
-        y: new Float32Array(bytesOf(images.track.north)) } : null;
+      this.track = chart.link ? track : null;
     }
 
     build() {

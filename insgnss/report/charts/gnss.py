@@ -1,0 +1,220 @@
+"""Charts of a GNSS solution: what was solved epoch by epoch, and what the receiver observed.
+
+`series` holds what `gnss.quality` found, or what a file of fixes says itself (`fix_series`), arrays
+by name; those that are not known are absent, and their panels with them:
+
+    time : (n,) s.
+    kind : (n,) index in CLASSES.
+    satellites, ratio, age_s, pdop, distance_m, height_difference_m : (n,).
+    separation_m, separation_sigma_m : (n, 3) north, east, down, backward minus forward.
+    cn0 : C/N0, {band: (k,) dB-Hz} over cn0_time (k,) s.
+    slip_time, slip_satellite : (s,) s and names.
+    gaps : (g, 2) s, begin and end.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...records import GnssFixes
+from ..marks import Marks
+from .chart import AXES_INKS, Array, Axes, Chart, Ink, Layer, Shade
+from .pieces import AXES, band, dots, length_unit, line, rules
+
+Series = Mapping[str, Any]
+Minutes = Callable[[Any], Array]
+
+NAMES = (
+    "fixed",
+    "fixed, degraded",
+    "float",
+    "isolated float",
+    "unsupported float",
+    "SBAS",
+    "DGPS",
+    "single",
+    "PPP",
+)  # as gnss.covariance.CLASSES
+INKS: tuple[Ink, ...] = (
+    *("ok", "fifth", "second", "warn", "ink"),
+    *("fifth", "first", "fourth", "first"),
+)
+KIND_OF_QUALITY = (7, 0, 2, 5, 6, 7, 8)  # RTKLIB's 0 to 6; what is unknown counts as single
+VALIDATED = (0, 1)  # of these classes those of a confirmed fix
+RATE_WINDOW_S = 30.0
+MOST_RATIO, LEAST_RATIO = 1000.0, 0.9
+MOST_SLIPS = 4000
+BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
+
+_SOLUTION = (
+    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
+    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
+    " left. Age is that of the base's observations; PDOP says how well the geometry of the"
+    " satellites determines a position."
+)
+_RATE = " The share of confirmed fixes is that of 30 s."
+_BASE = " Along distance and height from the base the atmosphere differs."
+_SEPARATION = (
+    " The run backward minus the run forward, within three standard deviations of their difference:"
+    " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
+    " is an incorrect ambiguity fix in one of them."
+)
+_SIGNALS = (
+    "Median C/N0 of all satellites by band: a drop on one band is interference or a"
+    " cable, one on all bands an obstruction. Dots are cycle slips by satellite; many at one"
+    " instant are the receiver's own loss of lock. Shaded, times without observations."
+)
+
+
+def fix_series(fixes: GnssFixes) -> dict[str, Any]:
+    """Return what the source of the fixes says of each of them; empty where it says nothing.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Those of a file, with what columns it had.
+    """
+    series: dict[str, Any] = {}
+    if fixes.quality is not None:
+        known = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
+        series["kind"] = np.asarray(KIND_OF_QUALITY)[known]
+    for name in ("satellites", "ratio", "age_s", "pdop"):
+        value = getattr(fixes, name)
+        if value is not None:
+            series[name] = value
+    return {"time": fixes.time, **series} if series else {}
+
+
+def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
+    """Charts for which the series hold something: the solution, and the signals.
+
+    Parameters
+    ----------
+    marks : Marks or None
+        Those of the flight that the charts are shown beside; time begins with it.
+    """
+    if "time" not in series or not len(series["time"]):
+        return
+    start = float(series["time"][0])
+    label = f"minutes since {start:.1f} s of the week"
+    minutes: Minutes = lambda t: (np.asarray(t, dtype=np.float64) - start) / 60.0  # noqa: E731
+    shades = [
+        Shade(*ends, "outage") for ends in minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
+    ]
+    limits = None
+    if marks is not None:
+        minutes, label, limits = marks.minutes, marks.label, marks.span
+        shades = [
+            replace(shade, begin=begin, end=end)
+            for shade, (begin, end) in zip(
+                shades, minutes(np.reshape(series.get("gaps", ()), (-1, 2))), strict=True
+            )
+        ] + [shade for shade in marks.shades if shade.kind == "line"]
+    reading = _SOLUTION + (_RATE if "kind" in series else "")
+    reading += _BASE if "distance_m" in series else ""
+    reading += _SEPARATION if "separation_m" in series else ""
+    both = (
+        ("gnss-solution", "How the antenna positions were solved", reading, _solution),
+        ("gnss-signals", "What the receiver observed", _SIGNALS, _signals),
+    )
+    for name, title, text, panels in both:
+        drawn = list(panels(series, minutes))
+        if drawn:
+            yield Chart(
+                *(name, title, text, drawn, label),
+                link="time",
+                shades=tuple(shades),
+                limits=limits,
+            )
+
+
+def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
+    t = minutes(series["time"])
+    kind = np.asarray(series.get("kind", np.zeros(t.size)), dtype=np.int64)
+    known = "kind" in series
+    if "satellites" in series:
+        count = np.asarray(series["satellites"], dtype=np.float64)
+        yield Axes(
+            "satellites",
+            list(_by_class(t, count, kind, known)),
+            limits=(0.0, 1.15 * float(np.nanmax(count, initial=1.0))),
+        )
+    if known:
+        yield Axes("fixed, %", (line(t, _rate(t, kind), "fixed", "ok"),), limits=(-3.0, 103.0))
+    if "ratio" in series:
+        ratio = np.clip(np.asarray(series["ratio"], dtype=np.float64), LEAST_RATIO, MOST_RATIO)
+        yield Axes(
+            "ratio",
+            (*_by_class(t, ratio, kind, known), rules(3.0, dashed=True)),
+            scale="log",
+            limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
+        )
+    for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
+        if name in series:
+            yield Axes(label, (line(t, np.asarray(series[name], dtype=np.float64), label),))
+    if "separation_m" in series:
+        yield _separation(t, series)
+    if "distance_m" in series:
+        km = np.asarray(series["distance_m"]) / 1e3
+        yield Axes("from the base, km", (line(t, km, "distance"),))
+    if "height_difference_m" in series:
+        above = np.asarray(series["height_difference_m"])
+        yield Axes("above the base, m", (line(t, above, "height"),))
+
+
+def _by_class(t: Array, y: Array, kind: NDArray[np.int64], known: bool) -> Iterator[Layer]:
+    for k in np.unique(kind):
+        rows = kind == k
+        yield dots(
+            t[rows], y[rows], NAMES[k] if known else "fix", INKS[k] if known else "first", width=2.6
+        )
+
+
+def _rate(t: Array, kind: NDArray[np.int64]) -> Array:
+    """Share of validated fixes within `RATE_WINDOW_S`, percent."""
+    count = np.concatenate([[0.0], np.cumsum(np.isin(kind, VALIDATED))])
+    half = RATE_WINDOW_S / 120.0
+    first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
+    return np.asarray(100.0 * (count[after] - count[first]) / (after - first))
+
+
+def _separation(t: Array, series: Series) -> Axes:
+    apart, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
+    finite = np.isfinite(apart).all(axis=1)
+    typical = float(np.median(sigma[finite])) if finite.any() else 1.0
+    far = 1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0
+    reach = max(4.0 * typical, far)
+    factor, unit = length_unit(reach / 4.0)
+    layers = []
+    for k in range(3):
+        zero = np.zeros(int(finite.sum()))
+        layers.append(band(t[finite], zero, 3.0 * factor * sigma[finite, k], ink=AXES_INKS[k]))
+    layers += [line(t, factor * apart[:, k], AXES[k], AXES_INKS[k], width=1.0) for k in range(3)]
+    limits = (-1.05 * reach * factor, 1.05 * reach * factor)
+    return Axes(f"backward - forward, {unit}", layers, limits=limits)
+
+
+def _signals(series: Series, minutes: Minutes) -> Iterator[Axes]:
+    if len(series.get("cn0", ())):
+        t = minutes(series["cn0_time"])
+        yield Axes(
+            "C/N0, dB-Hz",
+            [
+                line(t, np.asarray(level), name, BAND_INKS[k % 5], width=1.0)
+                for k, (name, level) in enumerate(series["cn0"].items())
+            ],
+        )
+    if len(series.get("slip_time", ())):
+        satellites = list(series["slip_satellite"])
+        row = {name: k for k, name in enumerate(sorted(set(satellites)))}
+        some = slice(None, None, -(-len(satellites) // MOST_SLIPS))
+        y = np.array([row[name] for name in satellites], dtype=np.float64)
+        layer = Layer(
+            *("points", minutes(series["slip_time"])[some], y[some], "cycle slips", "warn"),
+            width=4.0,
+            texts=satellites[some],
+        )
+        yield Axes("satellite", (layer,), limits=(-1.0, float(len(row))))

@@ -1,0 +1,57 @@
+"""Pieces that charts of a run are made of: units, lines, bands, charts over time."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..marks import Marks
+from .chart import Array, Axes, Chart, Ink, Layer
+from .thinned import MOST_DOTS, thinned
+
+AXES = ("north", "east", "down")
+
+
+def length_unit(typical: float) -> tuple[float, str]:
+    """Factor and unit in which lengths of about `typical` m are read."""
+    return (1e3, "mm") if typical < 0.5 else (1.0, "m")
+
+
+def line(x: Array, y: Array, name: str = "", ink: Ink = "first", **look: Any) -> Layer:
+    """A line, thinned to its extremes."""
+    return thinned(Layer("line", x, y, name, ink, **look))
+
+
+def band(x: Array, centre: Array, half_width: Array, name: str = "", ink: Ink = "first") -> Layer:
+    """The area centre +- half_width, thinned to the extremes of its edges."""
+    return thinned(Layer("band", x, centre - half_width, name, ink, y2=centre + half_width))
+
+
+def dots(x: Array, y: Array, name: str = "", ink: Ink = "first", **look: Any) -> Layer:
+    """Points of which those that lie farthest out are kept where there are too many."""
+    return thinned(Layer("points", x, y, name, ink, **look), MOST_DOTS)
+
+
+def rules(*y: float, ink: Ink = "ink", dashed: bool = False) -> Layer:
+    """Lines across the axes at values of y."""
+    return Layer("rules", np.zeros(0), np.array(y, dtype=np.float64), ink=ink, dashed=dashed)
+
+
+def over_time(
+    name: str, title: str, reading: str, panels: Sequence[Axes], marks: Marks
+) -> Chart:
+    """A chart over minutes since the first epoch, with the shades of the flight."""
+    return Chart(
+        name, title, reading, tuple(panels), marks.label, link="time", shades=marks.shades
+    )
+
+
+def middle_limits(x: Array, bound: Array) -> tuple[float, float] | None:
+    """Return limits of three times the median of what is drawn.
+
+    Where one of two filters knows little, as at the ends, the line may leave the axes.
+    """
+    size = np.maximum(np.abs(x), bound)
+    size = size[np.isfinite(size)]
+    reach = 3.0 * float(np.median(size)) if size.size else 0.0
+    return (-reach, reach) if reach > 0.0 else None

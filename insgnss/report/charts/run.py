@@ -1,0 +1,285 @@
+"""The charts of a run, each with the sentence that says how to read it.
+
+Time runs in minutes since the first epoch. Long lines are thinned to their extremes (`thinned`);
+fixes that were rejected, and the images of the map, are all there.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...records import Diagnostics, ExteriorOrientation
+from ..coverage import outages, stationary_periods
+from ..flightlines import flight_lines
+from ..marks import Marks, marks_of
+from ..summary import image_sigmas
+from . import gnss, support
+from .chart import AXES_INKS, Array, Axes, Chart, Layer
+from .pieces import AXES, dots, length_unit, line, over_time
+from .thinned import MOST_DOTS, MOST_POINTS, thinned
+
+_MAP = (
+    "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix,"
+    " red where no fix was used for a while, a ring a stationary period. The wheel or two fingers"
+    " zoom, dragging moves, a double click shows everything."
+)
+_MAP_IMAGES = (
+    " Dots are images, coloured by their horizontal standard deviation: those that stand out are"
+    " those to weigh down, or to look at, in the adjustment. Point at one, and all charts show its"
+    " instant; click it, and it is marked in the table too."
+)
+_MOTION = (
+    "Height, horizontal speed and attitude. Heading that changes is what makes heading and biases"
+    " observable; straight flight does not. Shades, in all charts over time: numbered lines,"
+    " stationary periods, times without a used fix. Drag across a chart to zoom, double-click to"
+    " return; all charts over time follow."
+)
+_SIGMAS = (
+    "Standard deviations on a logarithmic scale: pale, the forward filter; full, after smoothing,"
+    " which must lie below. A rise at either end or in the middle tells of missing fixes or missing"
+    " turns; the numbers are those of the table of lines."
+)
+_BY_IMAGE = (
+    "The same of each image, in their order: a step from one image to the next is worth a look."
+)
+
+
+def charts(
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    standing: bool = False,
+    series: Mapping[str, Any] | None = None,
+) -> tuple[Chart, ...]:
+    """All charts for which there is something to show.
+
+    Parameters
+    ----------
+    standing : the sensor stood at a given place, and there are no fixes.
+    series : what the source of the fixes says of each epoch, as `gnss.charts` takes it.
+    """
+    d = diagnostics
+    images = eo if eo is not None and len(eo.images) > 0 else None
+    marks = marks_of(d, images)
+    return tuple(_charts(d, images, marks, standing, series))
+
+
+def _charts(
+    d: Diagnostics,
+    images: ExteriorOrientation | None,
+    marks: Marks,
+    standing: bool,
+    series: Mapping[str, Any] | None,
+) -> Iterator[Chart]:
+    if not standing:
+        yield _map(d, images, series)
+    yield _motion(d, images, marks)
+    yield _sigmas(d, marks)
+    if images is not None:
+        yield _sigmas_by_image(images)
+    if not standing and np.isfinite(d.innovation).all(axis=1).any():
+        yield support.innovations(d, marks)
+        yield from support.distributions(d)
+    if not standing and d.residuals:
+        yield support.residuals(d, marks)
+    yield support.biases(d, marks)
+    constants = support.constants(d, marks)
+    if constants is not None:
+        yield constants
+    if np.isfinite(d.separation).any():
+        yield support.separation(d, marks)
+    if not standing and series is not None:
+        yield from gnss.charts(series, marks)
+
+
+def _map(
+    d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None
+) -> Chart:
+    north, east = d.position[:, 0], d.position[:, 1]
+    rows = track_rows(d)
+    layers = [Layer("line", east[rows], north[rows], "", "faint", width=1.2)]
+    layers += _fixes(d, series)
+    layers += _places(d)
+    if eo is not None:
+        layers.append(_images(d, eo))
+    layers += [
+        Layer("points", east[:1], north[:1], "start", "ink", mark="triangle", width=9.0),
+        Layer("points", east[-1:], north[-1:], "end", "ink", mark="square", width=8.0),
+        _numbers(d, eo),
+    ]
+    return Chart(
+        "map",
+        "Where the flight went",
+        _MAP + (_MAP_IMAGES if eo is not None else ""),
+        (Axes("north of the local frame's origin, m", layers),),
+        "east of the local frame's origin, m",
+        map=True,
+        link="image" if eo is not None else "time",
+    )
+
+
+def track_rows(d: Diagnostics) -> NDArray[np.int64]:
+    """Return the rows of the diagnostics by which the map draws the flight."""
+    return np.arange(0, d.time.size, -(-d.time.size // (2 * MOST_POINTS)))
+
+
+def _fixes(d: Diagnostics, series: Mapping[str, Any] | None) -> Iterator[Layer]:
+    """Places of the fixes by class, fixed below all others; classes unknown, none."""
+    if series is None or "kind" not in series:
+        return
+    kind, time = np.asarray(series["kind"]), np.asarray(series["time"])
+    inside = (time >= d.time[0]) & (time <= d.time[-1])
+    for k in sorted(np.unique(kind[inside])):
+        rows = np.flatnonzero(inside & (kind == k))
+        rows = rows[:: -(-rows.size // MOST_DOTS)]
+        yield Layer(
+            "points",
+            *_east_north(d, time[rows]),
+            gnss.NAMES[k],
+            gnss.INKS[k],
+            width=4.0,
+            faint=True,
+        )
+
+
+def _images(d: Diagnostics, eo: ExteriorOrientation) -> Layer:
+    """The images, coloured by their horizontal sigma; none is left out."""
+    position, _ = image_sigmas(eo)
+    horizontal = np.hypot(position[:, 0], position[:, 1])
+    factor, unit = length_unit(float(np.median(horizontal)))
+    return Layer(
+        "points",
+        *_east_north(d, eo.time),
+        "image",
+        value=factor * horizontal,
+        value_name=f"horizontal sigma of the image, {unit}:",
+        width=6.0,
+    )
+
+
+def _places(d: Diagnostics) -> Iterator[Layer]:
+    """Times without fixes, stationary periods and rejected fixes, where they were."""
+    east, north = [np.zeros(0)], [np.zeros(0)]
+    for begin, length in outages(d):
+        first, last = np.searchsorted(d.time, (begin, begin + length))
+        piece = slice(max(first - 1, 0), last + 1)
+        east += [d.position[piece, 1], np.array([np.nan])]
+        north += [d.position[piece, 0], np.array([np.nan])]
+    if len(east) > 1:
+        yield Layer(
+            "line", np.concatenate(east), np.concatenate(north), "no used fix", "warn", width=3.0
+        )
+    stood = stationary_periods(d)
+    if stood.size:
+        yield Layer(
+            "points", *_east_north(d, stood.mean(axis=1)), "stationary", "ok", mark="ring", width=8
+        )
+    if (~d.used).any():
+        texts = [
+            f"rejected fix, TOW {t:.2f} s" + (f", NIS {nis:.1f}" if math.isfinite(nis) else "")
+            for t, nis in zip(d.fix_time[~d.used], d.nis[~d.used], strict=True)
+        ]
+        where = _east_north(d, d.fix_time[~d.used])
+        yield Layer("points", *where, "rejected fix", "warn", mark="cross", width=6, texts=texts)
+
+
+def _numbers(d: Diagnostics, eo: ExteriorOrientation | None) -> Layer:
+    """Numbers of the lines, a tenth of the way in."""
+    lines = flight_lines(d, eo)
+    rows = np.array([x.first + (x.last - x.first) // 10 for x in lines], dtype=np.int64)
+    texts = [str(k) for k in range(1, len(lines) + 1)]
+    return Layer("labels", d.position[rows, 1], d.position[rows, 0], texts=texts)
+
+
+def _east_north(d: Diagnostics, time: Array) -> tuple[Array, Array]:
+    """East and north at `time`, m."""
+    return np.interp(time, d.time, d.position[:, 1]), np.interp(time, d.time, d.position[:, 0])
+
+
+def _motion(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Chart:
+    t, up = marks.minutes(d.time), marks.broken(marks.minutes(d.time), -d.position[:, 2])
+    height = [line(t, up, "trajectory", "faint")]
+    if eo is not None:
+        at = np.interp(eo.time, d.time, -d.position[:, 2])
+        height.append(dots(marks.exposures, at, "exposures"))
+    speed = marks.broken(t, np.hypot(d.velocity[:, 0], d.velocity[:, 1]))
+    level = [
+        line(t, marks.broken(t, np.degrees(d.rpy[:, k])), name, AXES_INKS[k], width=1.0)
+        for k, name in enumerate(("roll", "pitch"))
+    ]
+    heading = np.degrees(d.rpy[:, 2]) % 360.0
+    some = slice(None, None, -(-d.time.size // (2 * MOST_POINTS)))
+    panels = [
+        Axes("up, m", height),
+        Axes("speed, m/s", (line(t, speed, "horizontal"),)),
+        Axes("roll, pitch, deg", level),
+        Axes(
+            "heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)
+        ),
+    ]
+    reading = ("Dots are exposures. " if eo is not None else "") + _MOTION
+    return over_time("motion", "How it moved", reading, panels, marks)
+
+
+def _sigmas(d: Diagnostics, marks: Marks) -> Chart:
+    """Position above attitude, of the filter and after smoothing."""
+    t = marks.minutes(d.time)
+    factor, unit = length_unit(float(np.median(d.smoothed_sigma[:, :3])))
+    rows = ((0, factor, f"sigma of position, {unit}"), (6, math.degrees(1.0), _ATTITUDE))
+    panels = [
+        Axes(
+            label,
+            [
+                line(
+                    t,
+                    marks.broken(t, scale * sigma[:, first + k]),
+                    AXES[k] if smoothed else "forward filter",
+                    AXES_INKS[k],
+                    faint=not smoothed,
+                    width=1.8 if smoothed else 1.0,
+                )
+                for smoothed, sigma in ((False, d.filter_sigma), (True, d.smoothed_sigma))
+                for k in range(3)
+            ],
+            scale="log",
+        )
+        for first, scale, label in rows
+    ]
+    return over_time("sigmas", "How well it is known", _SIGMAS, panels, marks)
+
+
+_ATTITUDE = "sigma of attitude about N, E, D, deg"
+
+
+def _sigmas_by_image(eo: ExteriorOrientation) -> Chart:
+    """The sigmas of the images by number; each axis keeps its colour, so north is column 1."""
+    number = np.arange(1.0, len(eo.images) + 1.0)
+    position, psi = image_sigmas(eo)
+    factor, unit = length_unit(float(np.median(position)))
+    rows = (
+        (factor * position, f"sigma of position, {unit}"),
+        (np.degrees(psi), "sigma of attitude about E, N, U, deg"),
+    )
+    panels = [
+        Axes(
+            label,
+            [
+                thinned(
+                    Layer("points", number, sigma[:, column], name, AXES_INKS[colour]), MOST_DOTS
+                )
+                for column, colour, name in ((1, 0, "north"), (0, 1, "east"), (2, 2, "up"))
+            ],
+            scale="log",
+        )
+        for sigma, label in rows
+    ]
+    label = f"image, by number (1 is {_short(eo.images[0])})"
+    title = "How well each image is known"
+    return Chart("image-sigmas", title, _BY_IMAGE, panels, label, link="image")
+
+
+def _short(name: str) -> str:
+    """Name as it fits a label."""
+    return name if len(name) <= 30 else name[:27] + "..."

@@ -1,0 +1,252 @@
+"""Charts of what supports a run.
+
+Innovations and their distribution, residuals, biases, constants, forward against backward.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...records import Diagnostics
+from ..marks import Marks
+from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
+from ..statistics import NIS_95, residual_limit
+from .chart import AXES_INKS, Array, Axes, Chart, Layer
+from .pieces import AXES, band, dots, length_unit, line, middle_limits, over_time, rules
+
+_INNOVATIONS = (
+    "Each fix minus what was predicted for it; nearly all must lie within the shaded three standard"
+    " deviations, without drift. Below, the same in one number (NIS): one in twenty may exceed the"
+    " dashed line, those above the full line were rejected."
+)
+_DISTRIBUTION = (
+    "Used innovations over their standard deviations against the normal distribution that honest"
+    " sigmas promise: a wider histogram says that the sigmas are too small, a narrower one that"
+    " they are too large, one beside the middle that something is systematic."
+)
+_NIS = (
+    "The same in one number, the squared innovation over its covariance (NIS), against chi-square"
+    " with three degrees of freedom."
+)
+_RESIDUALS = (
+    "Used fixes minus the smoothed solution, the mean of each minute, within the largest that an"
+    " honest flight of this length shows (shaded). A minute beyond it is one in which the solution"
+    " leaves its own fixes."
+)
+_BIASES = (
+    "Estimated biases within three standard deviations, after smoothing; a wide band says that the"
+    " flight did not determine the bias."
+)
+_CONSTANTS = (
+    "Constants that were estimated with the flight, within three standard deviations: dark, after"
+    " smoothing; pale, what the forward filter allowed at the time. The pale band narrows where"
+    " the flight determines the constant, mostly in turns and speed changes; what never narrows is"
+    " not observed."
+)
+_SEPARATION = (
+    "The flight filtered backward minus the same forward: where both are honest it stays within the"
+    " shaded three standard deviations. The backward run knows the errors of the IMU from the later"
+    " fixes alone, hence the width of its bands, which says nothing of the smoothed result. The"
+    " scale is that of the middle of the flight."
+)
+
+
+def innovations(d: Diagnostics, marks: Marks) -> Chart:
+    """North, east, down, NIS over time; rejected fixes are all there."""
+    t = marks.minutes(d.fix_time)
+    kept = _kept(d)
+    reach = max(
+        1.5 * float(np.quantile(np.abs(d.innovation[kept]), 0.98)),
+        1.15 * float(np.quantile(3 * d.innovation_sigma[kept], 0.9)),
+    )
+    factor, unit = length_unit(reach / 4)
+    panels = [
+        Axes(
+            f"{name}, {unit}",
+            (
+                band(t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"),
+                *_points(t, factor * d.innovation[:, k], d.used),
+            ),
+            limits=(-1.03 * factor * reach, 1.03 * factor * reach),
+        )
+        for k, name in enumerate(AXES)
+    ]
+    low, high = 1e-2, 5.0 * max(d.nis_limit, NIS_95)
+    nis = Axes(
+        "NIS",
+        (
+            rules(d.nis_limit),
+            rules(NIS_95, dashed=True),
+            *_points(t, np.maximum(d.nis, low), d.used),
+        ),
+        scale="log",
+        limits=(low, high),
+    )
+    title = "Whether the fixes agree with the prediction"
+    return over_time("innovations", title, _INNOVATIONS, [*panels, nis], marks)
+
+
+def _kept(d: Diagnostics) -> NDArray[np.bool_]:
+    """Return the used fixes with an innovation; all with one where none was used."""
+    finite = np.isfinite(d.innovation.sum(axis=1))
+    return finite & d.used if (finite & d.used).any() else finite
+
+
+def _points(t: Array, y: Array, used: NDArray[np.bool_]) -> Iterator[Layer]:
+    yield dots(t[used], y[used], "fix")
+    if not used.all():
+        yield Layer("points", t[~used], y[~used], "rejected", "warn", mark="cross", width=7.0)
+
+
+def distributions(d: Diagnostics) -> Iterator[Chart]:
+    """Histograms of the normalised innovations and of NIS, with what honest sigmas promise."""
+    kept = _kept(d)
+    edges = np.linspace(-4.5, 4.5, 37)
+    fine = np.linspace(-4.5, 4.5, 181)
+    normal = np.exp(-0.5 * fine**2) / math.sqrt(2.0 * math.pi)
+    ratio = d.innovation[kept] / d.innovation_sigma[kept]
+    panels = [
+        Axes(
+            f"{name}, density",
+            (
+                Layer("steps", edges, _density(np.clip(x, -4.499, 4.499), edges), "fixes"),
+                Layer("line", fine, normal, "expected", "second"),
+            ),
+        )
+        for name, x in zip(AXES, ratio.T, strict=True)
+    ]
+    yield Chart(
+        "innovation-distribution",
+        "Whether the innovations are as large as their sigmas",
+        _DISTRIBUTION,
+        panels,
+        "innovation over its sigma (the ends hold what lies beyond)",
+        columns=3,
+    )
+    nis = d.nis[kept & np.isfinite(d.nis)]
+    if nis.size:
+        edges = np.geomspace(1e-2, max(100.0, 1.2 * d.nis_limit), 49)
+        shown = np.log(np.clip(nis, edges[0] * 1.001, edges[-1] * 0.999))
+        by_log = edges**1.5 * np.exp(-edges / 2.0) / math.sqrt(2.0 * math.pi)
+        layers = (
+            Layer("steps", edges, _density(shown, np.log(edges)), "fixes"),
+            Layer("line", edges, by_log, "expected", "second"),
+            Layer("rules", np.array([NIS_95]), np.zeros(0), "95 %", "ink", dashed=True),
+            Layer("rules", np.array([d.nis_limit]), np.zeros(0), "gate", "ink"),
+        )
+        axes = Axes("density by ln NIS", layers)
+        yield Chart("nis-distribution", "Distribution of NIS", _NIS, [axes], "NIS", scale="log")
+
+
+def _density(x: Array, edges: Array) -> Array:
+    return np.asarray(np.histogram(x, bins=edges, density=True)[0], dtype=np.float64)
+
+
+def residuals(d: Diagnostics, marks: Marks) -> Chart:
+    """Means of fixes minus solution, minute by minute; those beyond the limit stand out."""
+    t = marks.minutes(np.array([0.5 * (r.begin_s + r.end_s) for r in d.residuals]))
+    mean, sigma = (
+        np.array([getattr(r, key) for r in d.residuals]) for key in ("mean_m", "sigma_m")
+    )
+    limit = residual_limit(mean.size)
+    factor, unit = length_unit(float(np.median(limit * sigma)))
+    panels = []
+    for k, name in enumerate(AXES):
+        y, beyond = factor * mean[:, k], np.abs(mean[:, k]) > limit * sigma[:, k]
+        layers = [band(t, np.zeros_like(t), factor * limit * sigma[:, k], "limit", "faint")]
+        layers.append(Layer("points", t[~beyond], y[~beyond], "mean", width=5.0))
+        if beyond.any():
+            layers.append(
+                Layer("points", t[beyond], y[beyond], "beyond", "warn", mark="cross", width=8.0)
+            )
+        panels.append(Axes(f"{name}, {unit}", layers))
+    title = "Fixes minus solution, minute by minute"
+    return over_time("residuals", title, _RESIDUALS, panels, marks)
+
+
+def biases(d: Diagnostics, marks: Marks) -> Chart:
+    """Gyro above accelerometer, the body's three axes in each."""
+    t = marks.minutes(d.time)
+    sensors = ((0, DEG_H_PER_RAD_S, "gyro, deg/h"), (3, MG_PER_M_S2, "accelerometer, mg"))
+    panels = []
+    for first, scale, label in sensors:
+        bands, lines = [], []
+        for row, axis in enumerate(("forward", "right", "down")):
+            bias, sigma = scale * d.bias[:, first + row], scale * d.bias_sigma[:, first + row]
+            bias = marks.broken(t, bias)
+            bands.append(band(t, bias, 3 * sigma, ink=AXES_INKS[row]))
+            lines.append(line(t, bias, axis, AXES_INKS[row]))
+        panels.append(Axes(label, (*bands, *lines)))
+    return over_time("biases", "Errors of the IMU", _BIASES, panels, marks)
+
+
+def constants(d: Diagnostics, marks: Marks) -> Chart | None:
+    """Lever arm, time offset, scale factors over time; None where no constant was estimated."""
+    c = d.constants
+    if c is None or not c.names:
+        return None
+    t = marks.minutes(d.time)
+    panels = []
+    for label, members in _together(c.names):
+        factor, unit = state_unit(c.names[members[0]])
+        layers: list[Layer] = []
+        for row, k in enumerate(members):
+            ink = AXES_INKS[row % 3]
+            value = marks.broken(t, factor * c.value[:, k])
+            layers.append(band(t, value, 3 * factor * c.filter_sigma[:, k], ink=ink))
+            layers.append(band(t, value, 3 * factor * c.sigma[:, k], ink=ink))
+            layers.append(line(t, value, c.names[k].removeprefix(label).strip() or "value", ink))
+        reach = _reach(factor * c.value[:, members], 3 * factor * c.filter_sigma[:, members])
+        panels.append(Axes(f"{label}, {unit}", layers, limits=reach))
+    title = "Constants estimated in flight"
+    return over_time("constants", title, _CONSTANTS, panels, marks)
+
+
+def _together(names: Sequence[str]) -> list[tuple[str, list[int]]]:
+    """Return constants that share a panel under one name: the three axes of one quantity."""
+    groups: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        head = name.rsplit(" ", 1)[0] if name.endswith(("forward", "right", "down")) else name
+        for quantity in ("scale factor",):
+            if name.endswith(quantity):
+                head = f"{name.split(' ', maxsplit=1)[0]} {quantity}"
+        if " from " in name:
+            head = f"{name.split(' ', maxsplit=1)[0]} misalignment"
+        groups.setdefault(head, []).append(k)
+    return list(groups.items())
+
+
+def _reach(value: Array, bound: Array) -> tuple[float, float]:
+    """Return limits that show the bands of the flight's second half and the values."""
+    half = len(value) // 2
+    low = min(float(value.min()), float((value - bound)[half:].min()))
+    high = max(float(value.max()), float((value + bound)[half:].max()))
+    pad = 0.5 * max(high - low, 1e-9)
+    return low - pad, high + pad
+
+
+def separation(d: Diagnostics, marks: Marks) -> Chart:
+    """Position, tilt and heading, one above the other."""
+    t = marks.minutes(d.separation_time)
+    finite = d.separation_sigma[:, :3][np.isfinite(d.separation_sigma[:, :3])]
+    factor, unit = length_unit(float(np.median(finite)) if finite.size else 0.0)
+    rows = (
+        ([0, 1, 2], factor, f"position, {unit}"),
+        ([6, 7], math.degrees(1.0), "tilt, deg"),
+        ([8], math.degrees(1.0), "heading, deg"),
+    )
+    panels = []
+    for columns, scale, label in rows:
+        bands, lines = [], []
+        for k in columns:
+            bound = 3 * scale * d.separation_sigma[:, k]
+            bands.append(band(t, np.zeros_like(t), bound, ink=AXES_INKS[k % 3]))
+            y = marks.broken(t, scale * d.separation[:, k])
+            lines.append(line(t, y, AXES[k % 3], AXES_INKS[k % 3]))
+        limits = middle_limits(
+            scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns]
+        )
+        panels.append(Axes(label, (*bands, *lines), limits=limits))
+    return over_time("separation", "Forward against backward", _SEPARATION, panels, marks)

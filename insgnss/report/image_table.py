@@ -1,0 +1,181 @@
+"""The table of images as data of the page: one row an image, flags for what is worth a look.
+
+    {"prefix": "DJI_", "suffix": ".JPG", "names": ["0001", ...], "start": 205200.0, "near": 0.02,
+     "flag_names": [...], "flags": "base64 of uint16, one bit a flag",
+     "columns": [{"key": "time", "head": "TOW, s", "digits": 3, "bytes": 2, "steps": "base64"}]}
+
+A column holds whole numbers of its last printed digit, little endian, in as few bytes as they
+need; times and coordinates the differences from row to row, the offset of the first apart. Ten
+thousand images take half a megabyte.
+"""
+
+import base64
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Diagnostics, ExteriorOrientation
+from .charts.encoded import packed
+from .charts.run import track_rows
+from .coverage import outages, segments
+from .flightlines import flight_lines
+from .summary import image_sigmas
+
+Array = NDArray[np.float64]
+
+FLAGS = (
+    "in an outage",
+    "before the first or after the last fix",
+    "in a bridged gap of the IMU",
+    "outside the lines",
+    "largest position sigma",
+    "largest attitude sigma",
+    "position sigma over 3 times the median",
+    "attitude sigma over 3 times the median",
+)
+FAR = 3.0  # times the median: an image that stands out
+UNKNOWN_LINE = 0
+
+
+def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
+    """Return the table of images, ready for JSON.
+
+    Parameters
+    ----------
+    d : Diagnostics
+        Of the run.
+    eo : ExteriorOrientation
+        Of at least one image.
+    """
+    line = image_lines(d, eo)
+    position, psi = image_sigmas(eo)
+    columns = [
+        _column("time", "TOW, s", eo.time, 3, tip="TOW", unit="s", running=True),
+        _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
+    ]
+    columns += [
+        _column(key, f"{key[:1]}, m", eo.position_m[:, k], 3, title=f"{key} in the tangent plane of"
+                " eo.json", running=True)
+        for k, key in enumerate(("east", "north", "up"))
+    ]
+    columns += [
+        _column(f"sigma {axis}", f"σ{axis}, mm", 1e3 * position[:, k], 1, tip=f"sigma {axis}",
+                unit="mm", title=f"standard deviation {axis}")
+        for k, axis in enumerate("ENU")
+    ]
+    columns += [
+        _column(f"psi {axis}", f"σψ{axis}, deg", np.degrees(psi[:, k]), 4,
+                tip=f"sigma of attitude about {axis}", unit="deg",
+                title=f"standard deviation of the attitude about {axis}")
+        for k, axis in enumerate("ENU")
+    ]
+    prefix, suffix, names = shortened(eo.images)
+    return {
+        "prefix": prefix,
+        "suffix": suffix,
+        "names": names,
+        "start": float(d.time[0]),
+        # an image belongs to the instants that lie nearer to it than this, minutes
+        "near": 0.6 * float(np.median(np.diff(eo.time))) / 60.0 if eo.time.size > 1 else 0.02,
+        "flag_names": FLAGS,
+        "flags": base64.b64encode(flags(d, eo, line).astype("<u2").tobytes()).decode("ascii"),
+        "columns": columns,
+    }
+
+
+def track(d: Diagnostics) -> dict[str, str]:
+    """Return where the flight was at which minute, for the map to follow the charts."""
+    rows = track_rows(d)
+    return {
+        "minutes": packed((d.time[rows] - d.time[0]) / 60.0),
+        "east": packed(d.position[rows, 1]),
+        "north": packed(d.position[rows, 0]),
+    }
+
+
+def image_lines(d: Diagnostics, eo: ExteriorOrientation) -> NDArray[np.int64]:
+    """Return the number of the flight line of each image, 0 outside the lines."""
+    line = np.zeros(len(eo.images), dtype=np.int64)
+    for number, of in enumerate(flight_lines(d, eo), 1):
+        line[of.image : of.next_image] = number
+    return line
+
+
+def flags(
+    d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return what is worth a look at each image, one bit for each of `FLAGS`."""
+    position, psi = (np.sqrt((x**2).sum(axis=1)) for x in image_sigmas(eo))
+    without = outages(d)
+    gaps = np.array(d.gaps, dtype=np.float64).reshape(-1, 2)
+    times = d.fix_time[d.used]
+    found = [
+        _within(eo.time, without[:, 0], without.sum(axis=1)),
+        _beyond(eo.time, segments(d), times),
+        _within(eo.time, gaps[:, 0], gaps.sum(axis=1)),
+        (line == UNKNOWN_LINE) & bool((line != UNKNOWN_LINE).any()),
+        _is_largest(position),
+        _is_largest(psi),
+        position > FAR * np.median(position),
+        psi > FAR * np.median(psi),
+    ]
+    return sum(
+        (is_so.astype(np.int64) << bit for bit, is_so in enumerate(found)),
+        start=np.zeros(line.size, dtype=np.int64),
+    )
+
+
+def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
+    """Return which instants lie in one of the spans, which follow each other."""
+    if not begin.size:
+        return np.zeros(time.size, dtype=np.bool_)
+    k = np.searchsorted(begin, time, side="right") - 1
+    return (k >= 0) & (time <= end[np.maximum(k, 0)])
+
+
+def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
+    """Return which instants have no used fix before or none behind them within their segment."""
+    out = np.zeros(time.size, dtype=np.bool_)
+    for start, end in spans:
+        own = fixes[(fixes >= start) & (fixes <= end)]
+        inside = (time >= start) & (time <= end)
+        out |= inside & ((time < own[0]) | (time > own[-1]) if own.size else True)
+    return out
+
+
+def _is_largest(x: Array) -> NDArray[np.bool_]:
+    """Return which value is the largest, where there are several to compare."""
+    return (np.arange(x.size) == int(np.argmax(x))) & (x.size > 1)
+
+
+def shortened(names: tuple[str, ...]) -> tuple[str, str, list[str]]:
+    """Return what all names begin and end with, and what stands between."""
+    prefix = os.path.commonprefix(list(names)) if len(names) > 1 else ""
+    rest = [name[len(prefix) :] for name in names]
+    suffix = os.path.commonprefix([name[::-1] for name in rest])[::-1] if len(names) > 1 else ""
+    return prefix, suffix, [name[: len(name) - len(suffix)] for name in rest]
+
+
+def _column(
+    key: str,
+    head: str,
+    values: Any,
+    digits: int,
+    *,
+    running: bool = False,
+    **more: Any,
+) -> dict[str, Any]:
+    """Return a column in units of its last printed digit.
+
+    `running` ones hold differences from the row before.
+    """
+    x = np.asarray(values, dtype=np.float64)
+    offset = float(np.round(x[0], digits)) if running else 0.0
+    whole = np.clip(np.rint((x - offset) * 10.0**digits), -(2**31) + 1, 2**31 - 1)
+    steps = np.diff(whole, prepend=0.0) if running else whole
+    size = next(n for n in (1, 2, 4) if np.abs(steps).max(initial=0.0) < 2.0 ** (8 * n - 1))
+    data = base64.b64encode(steps.astype(f"<i{size}").tobytes()).decode("ascii")
+    column = {"key": key, "head": head, "digits": digits, "bytes": size, "steps": data}
+    return column | more | ({"offset": offset, "differences": True} if running else {})
