@@ -11,7 +11,8 @@ Importing the package loads none of them: each is loaded when it is first used.
 Run
     `estimate` (arrays in, result out), `process` (a flight file), `adjust_block` (an image block
     with aerial control), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
-    `simulate`, `figures` of a page; the result of the first two is a `ProcessResult`. `relative_control` between images.
+    `simulate`, `figures` of a page; the result of the first two is a `ProcessResult`.
+    `relative_control` between images.
     `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`, `calibrate_mounting`: lever
     arms, bore-sight and camera delay with verdicts.
     `predict_targets` and `measure_targets`: ground points in photographs, where a `Target` lies.

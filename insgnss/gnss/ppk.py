@@ -147,7 +147,7 @@ class PpkResult:
     quality : dict
         Figures of merit, plain numbers.
     series : dict
-        Arrays for `report.figures.gnss`.
+        Arrays for `report.charts.gnss`.
     files : dict of Path
         Files that were written, by name.
     engine : str

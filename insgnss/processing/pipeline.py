@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..base.circumstances import circumstances
 from ..base.files import json_ready, sha256
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
@@ -35,7 +36,6 @@ from .checks import (
     refuse_contradictions,
     refuse_unobservable,
 )
-from .circumstances import circumstances
 from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files

@@ -9,18 +9,17 @@ import hashlib
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from .. import __version__
+from ..base.circumstances import circumstances
 from ..base.files import sha256
 from ..records import Check
 from .charts.chart import Chart
-from .markup import charted, document, escape, folded, sentence, table
+from .markup import charted, document, escape, folded, sentence, table, with_contents
 
-COLOURS = {"good": "green", "doubtful": "orange", "bad": "red"}
 MOST_ROWS = 20  # of a table that is not folded
 
 
@@ -80,6 +79,9 @@ class VerbPage:
 
     def _body(self) -> Iterator[str]:
         yield reason(self.mood, self.why)
+        yield with_contents("".join(self._sections()), {})
+
+    def _sections(self) -> Iterator[str]:
         yield from self.first
         yield from map(charted, self.charts)
         yield from self.parts
@@ -93,19 +95,9 @@ class VerbPage:
         files = dict(self.hashes) | {str(path): sha256(path) for path in given}
         if files:
             yield _pairs("Inputs (SHA-256)", files)
-        yield _pairs("Made with", made_with() | dict(self.versions))
-
-
-def made_with() -> dict[str, str]:
-    """Return versions, operating system, machine and date."""
-    return {
-        "insgnss": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "operating system": platform.platform(terse=True),
-        "machine": platform.machine(),
-        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-    }
+        yield _pairs("The run", circumstances())
+        own = {"insgnss": __version__, "python": platform.python_version()}
+        yield _pairs("Versions", own | {"numpy": np.__version__} | dict(self.versions))
 
 
 def text_sha256(text: str) -> str:
@@ -123,7 +115,7 @@ def reason(mood: str, why: str) -> str:
     why : str
         Without full stop.
     """
-    return f'<p class="reason {mood}"><b>Why {COLOURS[mood]}:</b> {escape(sentence(why))}</p>\n'
+    return f'<p class="reason {mood}"><b>{mood.capitalize()}</b>: {escape(why)}.</p>\n'
 
 
 def listed(title: str, texts: Iterable[str]) -> str:

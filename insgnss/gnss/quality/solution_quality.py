@@ -138,7 +138,7 @@ def solution_series(
     separation: Separation | None,
     signals: Signals | None,
 ) -> dict[str, Any]:
-    """Return arrays by name, as `report.figures.gnss` draws them."""
+    """Return arrays by name, as `report.charts.gnss` draws them."""
     series: dict[str, Any] = {
         "time": solution.fixes.time,
         "kind": kind,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer, Mark
-from .style import length_unit
+from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
 MOST_POINTS = 6000

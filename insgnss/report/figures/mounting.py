@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer
-from .style import length_unit
+from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
 AXES = ("x, image right", "y, image down", "z, viewing direction")
