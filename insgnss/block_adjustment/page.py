@@ -49,8 +49,8 @@ def write_page(
         mood,
         why,
         charts(figures, _fields(solved, judgement), ground_of(solved)),
-        (_findings(judgement), _numbers(figures), _determined(judgement)),
-        tuple(_parts(figures)),
+        (_findings(judgement),),
+        (_numbers(figures), _determined(judgement), *_parts(figures)),
         input_paths(solved),
         {"mode": MODES[figures["mode"]], "block file": solved.inputs.file.path.name},
         twin=twin,
@@ -318,7 +318,9 @@ def _images(figures: Mapping[str, Any]) -> str:
     head: tuple[str, ...] = ("image", "points", "rejected", "rms, px", "sigma E N U")
     head += ("sigma of attitude E N U, deg", "moved by")
     body = table(rows, head, numbers=True)
-    return "<h2>Images</h2>\n" + (folded(f"{len(rows)} images", body) if len(rows) > 20 else body)
+    return "<h2>Image by image</h2>\n" + (
+        folded(f"{len(rows)} images", body) if len(rows) > 20 else body
+    )
 
 
 def _rejected(figures: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from .console import Progress
 from .verb import Verb, positive, show_result
 
 EXAMPLE = """  insgnss figures results/02_Processed/GPS-INS/report.json --format pdf --out paper
-  insgnss figures adjust.html --only map images --format svg
+  insgnss figures adjust.html --only map by-image --format svg
   insgnss figures report.html --width 84"""
 
 

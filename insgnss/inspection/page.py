@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..report.figures.recognition import answers_in_words
 from ..report.verb_page import VerbPage, checks_table, preformatted, tabulated
 from .text import sensor_lines
 
@@ -30,7 +31,8 @@ def inspection_page(result: "InspectionData", charts: "Sequence[Chart]") -> Verb
     """
     mood, why = _mood(result)
     s = result.sensing
-    roles = ", ".join(f"{x.role} {x.title}" for x in result.sources)
+    recognised = "" if result.recognition is None else answers_in_words(result.findings)
+    sampled = f"{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class"
     found = [(f.name, f.value, f"{f.confidence:.3f}", f.evidence) for f in result.findings]
     sources = [
         (x.role, x.title, x.what, ", ".join(x.columns_left_out) or "none") for x in result.sources
@@ -40,7 +42,7 @@ def inspection_page(result: "InspectionData", charts: "Sequence[Chart]") -> Verb
     ]
     return VerbPage(
         f"{result.name}: inspection",
-        f"{roles}; {s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class",
+        f"{recognised}; {sampled}" if recognised else sampled,
         mood,
         why,
         charts,

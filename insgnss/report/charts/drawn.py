@@ -32,6 +32,7 @@ INCH_MM = 25.4
 GRID, MINOR, FRAME = "#E3E6EA", "#F1F3F5", "#8A8F98"
 LETTER = 0.56  # width of a letter, of its height
 FLATTEST, TALLEST = 0.35, 1.0  # height of a map by its width
+LEAST_IN = 1.5  # inches of a panel beside another
 SETTINGS: Any = {
     "pdf.fonttype": 42,  # TrueType: letters stay letters, as journals ask for
     "svg.fonttype": "none",
@@ -223,33 +224,42 @@ class _Place:
         )
         self.head = (row * len(self.title) + 0.05) if titled else 0.0
         self.title = self.title if titled else []
-        self.foot, self.left, self.right = 3.6 * self.letters / 72.0, 5.4 * self.letters / 72.0, 0.1
+        self.foot, self.left, self.right = 3.6 * self.letters / 72.0, 5.6 * self.letters / 72.0, 0.1
         if any(layer.value is not None for panel in chart.panels for layer in panel.layers):
             self.right += 6.5 * self.letters / 72.0
+        self.columns = max(1, min(chart.columns, int(width / LEAST_IN)))
         own = chart.columns > 1  # each panel has an axis of its own
-        self.panel_width = width / chart.columns - self.left - self.right
+        self.panel_width = width / self.columns - self.left - self.right
         self.panel_height = self._panel_height()
         self.keys = _legends(chart)
         self.above = [self._above(k) for k in range(len(chart.panels))]
-        self.below = self.foot if own else 0.06
+        self.below = 2.0 * self.letters / 72.0 if own else 0.06
         self.rows = [
-            max(self.above[k : k + chart.columns]) + self.panel_height + self.below
-            for k in range(0, len(chart.panels), chart.columns)
+            max(self.above[k : k + self.columns]) + self.panel_height + self.below
+            for k in range(0, len(chart.panels), self.columns)
         ]
-        self.height = self.head + sum(self.rows) + (0.05 if own else self.foot)
+        fits = int((width - self.left) * 72.0 / (LETTER * self.letters))
+        self.label = textwrap.wrap(chart.label, max(fits, 10))
+        more = row * max(len(self.label) - 1, 0) - (self.below if own else 0.0)
+        self.height = self.head + sum(self.rows) + self.foot + more
 
     def _panel_height(self) -> float:
         scale = self.width / 10.0
         if self.chart.map:
             x, y = _extent(self.chart)
             return self.panel_width * float(np.clip(y / x, FLATTEST, TALLEST))
-        rows = math.ceil(len(self.chart.panels) / self.chart.columns)
+        if self.chart.columns > 1:
+            return float(np.clip(0.7 * self.panel_width, 0.9, 2.6))
+        rows = len(self.chart.panels)
         wanted = {1: 4.0, 2: 2.6, 3: 2.0}.get(rows, 1.6) * scale
         return max(wanted, 0.95 if rows > 2 else 1.2 if rows == 2 else 1.9)
 
     def _above(self, k: int) -> float:
         """Inches above panel `k`: its legend."""
-        _, rows = _legend_size(self.keys[k], self.panel_width, self.letters)
+        _, rows = _legend_size(self.keys[k], self._room(k), self.letters)
+        label = self.chart.panels[k].label
+        wide = LETTER * len(label) * self.letters / 72.0 > 0.6 * self.panel_width
+        rows += 0 if self._along(label) else 1 if wide or not rows else 0
         return 0.08 + rows * 1.3 * self.letters / 72.0
 
     def draw(self, figure: Any, left: float, top: float) -> None:
@@ -264,11 +274,11 @@ class _Place:
         first: Any = None
         drawn: list[Any] = []
         for k, panel in enumerate(self.chart.panels):
-            row, column = divmod(k, self.chart.columns)
+            row, column = divmod(k, self.columns)
             if column == 0:
                 base = y - self.rows[row] + self.below
                 y -= self.rows[row]
-            x = left + column * self.width / self.chart.columns + self.left
+            x = left + column * self.width / self.columns + self.left
             box = (x / width, base / height, self.panel_width / width, self.panel_height / height)
             shared: Any = first if self.chart.columns == 1 else None
             ax = figure.add_axes(box, sharex=shared)
@@ -278,13 +288,14 @@ class _Place:
         last = drawn if self.chart.columns > 1 else drawn[-1:]
         for ax in drawn:
             ax.tick_params(labelbottom=ax in last)
-        for ax in last:
-            ax.set_xlabel(self.chart.label, size=self.letters, parse_math=False)
-            ax.xaxis.set_label_coords(0.5, -2.3 * self.letters / 72.0 / self.panel_height)
+        across = left + 0.5 * (self.left + self.width - self.right)
+        foot = y + self.below - 1.9 * self.letters / 72.0  # below the numbers of the last row
+        text = figure.text(across / width, foot / height, "\n".join(self.label), ha="center")
+        text.set(size=self.letters, va="top", parse_math=False)
         self._finish(drawn)
 
     def _panel(self, figure: Any, ax: Any, panel: Axes, k: int) -> None:
-        _dress(ax, self.letters)
+        _dress(ax, self.letters, int(np.clip(2.0 * self.panel_width, 3, 6)))
         if self.chart.scale == "log":
             ax.set_xscale("log")
         if panel.scale == "log":
@@ -299,21 +310,39 @@ class _Place:
             ax.set_xlim(*self.chart.limits)
         if self.chart.map:
             ax.set_aspect("equal", adjustable="datalim")
-        ax.set_ylabel(panel.label, size=self.letters, parse_math=False)
-        ax.yaxis.set_label_coords(-4.3 * self.letters / 72.0 / self.panel_width, 0.5)
+        self._label(ax, panel.label)
         if panel.scale == "log":
             _plain_log(ax.yaxis, ax.get_ylim(), self.panel_height)
         if self.keys[k]:
-            _legend(ax, self.keys[k], self.panel_width, self.letters)
+            _legend(ax, self.keys[k], self._room(k), self.letters)
+
+    def _label(self, ax: Any, label: str) -> None:
+        """Write the quantity along the vertical axis, or above it where it is longer than that."""
+        if self._along(label):
+            ax.set_ylabel(label, size=self.letters, parse_math=False)
+            ax.yaxis.set_label_coords(-3.9 * self.letters / 72.0 / self.panel_width, 0.5)
+            return
+        at = (0.0, 1.0 + 0.3 * self.letters / 72.0 / self.panel_height)
+        text = ax.text(*at, label, transform=ax.transAxes, size=self.letters, va="bottom")
+        text.set_parse_math(False)
+
+    def _along(self, label: str) -> bool:
+        return LETTER * len(label) * self.letters / 72.0 <= self.panel_height
+
+    def _room(self, k: int) -> float:
+        """Inches that the legend of panel `k` has: beside a label that stands above the axes."""
+        label = self.chart.panels[k].label
+        taken = 0.0 if self._along(label) else LETTER * len(label) * self.letters / 72.0
+        return max(self.panel_width - taken, 0.4 * self.panel_width)
 
     def _bar(self, figure: Any, ax: Any, artist: Any, layer: Layer) -> None:
         """Put the bar of colours beside the axes."""
         box, width = ax.get_position(), figure.get_size_inches()[0]
         place = (box.x1 + 0.08 / width, box.y0 + 0.1 * box.height, 0.1 / width, 0.8 * box.height)
-        more = float(np.nanmax(artist.get_array(), initial=-np.inf)) > artist.norm.vmax
-        extend = "max" if more else "neither"
+        beyond = _finite([layer.value if layer.value is not None else np.zeros(0)])
+        extend = "max" if (beyond > artist.norm.vmax).any() else "neither"
         bar = figure.colorbar(artist, cax=figure.add_axes(place), extend=extend)
-        bar.set_label(layer.value_name, size=self.letters)
+        bar.set_label(layer.value_name.rstrip(": "), size=self.letters)
         bar.ax.tick_params(labelsize=0.9 * self.letters, length=2, color=FRAME)
         bar.outline.set_visible(False)
 
@@ -356,11 +385,11 @@ def _finite(pieces: Sequence[Array]) -> Array:
     return joined[np.isfinite(joined)]
 
 
-def _dress(ax: Any, letters: float) -> None:
+def _dress(ax: Any, letters: float, ticks: int) -> None:
     """Give axes thin spines, a pale grid, small labels and few ticks."""
     from matplotlib.ticker import MaxNLocator
 
-    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    ax.xaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     ax.grid(True, color=GRID, lw=0.6)
     ax.set_axisbelow(True)
@@ -398,7 +427,7 @@ def _legends(chart: Chart) -> list[Keys]:
     keys: list[Keys] = []
     before: Keys = []
     for k, panel in enumerate(chart.panels):
-        own: Keys = [*named(panel)]
+        own: Keys = list({key[0]: key for key in reversed(named(panel))}.values())[::-1]
         keys.append([*(shades if k == 0 else []), *(own if own != before else [])])
         before = own
     return keys

@@ -270,7 +270,9 @@ def _images(figures: Mapping[str, Any]) -> Chart:
         " points, points in one part of it, or wrong ones."
     )
     label = "image, in the order of the block"
-    return Chart("images", "Images one by one", reading, panels, label, link="image")
+    ends = (0.5, len(images) + 0.5)
+    title = "Images one by one"
+    return Chart("by-image", title, reading, panels, label, link="image", limits=ends)
 
 
 def _from_zero(values: Array) -> tuple[float, float]:

@@ -141,10 +141,10 @@ def noise_chart(sensor: Sensor, panels: Sequence[NoisePanel]) -> Chart:
     """
     factor = 1.0 / parse_unit(UNIT[sensor]).scale
     tau = _span([curve.averaging_time_s for panel in panels for curve in panel.curves])
-    drawn = []
+    drawn: list[Axes] = []
     for panel in panels:
         limits = _heights(panel, factor)
-        layers = [*_noise_layers(panel, factor), *_clock(tau, limits)]
+        layers = [*_noise_layers(panel, factor), *([] if drawn else _clock(tau, limits))]
         label = f"{panel.title}: deviation, {_pretty(UNIT[sensor])}"
         drawn.append(Axes(label, layers, "log", limits))
     return Chart(
@@ -162,7 +162,7 @@ def _clock(tau: tuple[float, float], limits: tuple[float, float]) -> Iterator[La
     """Yield minutes and hours in words along the top."""
     shown = {seconds: words for seconds, words in TIMES.items() if tau[0] < seconds < tau[1]}
     if shown:
-        height = np.full(len(shown), limits[1] / (limits[1] / limits[0]) ** 0.05)
+        height = np.full(len(shown), limits[1] / (limits[1] / limits[0]) ** 0.12)
         yield Layer("labels", np.array([*shown]), height, ink="faint", texts=[*shown.values()])
 
 

@@ -86,8 +86,8 @@ def answers_in_words(findings: Sequence[Finding]) -> str:
     certain = [text.format(f.value) for f, text in phrased if f.confidence]
     unknown = [f.name for f, _ in phrased if not f.confidence]
     least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
-    parts = [", ".join(certain) + f"   (each at {least:.1%} or more)"] if certain else []
-    return "   ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
+    parts = [", ".join(certain) + f" (each at {least:.1%} or more)"] if certain else []
+    return "; ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
 
 
 def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -126,7 +126,7 @@ def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
     def panel(label: str, felt: Array, seen: Array, k: int) -> Axes:
         layers = [
             Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
-            Layer("points", x, seen, "seen by GNSS", "ink", width=5.0),
+            Layer("points", x, seen, "seen by GNSS", "ink", width=3.5),
         ]
         return Axes(label, layers, limits=_reach(felt, seen))
 

@@ -93,5 +93,6 @@ def _rows(t: "Tuned") -> Iterator[tuple[str, ...]]:
     test = p_text(p) if math.isfinite(p) else "no test"
     for e in t.inference.estimates:
         name = f"{symbol(e.name)} {kind_of(e.name).replace('_', ' ')}"
-        estimate, unit = value_text(t.sensor, e), unit_text(t.sensor, e.name)
+        estimate = value_text(t.sensor, e).replace("+-", "±")
+        unit = unit_text(t.sensor, e.name)
         yield (t.name, name, estimate, unit, interval(t.sensor, e), test)
