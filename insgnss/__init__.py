@@ -11,7 +11,8 @@ Importing the package loads none of them: each is loaded when it is first used.
 Run
     `estimate` (arrays in, result out), `process` (a flight file), `adjust_block` (an image block
     with aerial control), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
-    `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
+    `simulate`, `figures` of a page; the result of the first two is a `ProcessResult`.
+    `relative_control` between images.
     `calibrate_tripod`, `calibrate_similarity`, `calibrate_materialise`, `calibrate_mounting`: lever
     arms, bore-sight and camera delay with verdicts.
     `predict_targets` and `measure_targets`: ground points in photographs, where a `Target` lies.
@@ -72,7 +73,7 @@ if _TYPE_CHECKING:
         read_mounting,
     )
     from .api.estimation import estimate
-    from .api.products import compare, export, ppk, relative_control
+    from .api.products import compare, export, figures, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
     from .api.targets import measure_targets, predict_targets
     from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
@@ -122,7 +123,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
         *("calibrate_tripod", "read_mounting"),
     ),
     "api.estimation": ("estimate",),
-    "api.products": ("compare", "export", "ppk", "relative_control"),
+    "api.products": ("compare", "export", "figures", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
     "api.targets": ("measure_targets", "predict_targets"),
     "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
@@ -195,6 +196,7 @@ __all__ = [
     "compare",
     "estimate",
     "export",
+    "figures",
     "haar_variance",
     "inspect",
     "load_block",

@@ -1,5 +1,5 @@
 """The verbs of the command line that take or give products, as functions of Python: export,
-compare, ppk.
+compare, figures, ppk.
 """
 
 import os
@@ -154,6 +154,41 @@ def compare(
         geoid=None if geoid is None else Path(geoid),
         time_shift_s=time_shift_s,
     )
+
+
+def figures(
+    source: Source,
+    *,
+    form: Literal["pdf", "svg", "png"] = "pdf",
+    out: Source | None = None,
+    only: Sequence[str] = (),
+    width_mm: float = 174.0,
+    force: bool = False,
+) -> tuple[Path, ...]:
+    """Draw the charts of a page into files, one a chart, named by it.
+
+    Parameters
+    ----------
+    source : a page that insgnss wrote, such as report.html, or the JSON document beside it.
+    form : of the files.
+    out : directory of the files; None: `figures` beside the page.
+    only : names of charts; all of them where empty.
+    width_mm : of each figure: 84 fills one column of a journal, 174 two of them.
+    force : whether to overwrite files.
+
+    Returns
+    -------
+    The files.
+
+    Raises
+    ------
+    InputError : the page is not there, of another run than the JSON document, or damaged.
+    UsageError : a chart or form is unknown, or a file exists already.
+    """
+    from ..report.charts.files import figure_files
+
+    folder = None if out is None else Path(out)
+    return figure_files(Path(source), form, folder, only, width_mm, force).files
 
 
 def ppk(

@@ -1,4 +1,4 @@
-"""adjust.html: the page of an adjusted block, without scripts or outside files."""
+"""adjust.html: the page of an adjusted block, without outside files."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..base.files import atomic_write
-from ..report.figures.block import Field, Ground, pictures
-from ..report.markup import document, escape, folded, pictured, sentence, table
+from ..report.figures.block import Field, Ground, charts
+from ..report.markup import escape, folded, sentence, table
 from ..report.rules.wording import lengths
+from ..report.verb_page import VerbPage
 from .judgement import Judgement
 from .solve import Solved
 
+STRONG = 0.9  # a correlation that stands out
 MODES = {
     "iso": "integrated sensor orientation",
     "indirect": "indirect: without aerial control",
@@ -23,7 +25,7 @@ MODES = {
 
 
 def write_page(
-    path: Path, solved: Solved, figures: Mapping[str, Any], judgement: Judgement
+    path: Path, solved: Solved, figures: Mapping[str, Any], judgement: Judgement, twin: str
 ) -> None:
     """Draw and write the page, whole or not at all.
 
@@ -37,32 +39,93 @@ def write_page(
         Its figures.
     judgement : Judgement
         What is said of it.
+    twin : str
+        Text of adjust.json.
     """
-    mood = "bad" if judgement.contradicted else "good"
-    atomic_write(
-        path,
-        document(
-            f"{figures['name']}: adjustment",
-            judgement.headline,
-            mood,
-            _body(solved, figures, judgement),
-        ),
+    mood, why = _mood(judgement)
+    page = VerbPage(
+        f"{figures['name']}: adjustment",
+        judgement.headline,
+        mood,
+        why,
+        charts(figures, _fields(solved, judgement), ground_of(solved)),
+        (_findings(judgement),),
+        (_numbers(figures), _determined(judgement), *_parts(figures)),
+        input_paths(solved),
+        {"mode": MODES[figures["mode"]], "block file": solved.inputs.file.path.name},
+        twin=twin,
     )
+    atomic_write(path, page.html())
 
 
-def _body(solved: Solved, figures: Mapping[str, Any], judgement: Judgement) -> Iterator[str]:
-    yield _findings(judgement)
-    yield _numbers(figures)
-    yield _determined(judgement)
-    drawn = pictures(figures, _fields(solved, judgement), ground_of(solved))
-    yield from map(pictured, drawn)
+def input_paths(solved: Solved) -> list[Path]:
+    """Return the files that the block is made of.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    list of Path
+        Those that the block file names, and itself.
+    """
+    file = solved.inputs.file
+    own = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    every = (*own, file.ground.file, file.vehicle.file, file.vehicle.sizes)
+    return [path for path in every if path is not None]
+
+
+def _mood(judgement: Judgement) -> tuple[str, str]:
+    """Return the colour of the bar, and why it has it."""
+    worst = [f for f in judgement.findings if f.rank >= 1.0]
+    if judgement.contradicted:
+        return "bad", worst[0].text if worst else "observations contradict each other"
+    undetermined = [name for name, word, _ in judgement.determined if word == "not determined"]
+    if undetermined:
+        return "good", (
+            "no observation group contradicts another; not determined by this block, and held:"
+            f" {', '.join(undetermined)}"
+        )
+    return "good", "no observation group contradicts another"
+
+
+def _parts(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what stands below the charts."""
     yield _components(figures)
     yield _control(figures)
     yield _vehicle(figures)
     yield _checks(figures)
+    yield from (_correlations(c) for c in figures["cameras"] if len(c["correlated"]) > 1)
     yield _images(figures)
     yield _rejected(figures)
     yield _notes(figures)
+
+
+def _correlations(camera: Mapping[str, Any]) -> str:
+    """Correlations of the interior orientation; strong ones stand out."""
+    names, rho = camera["correlated"], camera["correlation"]
+    rows = [
+        (
+            escape(name),
+            *(
+                f"<b>{rho[i][j]:+.2f}</b>" if abs(rho[i][j]) > STRONG else f"{rho[i][j]:+.2f}"
+                for j in range(i)
+            ),
+            *[""] * (len(names) - i),
+        )
+        for i, name in enumerate(names)
+    ]
+    head = ("", *map(escape, names))
+    words = (
+        "Coefficients of one polynomial are strongly correlated always; only what they make of a"
+        " ray together counts."
+    )
+    return (
+        f"<h2>Interior orientation: correlations of {escape(camera['name'])}</h2>\n"
+        f'<p class="soft">{words}</p>\n' + table(rows, head, numbers=True)
+    )
 
 
 def ground_of(solved: Solved) -> Ground:
@@ -255,7 +318,9 @@ def _images(figures: Mapping[str, Any]) -> str:
     head: tuple[str, ...] = ("image", "points", "rejected", "rms, px", "sigma E N U")
     head += ("sigma of attitude E N U, deg", "moved by")
     body = table(rows, head, numbers=True)
-    return "<h2>Images</h2>\n" + (folded(f"{len(rows)} images", body) if len(rows) > 20 else body)
+    return "<h2>Image by image</h2>\n" + (
+        folded(f"{len(rows)} images", body) if len(rows) > 20 else body
+    )
 
 
 def _rejected(figures: Mapping[str, Any]) -> str:

@@ -35,14 +35,14 @@ from ..processing.staging import Staging
 from ..records import ExteriorOrientation
 from ..records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ..report.figures.block import precision_map
-from ..report.markup import document, escape, pictured
 from ..report.rules.wording import lengths, screen_unit
+from ..report.verb_page import VerbPage, listed
 from ..simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
 from .aerial.control import Control, control_of
 from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
 from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
-from .page import ground_of
+from .page import ground_of, input_paths
 from .solve import Solved, plainly, set_up
 
 DOCUMENT, PAGE = "plan.json", "plan.html"
@@ -222,17 +222,22 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
 def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     """Write document and page, both or none."""
     where = plan.best[0] if plan.best and plan.best[2] < WORTH * plan.best[1] else None
-    picture = precision_map(plan.figures, ground_of(plan.solved), where)
+    chart = precision_map(plan.figures, ground_of(plan.solved), where)
     lines = plan.summary().splitlines()
-    items = "".join(f"<li>{escape(line)}</li>\n" for line in lines[1:])
-    body = [f"<ul>\n{items}</ul>\n", pictured(picture)]
     text = json.dumps(json_ready(plan.as_dict()), indent=1, allow_nan=False, ensure_ascii=False)
+    page = VerbPage(
+        f"{plan.figures['name']}: plan",
+        lines[0],
+        "good",
+        "this is what to expect, before anything is measured",
+        [chart],
+        (listed("What to expect", lines[1:]),),
+        inputs=input_paths(plan.solved),
+        twin=text + "\n",
+    )
     with Staging(out) as staging:
         atomic_write(staging.directory / DOCUMENT, text + "\n")
-        atomic_write(
-            staging.directory / PAGE,
-            document(f"{plan.figures['name']}: plan", lines[0], "good", body),
-        )
+        atomic_write(staging.directory / PAGE, page.html())
         moves = staging.moves()
         for source, goal in moves:
             os.replace(source, goal)

@@ -78,11 +78,9 @@ def written(
         if not judgement.refused:
             _write_orientation(solved, figures, judgement, into)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
-        atomic_write(
-            into / DOCUMENT,
-            json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False) + "\n",
-        )
-        write_page(into / PAGE, solved, figures, judgement)
+        document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
+        atomic_write(into / DOCUMENT, document + "\n")
+        write_page(into / PAGE, solved, figures, judgement, document + "\n")
         moves = staging.moves()
         _refuse_overwriting(solved, [goal for _, goal in moves])
         for source, goal in moves:

@@ -27,7 +27,7 @@ FORMS = (
     "gnss",
     "odyn",
 )  # those of `comparison.reading.FORMS`, named here so that help needs no numpy
-EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --figure differences.png
+EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
   insgnss compare trajectory.sbet reference.pos --week 2008"""
 
 
@@ -74,7 +74,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="seconds to be added to the times of B (default: 0)",
     )
     parser.add_argument(
-        "--figure", type=Path, metavar="FILE", help="write the differences as a picture, PNG"
+        "--figure",
+        type=Path,
+        metavar="FILE",
+        help="write the differences as a picture: PNG, or by its ending .pdf or .svg",
+    )
+    parser.add_argument(
+        "--page",
+        type=Path,
+        metavar="FILE",
+        help="write statistics and differences as a page, HTML, whose charts one can zoom",
     )
 
 
@@ -97,7 +106,12 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         time_shift_s=given.shift,
     )
     if given.figure is not None:
-        atomic_write(given.figure, result.figure())
+        form = given.figure.suffix.lower().removeprefix(".")
+        atomic_write(given.figure, result.figure(form if form in ("pdf", "svg") else "png"))
+    if given.page is not None:
+        from ..comparison.page import comparison_page
+
+        atomic_write(given.page, comparison_page(result).html())
     return result
 
 

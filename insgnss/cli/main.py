@@ -25,6 +25,7 @@ from . import (
     compare,
     demo,
     export,
+    figures,
     inspect,
     ppk,
     process,
@@ -41,7 +42,7 @@ VERBS = tuple(
     module.VERB
     for module in (
         *(demo, simulate, inspect, process, verify, export, adjust),
-        *(targets, calibrate, tune, compare, ppk),
+        *(targets, calibrate, tune, compare, ppk, figures),
     )
 )
 

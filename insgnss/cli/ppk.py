@@ -1,8 +1,8 @@
-"""The verb `ppk`: RINEX of rover and base to antenna positions, a figure and ppk.json."""
+"""The verb `ppk`: RINEX of rover and base to antenna positions, a page, a figure and ppk.json."""
 
 import argparse
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,8 +22,6 @@ from .verb import Verb, show_result
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkInput, PpkResult
 
-Draw = Callable[[Mapping[str, Any]], bytes]
-
 EXAMPLE = """\
   insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g \\
       --base-position 46.5712345,6.5412345,512.345
@@ -31,7 +29,7 @@ EXAMPLE = """\
       --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
-FIGURE, DOCUMENT = "gnss_quality.png", "ppk.json"
+FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
 TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
 
 
@@ -95,12 +93,8 @@ class PpkRun:
         }
 
 
-def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
+def ppk(given: argparse.Namespace, progress: Progress) -> PpkRun:
     """Do what the parsed command line asks for.
-
-    Parameters
-    ----------
-    draw : PNG of the series of a result (`report.figures.gnss.draw_quality`).
 
     Raises
     ------
@@ -109,12 +103,12 @@ def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     """
     with spoken_as(names_of()):
         try:
-            return _solved(given, progress, draw)
+            return _solved(given, progress)
         except OptionError as error:
             raise UsageError(f"ppk: {error}") from error
 
 
-def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
+def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     inputs, origin = (
         input_of(given),
         None if given.origin is None else geodetic_position(given.origin, "tangent_plane.origin"),
@@ -134,15 +128,25 @@ def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun
     result = solve_ppk(inputs, given.out, progress)
     progress("writing")
     written, missing = write_antenna_files(result.fixes, result.events, given.out, origin)
-    figure, document = given.out / FIGURE, given.out / DOCUMENT
-    atomic_write(figure, draw(result.series))
     result = result if missing is None else replace(result, checks=(*result.checks, missing))
-    run = PpkRun(result, inputs, (*written, *result.files.values(), figure, document))
-    atomic_write(
-        document,
-        json.dumps(json_ready(run.as_dict()), indent=2, allow_nan=False, ensure_ascii=False) + "\n",
-    )
+    beside = tuple(given.out / name for name in (FIGURE, DOCUMENT, PAGE))
+    run = PpkRun(result, inputs, (*written, *result.files.values(), *beside))
+    _write_report(run, *beside)
     return run
+
+
+def _write_report(run: PpkRun, figure: Path, document: Path, page: Path) -> None:
+    """Write figure, page and, last, the document."""
+    from ..report.charts.drawn import draw_sheet
+    from ..report.ppk_page import ppk_charts, ppk_page
+
+    result, given = run.result, run.given
+    atomic_write(figure, draw_sheet([ppk_charts(result.series)]))
+    what = json_ready(run.as_dict())
+    twin = json.dumps(what, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    files = [given.rover, given.base, *given.navigation]
+    atomic_write(page, ppk_page(what, result.checks, result.series, files, twin).html())
+    atomic_write(document, twin)
 
 
 def _refuse_absent(given: argparse.Namespace) -> None:
@@ -275,9 +279,7 @@ def geodetic_position(text: str, key: str) -> Any:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..report.figures.gnss import draw_quality
-
-    return show_result(options, progress, ppk(options, progress, draw_quality))
+    return show_result(options, progress, ppk(options, progress))
 
 
 VERB = Verb(

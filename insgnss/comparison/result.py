@@ -4,10 +4,14 @@ It has differences with statistics, and the mismatches that it recognised, each 
 """
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ..report.charts.chart import Chart
+    from ..report.charts.drawn import Form
 
 Array = NDArray[np.float64]
 Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
@@ -199,9 +203,9 @@ class Comparison:
             "notes": list(self.notes),
         }
 
-    def figure(self) -> bytes:
-        """Draw the differences over time, or over the images, and what remains; return the PNG."""
-        from ..report.figures.comparison import ComparisonPanel, Curve, draw_comparison
+    def charts(self) -> "tuple[Chart, ...]":
+        """Return the differences over time, or over the images, what remains, and distributions."""
+        from ..report.figures.comparison import ComparisonPanel, Curve, comparison_charts
 
         def curve(c: Component) -> Curve:
             factor, unit = c.screen
@@ -209,8 +213,21 @@ class Comparison:
 
         after = {c.name: curve(c) for c in self.remaining}
         panels = [ComparisonPanel(c.name, curve(c), after.get(c.name)) for c in self.components]
+        return comparison_charts(panels, (self.time, self.remaining_time), self.labels)
+
+    def figure(self, form: "Form" = "png") -> bytes:
+        """Draw all charts on one sheet.
+
+        Parameters
+        ----------
+        form : "png", "pdf" or "svg".
+        """
+        from ..report.charts.drawn import draw_sheet
+
+        first, *left, distribution = self.charts()
+        columns = [[first], left] if left else [[first, distribution]]
         title = f"{self.n} poses, b minus a" + "".join(f"; {f.name}" for f in self.findings)
-        return draw_comparison(panels, (self.time, self.remaining_time), title, (self.a, self.b))
+        return draw_sheet(columns, title, f"a: {self.a}    b: {self.b}", form)
 
 
 def table(components: tuple[Component, ...]) -> list[str]:

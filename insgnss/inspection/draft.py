@@ -1,6 +1,6 @@
 """A flight file drafted from an inspection: every key with its evidence, unsure ones as comments.
 
-Files are overwritten only on request; the noise model and the picture go beside the flight file,
+Files are overwritten only on request; noise model, picture and page go beside the flight file,
 which is written last, so that it never names a file that does not exist.
 """
 
@@ -15,7 +15,7 @@ from ..base.files import atomic_write
 from ..stochastic.model import NoiseModel, write_noise_model
 from ..stochastic.noise_file import comment_lines
 
-NOISE_FILE, PICTURE_FILE = "imu_noise.toml", "recognition.png"
+NOISE_FILE, PICTURE_FILE, PAGE_FILE = "imu_noise.toml", "recognition.png", "inspect.html"
 WRAPPED = 100  # a list longer than this takes a line an item
 
 
@@ -31,7 +31,7 @@ class Entry:
 
 @dataclass
 class Draft:
-    """Tables of a flight file in order, with the noise model and the picture (PNG) beside it.
+    """Tables of a flight file in order, with noise model, picture (PNG) and page (HTML) beside it.
 
     The top table has an empty name.
     """
@@ -40,6 +40,7 @@ class Draft:
     noise: NoiseModel | None = None
     noise_why: tuple[str, ...] = ()
     picture: bytes | None = None
+    page: str | None = None
     remarks: tuple[str, ...] = ()
 
     def add(self, table: str, key: str, value: Any, why: str = "", sure: bool = True) -> None:
@@ -63,9 +64,9 @@ class Draft:
 
 
 def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
-    """Write flight file, noise model and picture; return the files written.
+    """Write flight file, noise model, picture and page; return the files written.
 
-    Beside another name than flight.toml the other two bear it as well.
+    Beside another name than flight.toml the others bear it as well.
 
     Parameters
     ----------
@@ -87,6 +88,8 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
         parts[path.with_name(own + NOISE_FILE)] = draft.noise
     if draft.picture is not None:
         parts[path.with_name(own + PICTURE_FILE)] = draft.picture
+    if draft.page is not None:
+        parts[path.with_name(own + PAGE_FILE)] = draft.page
     parts[path] = draft.text(path.absolute().parent).replace(
         f"noise = {toml(NOISE_FILE)}", f"noise = {toml(own + NOISE_FILE)}"
     )

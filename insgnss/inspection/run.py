@@ -29,6 +29,8 @@ from .text import document, summary
 if TYPE_CHECKING:
     from ..recognise.recognition import Recognition
     from ..recognise.turns import Forces
+    from ..report.charts.chart import Chart
+    from ..report.verb_page import VerbPage
 
 DATA_KEYS = (
     "accel_file",
@@ -58,25 +60,39 @@ class Inspection(InspectionData):
         from .draft import write_draft
 
         assert self.draft is not None
-        return replace(
-            self,
-            written=tuple(write_draft(replace(self.draft, picture=self.picture()), path, force)),
-        )
+        drafted = replace(self.draft, picture=self.picture(), page="".join(self.page().html()))
+        return replace(self, written=tuple(write_draft(drafted, path, force)))
 
-    def picture(self) -> bytes | None:
-        """Return a PNG of what was recognised; None without a receiver."""
+    def charts(self) -> "tuple[Chart, ...]":
+        """Return what was recognised as charts; none without a receiver."""
         from ..recognise.axes import axes_words
-        from ..report.figures.recognition import recognition_picture
+        from ..report.figures.recognition import recognition_charts
 
         recognition = self.recognition
         if recognition is None:
+            return ()
+        poses = recognition.curves.get("orientation", ())
+        words = [axes_words(C) for C in poses]
+        return recognition_charts(recognition.curves, recognition.findings, words)
+
+    def picture(self) -> bytes | None:
+        """Return a PNG of what was recognised; None without a receiver."""
+        from ..report.charts.drawn import draw_sheet
+        from ..report.figures.recognition import answers_in_words
+
+        if self.recognition is None:
             return None
-        words = (
-            [axes_words(C) for C in recognition.curves["orientation"]]
-            if "orientation" in recognition.curves
-            else []
-        )
-        return recognition_picture(recognition.curves, recognition.findings, words, self.name)
+        charts = self.charts()
+        beside = [chart for chart in charts if chart.name != "motion"]
+        columns = [list(c) for c in ([x for x in charts if x not in beside], beside) if c]
+        title = f"{self.name}: what the IMU felt and what GNSS saw"
+        return draw_sheet(columns, title, answers_in_words(self.recognition.findings))
+
+    def page(self) -> "VerbPage":
+        """Return the page: what was recognised and why, charts, checks."""
+        from .page import inspection_page
+
+        return inspection_page(self, self.charts())
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -11,8 +11,8 @@ from ..geodesy.rotation import opk_from_rotation
 from ..orient.mounting_file import DELAY, VECTORS, MountingFile
 from ..processing.checks import camera_of
 from ..records.block import Array
+from ..report.charts.chart import Chart
 from ..report.figures.mounting import over_motion
-from ..report.markup import Picture
 from .in_flight import MountingResult
 from .judgement import facts_of, linear_functions
 from .products import CalibratedMounting, Provenance, metashape_line, provenance
@@ -49,7 +49,7 @@ def calibrated(
     if line := metashape_line(mounting):
         details.append(line)
 
-    def draw() -> Sequence[Picture]:
+    def charts() -> Sequence[Chart]:
         return over_motion(*_residuals(result))
 
     return CalibratedMounting(
@@ -59,7 +59,7 @@ def calibrated(
         tuple((c.name, c.word, c.text) for c in result.components),
         tuple(details),
         document(result),
-        draw,
+        charts,
     )
 
 

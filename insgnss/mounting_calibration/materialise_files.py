@@ -28,7 +28,7 @@ from ..geodesy.similarity import similarity
 from ..orient.mounting import ANTENNA_SIGMA_M
 from ..orient.mounting_file import MountingFile
 from ..records import Array
-from ..report.markup import Picture
+from ..report.charts.chart import Chart
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
 from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
 from .readings import advice, named_reading, position_readings
@@ -417,16 +417,14 @@ def _calibrated(
             "phase_centres_apart_m": receiver.apart_m,
             "inputs": inputs,
         },
-        lambda: _pictures(results, receiver),
+        lambda: _charts(results, receiver),
     )
 
 
-def _pictures(
-    results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets
-) -> Sequence[Picture]:
+def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) -> Sequence[Chart]:
     from ..report.figures.mounting import Scatter, scattered
 
-    pictures = []
+    charts = []
     if len(receiver.each_m) > 1:
         n = len(receiver.each_m)
         sigma = np.sqrt(np.diag(receiver.antenna_cov))
@@ -440,7 +438,7 @@ def _pictures(
         )
         axes = ("x", "y", "z")
         title = "Phase centre of each session, in the frame of the first"
-        pictures.append(scattered(data, "session", title, axes))
+        charts.append(scattered(data, "session", title, axes))
     residual = np.concatenate([r.residual_m for r in results])
     n = len(residual)
     data = Scatter(
@@ -452,5 +450,5 @@ def _pictures(
         np.zeros(3),
     )
     title = "Misclosures of the targets on camera and receiver, in camera axes"
-    pictures.append(scattered(data, "target", title))
-    return pictures
+    charts.append(scattered(data, "target", title))
+    return charts

@@ -14,7 +14,9 @@ from ..formats.images.exif import camera_tags, time_taken
 from ..orient.mounting import metashape_offset
 from ..orient.mounting_file import MountingFile, read_mounting_file, write_mounting_file
 from ..records.block import Array, BrownCamera
-from ..report.markup import Picture, document, escape, pictured, sentence, table
+from ..report.charts.chart import Chart
+from ..report.markup import escape, table
+from ..report.verb_page import VerbPage, listed
 
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
 
@@ -139,8 +141,8 @@ class CalibratedMounting:
         Further sentences.
     document : dict
         Figures for machines.
-    draw : callable
-        Draws the pictures of the page.
+    charts : callable
+        Makes the charts of the page.
     files : tuple of Path
         What was written.
     """
@@ -151,7 +153,7 @@ class CalibratedMounting:
     components: tuple[tuple[str, str, str], ...]
     details: tuple[str, ...]
     document: dict[str, Any]
-    draw: Callable[[], Sequence[Picture]]
+    charts: Callable[[], Sequence[Chart]]
     files: tuple[Path, ...] = field(default=())
 
     @property
@@ -214,7 +216,7 @@ def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
         if path.resolve() in inputs:
             raise UsageError(f"--out {out}: {path.name} would overwrite an input; give another")
     write_mounting_file(result.mounting, out)
-    atomic_write(page, document(result.title, result.headline, _mood(result), _body(result)))
+    atomic_write(page, page_of(result).html())
     return replace(result, files=(out, page))
 
 
@@ -258,22 +260,44 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
     return replace(result, mounting=made, details=(line, *result.details), document=document)
 
 
-def _mood(result: CalibratedMounting) -> str:
-    if not result.mounting.values():
-        return "bad"
-    lacking = any(word != "determined" for name, word, _ in result.components if name != "imu_m")
-    return "doubtful" if lacking else "good"
+def page_of(result: CalibratedMounting) -> VerbPage:
+    """Return the page of a calibration.
 
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
 
-def _body(result: CalibratedMounting) -> list[str]:
+    Returns
+    -------
+    VerbPage
+        With its charts.
+    """
+    mood, why = _mood(result)
     rows = [(escape(a), escape(b), escape(c)) for a, b, c in result.components]
-    parts = ["<h2>What was determined</h2>\n", table(rows, ("component", "verdict", "value"))]
-    parts += [pictured(picture) for picture in result.draw()]
-    items = "".join(f"<li>{escape(sentence(line))}</li>\n" for line in result.details)
-    parts.append(f"<h2>Notes</h2>\n<ul>\n{items}</ul>\n")
-    given = [(escape(name), f"<code>{digest}</code>") for name, digest in result.mounting.inputs]
-    parts.append("<h2>Inputs (SHA-256)</h2>\n" + table(given))
-    return parts
+    found = "<h2>What was determined</h2>\n" + table(rows, ("component", "verdict", "value"))
+    return VerbPage(
+        result.title,
+        result.headline,
+        mood,
+        why,
+        result.charts(),
+        (found,),
+        (listed("Notes", result.details),),
+        result.document.get("inputs", ()),
+    )
+
+
+def _mood(result: CalibratedMounting) -> tuple[str, str]:
+    """Return the colour of the bar, and why it has it."""
+    if (refusal := result.refusal) is not None:
+        return "bad", str(refusal)
+    lacking = [
+        name for name, word, _ in result.components if word != "determined" and name != "imu_m"
+    ]
+    if lacking:
+        return "doubtful", f"not determined by these data: {', '.join(lacking)}"
+    return "good", "every component that these data can show is determined"
 
 
 def metashape_line(mounting: MountingFile) -> str:

@@ -32,7 +32,7 @@ from ..geodesy.frames import TangentPlane
 from ..geodesy.similarity import similarity
 from ..orient.mounting_file import MountingFile
 from ..records import Array
-from ..report.markup import Picture
+from ..report.charts.chart import Chart
 from .flight_direction import FlightDirection, flight_direction, neighbour_correlation
 from .poses import (
     CameraPoses,
@@ -511,7 +511,7 @@ def _calibrated(
         (*components, ("imu_m", "not determined", NO_IMU)),
         (*notes, *([line] if line else [])),
         _document(result, direction, images, inputs),
-        lambda: _pictures(result, direction, poses),
+        lambda: _charts(result, direction, poses),
     )
 
 
@@ -548,9 +548,9 @@ def _document(
     return document
 
 
-def _pictures(
+def _charts(
     result: SimilarityLeverArm, direction: FlightDirection | None, poses: FlightPoses
-) -> list[Picture]:
+) -> tuple[Chart, ...]:
     from ..report.figures.mounting import Residuals, residuals
 
     n = len(result.residual_m)

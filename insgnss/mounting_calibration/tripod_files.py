@@ -11,7 +11,7 @@ from ..base.errors import DataError, InputError
 from ..calibrate.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
 from ..orient.mounting_file import MountingFile
 from ..records import Array
-from ..report.markup import Picture
+from ..report.charts.chart import Chart
 from .poses import (
     CameraPoses,
     PlaceOptions,
@@ -122,7 +122,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         ),
         (*verdict[1:], *notes, *([line] if line else [])),
         _document(result, camera.images, inputs),
-        lambda: _pictures(result, setups, camera.images),
+        lambda: _charts(result, setups, camera.images),
     )
 
 
@@ -249,9 +249,7 @@ def _document(
     }
 
 
-def _pictures(
-    result: TripodLeverArm, setups: TripodSetups, names: Sequence[str]
-) -> Sequence[Picture]:
+def _charts(result: TripodLeverArm, setups: TripodSetups, names: Sequence[str]) -> Sequence[Chart]:
     from ..calibrate.tripod import setup_lever_arms
     from ..report.figures.mounting import Scatter, scattered
 

@@ -1,12 +1,6 @@
 """The history of a run: what was done, sentence by sentence, as its products carry it."""
 
-import os
-import platform
-import shlex
-import sys
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 
@@ -132,15 +126,3 @@ def _estimates(segments: Sequence[Segment]) -> Iterator[str]:
             f"estimated: {state.name} {state.value:.4g} +- {state.sigma:.2g}, "
             f"{'' if state.observed else 'not '}observed by this flight"
         )
-
-
-def run_circumstances() -> dict[str, str]:
-    """Return date, operating system, machine and command of this run, as text by name."""
-    name = Path(sys.argv[0]).name
-    command = ["insgnss" if name == "__main__.py" else name or "python", *sys.argv[1:]]
-    return {
-        "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
-        "operating system": platform.platform(),
-        "machine": f"{platform.machine()}, {os.cpu_count() or 1} processors",
-        "command": shlex.join(command),
-    }

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..base.circumstances import circumstances
 from ..base.files import json_ready, sha256
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
@@ -36,7 +37,7 @@ from .checks import (
     refuse_unobservable,
 )
 from .diagnostics import report_rows, run_diagnostics
-from .history import run_circumstances, run_history
+from .history import run_history
 from .input_files import input_files
 from .orientation import orient_images, output_trajectory, strip_covariances
 from .products import RunResult, output_directory, write_products
@@ -230,7 +231,7 @@ def _report(
         imu_samples=recording.imu.time.size,
         epochs=sum(segment.solution.time.size for segment in segments),
         series=recording.series,
-        run=run_circumstances(),
+        run=circumstances(),
     )
     ppk = recording.ppk
     if ppk is not None:

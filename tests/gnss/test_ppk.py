@@ -36,7 +36,7 @@ from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes
-from insgnss.report.figures.gnss import draw_quality
+from insgnss.report.charts.files import charts_of
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 RTK_BASE = (-3959400.631, 3385704.533, 3667523.111)
@@ -484,7 +484,6 @@ def moved(tmp_path_factory):
         verb.ppk(
             parser.parse_args([*map(str, words), "--base-position", position, "--out", str(out)]),
             lambda _: None,
-            draw_quality,
         ),
         out,
     )
@@ -508,6 +507,8 @@ def test_the_verb_writes_positions_figure_and_document(moved):
     assert document["quality"]["epochs"] == 360
     assert document["input"]["options"]["base_point"] == "apc"
     assert (out / "gnss_quality.png").read_bytes().startswith(b"\x89PNG")
+    _, charts = charts_of(out / "ppk.json")
+    assert [chart.name for chart in charts] == ["gnss-solution", "gnss-signals"]
     assert run.summary().startswith(run.result.verdict)
     assert {path.name for path in run.files} == {path.name for path in out.iterdir()}
 
@@ -675,9 +676,7 @@ def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
     with pytest.raises(
         InputError, match=rf"^ppk: {option} .*{words[option][-1]} does not exist; check the path$"
     ):
-        verb.ppk(
-            parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None, draw_quality
-        )
+        verb.ppk(parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None)
     assert not (tmp_path / "out").exists()
 
 

@@ -5,13 +5,13 @@ import io
 
 import numpy as np
 import pytest
+from insgnss.report.figures.gnss import draw_quality
 from matplotlib.image import imread
 
 from insgnss.gnss.quality.covariance import CLASSES, VALIDATED
 from insgnss.records import GnssFixes
 from insgnss.report.charts import gnss
 from insgnss.report.charts.gnss import charts, fix_series
-from insgnss.report.figures.gnss import draw_quality
 
 
 @pytest.fixture

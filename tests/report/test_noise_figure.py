@@ -1,22 +1,17 @@
-"""The pictures of a sensor's noise: what is drawn, in which units, and that all shapes of input
-give a picture.
-"""
-
-import io
+"""The charts of a sensor's noise: what they show, and in which units."""
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from insgnss.records import WaveletVariance, chi_square_interval
-from insgnss.report.figures import noise
+from insgnss.report.charts.chart import Layer
 from insgnss.report.figures.noise import (
     NoisePanel,
     SpectrumPanel,
-    draw_noise,
-    draw_psd,
+    noise_chart,
     process_label,
+    spectrum_charts,
 )
 
 DEG_H = np.pi / 180.0 / 3600.0
@@ -34,7 +29,7 @@ def curve(variance, samples=200_000):
     return WaveletVariance(LEVEL, variance, low, high, count, RATE, samples)
 
 
-def panel(curves, levels=None, modelled=WHITE, words=("J test p = 0.3",)):
+def panel(curves, levels=None, modelled=WHITE, words="J test: p = 0.3"):
     labels = [f"static_{k}" for k in range(len(curves))]
     parts = (
         {"white_noise": 0.9 * modelled, "gauss_markov_1": 0.1 * modelled} if modelled.size else {}
@@ -48,29 +43,30 @@ def panel(curves, levels=None, modelled=WHITE, words=("J test p = 0.3",)):
     )
 
 
-def drawn(one):
-    ax = Figure().subplots()
-    noise._panel(ax, one, 1.0 / DEG_H)
-    return {line.get_label(): line for line in ax.get_lines()}
-
-
-def size_of(png):
-    from PIL import Image
-
-    return Image.open(io.BytesIO(png)).size
+def layers(one: NoisePanel) -> dict[str, Layer]:
+    (axes,) = noise_chart("gyro", [one]).panels
+    return {layer.name: layer for layer in axes.layers if layer.name}
 
 
 def test_white_noise_of_ten_degrees_an_hour_is_drawn_as_such():
     """Oracle: the deviation of white noise q over tau is q / sqrt(tau), here 10 deg/h at 1 s."""
-    lines = drawn(panel([curve(WHITE)]))
-    for label in ("static_0, 95 %", "fitted sum of"):
-        tau, deviation = lines[label].get_data()
-        assert_allclose(deviation, 10.0 / np.sqrt(tau), rtol=1e-9)
-    assert_allclose(
-        lines["white noise  9.5 deg/h"].get_ydata(), np.sqrt(0.9) * 10.0 / np.sqrt(TAU), rtol=1e-12
-    )
-    assert "left out of the fit" not in lines
-    assert not any("off by" in label for label in lines)
+    shown = layers(panel([curve(WHITE)]))
+    for name in ("static_0, 95 %", "fitted sum, J test: p = 0.3"):
+        assert_allclose(shown[name].y, 10.0 / np.sqrt(shown[name].x), rtol=1e-9)
+    part = shown["white noise  9.5 deg/h"]
+    assert_allclose(part.y, np.sqrt(0.9) * 10.0 / np.sqrt(TAU), rtol=1e-12)
+    assert part.dashed
+    assert "left out of the fit" not in shown
+    assert not any("off by" in name for name in shown)
+
+
+def test_intervals_are_those_of_chi_square():
+    """Oracle: roots of the bounds of the variance, times sqrt(2)."""
+    one = curve(WHITE)
+    (axes,) = noise_chart("gyro", [panel([one])]).panels
+    band = next(layer for layer in axes.layers if layer.kind == "band")
+    assert_allclose(band.y, np.sqrt(2.0 * one.low) / DEG_H, rtol=1e-12)
+    assert_allclose(band.y2, np.sqrt(2.0 * one.high) / DEG_H, rtol=1e-12)
 
 
 def test_scales_left_out_are_grey_and_those_that_do_not_fit_are_ringed():
@@ -79,47 +75,41 @@ def test_scales_left_out_are_grey_and_those_that_do_not_fit_are_ringed():
     """
     variance = WHITE.copy()
     variance[4] *= 1.3**2
-    lines = drawn(panel([curve(variance)], levels=range(3, 15)))
-    assert_allclose(lines["left out of the fit"].get_xdata(), TAU[[0, 1, 14, 15]])
-    assert_allclose(lines["fit off by more than 5 %"].get_xdata(), TAU[[4]])
-    assert lines["static_0, 95 %"].get_xdata().size == 12
+    shown = layers(panel([curve(variance)], levels=range(3, 15)))
+    assert_allclose(shown["left out of the fit"].x, TAU[[0, 1, 14, 15]])
+    assert shown["left out of the fit"].ink == "faint"
+    assert_allclose(shown["fit off by more than 5 %"].x, TAU[[4]])
+    assert shown["static_0, 95 %"].x.size == 12
+    assert len(shown["static_0, 95 %"].texts) == 12
 
 
 def test_several_recordings_share_one_entry_of_the_legend():
     """Oracle: the number of recordings; light curves carry no rings."""
-    lines = drawn(panel([curve(WHITE * f) for f in (1.0, 1.2, 2.0)]))
-    assert "3 recordings, 95 %" in lines
-    assert not any(label.startswith(("static", "fit off")) for label in lines)
+    shown = layers(panel([curve(WHITE * f) for f in (1.0, 1.2, 2.0)]))
+    assert "3 recordings, 95 %" in shown
+    assert not any(name.startswith(("static", "fit off")) for name in shown)
 
 
-@pytest.mark.parametrize(
-    ("panels", "subtitle", "height"),
-    [
-        ([panel([curve(WHITE)])] * 3, "static_0, 2000 s at 100 Hz", 993),
-        ([panel([curve(WHITE), curve(2.0 * WHITE)], levels=range(3, 15))], "words " * 60, 567),
-        ([panel([curve(WHITE)], modelled=np.zeros(0), words=())], "", 516),
-    ],
-)
-def test_picture_is_a_png_that_grows_with_its_words(panels, subtitle, height):
-    """Oracle: the image library; 11 inches at 100 points, 2.75 a panel (0.9 more where it is
-    alone), 0.22 and 0.17 a line of words.
+def test_without_a_fit_there_are_the_curves_alone():
+    """Oracle: by hand."""
+    shown = layers(panel([curve(WHITE)], modelled=np.zeros(0), words=""))
+    assert list(shown) == ["static_0, 95 %"]
+
+
+def test_limits_hold_the_curve_and_hours_stand_at_the_top():
+    """Oracle: the smallest and largest deviation; the minute lies within 0.01 to 330 s, ten minutes
+    do not.
     """
-    width, got = size_of(draw_noise("gyro", panels, "white noise fits", subtitle))
-    assert width == 1100
-    assert abs(got - height) <= 1
-
-
-def test_limits_hold_the_curve_and_hours_run_along_the_top():
-    """Oracle: the smallest and largest deviation; the minute and the ten minutes within 0.01 to 330
-    s.
-    """
-    low, high = noise._heights(panel([curve(WHITE)]), 1.0 / DEG_H)
+    chart = noise_chart("gyro", [panel([curve(WHITE)])] * 3)
+    assert len(chart.panels) == 3
+    assert (chart.scale, chart.panels[0].scale) == ("log", "log")
+    low, high = chart.panels[0].limits
     assert low < 10.0 / np.sqrt(TAU[-1])
     assert high > 10.0 / np.sqrt(TAU[0])
-    ax = Figure().subplots()
-    noise._log(ax, (0.005, 460.0), (low, high))
-    noise._clock(ax, (0.005, 460.0))
-    assert [text.get_text() for text in ax.child_axes[0].get_xticklabels()] == ["1 min"]
+    assert chart.limits[0] < TAU[0] < TAU[-1] < chart.limits[1]
+    clock = next(layer for layer in chart.panels[0].layers if layer.kind == "labels")
+    assert (clock.x.tolist(), list(clock.texts)) == ([60.0], ["1 min"])
+    assert low < clock.y[0] < high
 
 
 @pytest.mark.parametrize(
@@ -150,28 +140,26 @@ def spectrum(sensor, axis, lines=(43.6, 87.2)):
     )
 
 
-@pytest.mark.slow
-def test_spectra_stand_in_a_column_a_sensor():
-    """Oracle: the image library; three rows of 2.3 inches and their head, whether there are six
-    channels, three or four.
-    """
+def test_a_chart_of_spectra_for_each_sensor():
+    """Oracle: the channels, whether there are six, three or four."""
     six = [spectrum(sensor, axis) for sensor in ("gyro", "accel") for axis in "xyz"]
-    for panels in (six, six[:3], six[:4]):
-        width, height = size_of(
-            draw_psd(panels, "vibration triples the white noise", "212 s of straight flight")
-        )
-        assert width == 1100
-        assert abs(height - 858) <= 1
+    for panels, expected in ((six, (3, 3)), (six[:3], (3,)), (six[:4], (3, 1))):
+        charts = spectrum_charts(panels)
+        assert tuple(len(chart.panels) for chart in charts) == expected
+        assert [chart.name for chart in charts] == ["spectrum-gyro", "spectrum-accel"][
+            : len(expected)
+        ]
 
 
 def test_spectrum_is_drawn_beside_its_models():
     """Oracle: the densities that were put in, 30 and 10 deg/h/sqrt(Hz); lines that are close share
     a label.
     """
-    ax = Figure().subplots()
-    noise._spectrum(ax, spectrum("gyro", "x", (43.6, 44.0, 87.2)), first=True)
-    lines = {line.get_label(): line for line in ax.get_lines()}
-    assert_allclose(lines["in straight flight"].get_ydata(), 30.0, rtol=1e-12)
-    assert_allclose(lines["static model"].get_ydata(), 10.0, rtol=1e-12)
-    assert ax.get_ylim()[0] < 10.0 < 30.0 < ax.get_ylim()[1]
-    assert [text.get_text() for text in ax.texts] == ["43.6 Hz", "87.2 Hz"]
+    (chart,) = spectrum_charts([spectrum("gyro", "x", (43.6, 44.0, 87.2))])
+    (axes,) = chart.panels
+    shown = {layer.name or layer.kind: layer for layer in axes.layers}
+    assert_allclose(shown["in straight flight"].y, 30.0, rtol=1e-12)
+    assert_allclose(shown["static model"].y, 10.0, rtol=1e-12)
+    assert_allclose(shown["lines (propellers)"].x, [43.6, 44.0, 87.2])
+    assert axes.limits[0] < 10.0 < 30.0 < axes.limits[1]
+    assert list(shown["labels"].texts) == ["43.6 Hz", "87.2 Hz"]

@@ -15,7 +15,7 @@ from insgnss.stochastic.estimation.gmwm import fit
 from insgnss.stochastic.estimation.inference import infer
 from insgnss.stochastic.model import NOISE_UNITS, AxisNoise, GaussMarkov, RecordingSource
 from insgnss.stochastic.moments.theory import haar_variance
-from insgnss.tuning.products.table import _interval, plus_minus, printed, unit_text
+from insgnss.tuning.products.table import interval, plus_minus, printed, unit_text
 from insgnss.tuning.products.words import with_names
 from insgnss.tuning.recordings import StaticRecording
 from insgnss.tuning.turn_on import turn_on_bias
@@ -60,7 +60,7 @@ def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
     assert_allclose(noise.white_noise**2, np.var(sums) / (1000 / RATE), rtol=0.12)
 
 
-def test_a_process_whose_interval_reaches_a_sample_stays_as_it_was_fitted():
+def test_a_process_whoseinterval_reaches_a_sample_stays_as_it_was_fitted():
     """Oracle: the wavelet variance of the process put in, 71 s of 20 deg/h under 10.8
     deg/h/sqrt(Hz); as white noise it would be 239 deg/h/sqrt(Hz).
     """
@@ -209,7 +209,7 @@ def test_values_with_their_errors(value, error, text):
     assert plus_minus(value, error) == text
 
 
-def test_intervals_without_an_end_are_said_to_have_none():
+def testintervals_without_an_end_are_said_to_have_none():
     """Oracle: by hand, 1 s to 2 s, and the words for infinity."""
     for low, high, text in (
         (1.0, 2.0, "1 to 2"),
@@ -217,7 +217,7 @@ def test_intervals_without_an_end_are_said_to_have_none():
         (0.0, math.inf, "not bounded"),
     ):
         assert (
-            _interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False))
+            interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False))
             == text
         )
 

@@ -88,7 +88,7 @@ def is_clock_of(grid: Grid, column: int, clock: int) -> bool:
     a, b = grid.values[:, clock], grid.values[:, column]
     span = float(a[-1] - a[0])
     ratio = float(b[-1] - b[0]) / span if span else 0.0
-    if ratio <= 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
+    if not ratio > 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
         return False
     off = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
     return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))

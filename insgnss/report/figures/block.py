@@ -1,19 +1,19 @@
-"""Pictures of an adjusted image block: residuals on the format, the map, images, precision."""
+"""Charts of an adjusted image block: the map, precision, residuals on the format, images."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..markup import Picture
-from .style import ACCENT, AXIS_COLOURS, FAINT, LINE, WARN, legend, length_unit, png, sheet
+from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer, Mark
+from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
 MOST_POINTS = 6000
 SHARE = 0.06  # of the map's width that the longest usual arrow has
-STRONG = 0.9  # a correlation that is printed
+CIRCLE = 0.07  # of the format, from its corner: where the circle of chance stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +64,10 @@ class Ground:
         return np.asarray(inside.all(axis=1))
 
 
-def pictures(
+def charts(
     figures: Mapping[str, Any], fields: Sequence[Field], ground: Ground
-) -> tuple[Picture, ...]:
-    """All pictures for which there is something to show.
+) -> tuple[Chart, ...]:
+    """All charts for which there is something to show.
 
     Parameters
     ----------
@@ -75,80 +75,86 @@ def pictures(
     fields : mean residuals, a camera each.
     ground : what lies where.
     """
-    drawn = [_map(figures, ground), precision_map(figures, ground)]
-    drawn += [_format(field) for field in fields if len(field.mean)]
-    drawn += [_images(figures)]
-    drawn += [_correlations(c) for c in figures["cameras"] if len(c["correlated"]) > 1]
-    return tuple(drawn)
+    return (
+        _map(figures, ground),
+        precision_map(figures, ground),
+        *(_format(field) for field in fields if len(field.mean)),
+        _images(figures),
+    )
 
 
-def _map(figures: Mapping[str, Any], ground: Ground) -> Picture:
+def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
     """Images, flight lines, control and check points with their residuals."""
-    figure, axes = sheet(1, 1, 8.5)
-    ax = axes[0, 0]
     X = ground.position
-    shown = ground.point[:: max(1, len(ground.point) // MOST_POINTS)]
-    shown = shown[ground.around(shown)]
-    ax.plot(*shown[:, :2].T, ".", color="#C3C9D2", ms=1, zorder=1)
-    low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
-    margin = 0.25 * float(max(high - low)) + 20.0
-    for k, rows in enumerate(ground.lines):
-        if len(rows) > 1:
-            own = X[rows]
-            ax.plot(own[:, 0], own[:, 1], "-", color=FAINT, lw=0.8, zorder=2)
-            ax.annotate(str(k + 1), own[0, :2], fontsize=7, color=FAINT)
-    ax.plot(X[:, 0], X[:, 1], ".", color=LINE, ms=4, zorder=3, label="image")
-    arrows = []
-    for kind, key, colour, shape in (
-        ("ground control", "residual_m", ACCENT, "^"),
-        ("check point", "difference_m", AXIS_COLOURS[2], "s"),
-    ):
-        points = [p for p in figures[_NAMES[kind]] if key in p]
-        if not points:
-            continue
-        ends = np.array([p["position_m"] for p in points])
-        d = np.array([p[key] for p in points])
-        ax.plot(ends[:, 0], ends[:, 1], shape, mfc="none", mec=colour, ms=7, zorder=5, label=kind)
-        for p, x in zip(points, ends, strict=True):
-            ax.annotate(p["point"], x[:2], xytext=(5, 4), textcoords="offset points", fontsize=7)
-        arrows.append((ends, d, colour))
+    names = [image["image"] for image in figures["images"]]
+    seen = ground.point[ground.around(ground.point)]
+    seen = seen[:: max(1, -(-len(seen) // MOST_POINTS))]
+    layers = [Layer("points", seen[:, 0], seen[:, 1], ink="faint", width=1.5, faint=True)]
+    lines = [rows for rows in ground.lines if len(rows) > 1]
+    numbers = [str(k + 1) for k, rows in enumerate(ground.lines) if len(rows) > 1]
+    layers += [Layer("line", X[rows, 0], X[rows, 1], ink="faint", width=1.1) for rows in lines]
+    layers.append(Layer("points", X[:, 0], X[:, 1], "image", texts=names, width=5.0))
+    if lines:
+        starts = X[[rows[0] for rows in lines]]
+        layers.append(Layer("labels", starts[:, 0], starts[:, 1], ink="faint", texts=numbers))
+    points = list(_surveyed(figures))
     reading = "Dots are images, grey lines flight lines, with their numbers at the first image."
-    if arrows:
-        every = np.vstack([d for _, d, _ in arrows])
-        usual = float(np.quantile(np.linalg.norm(every, axis=1), 0.9))
-        factor = SHARE * float(max(high - low).item() + 2.0 * margin) / max(usual, 1e-9)
-        for ends, d, colour in arrows:
-            ax.quiver(
-                *ends[:, :2].T,
-                *(factor * d[:, :2]).T,
-                color=colour,
-                angles="xy",
-                scale_units="xy",
-                scale=1.0,
-                width=0.003,
-                zorder=6,
-            )
-            for x, up in zip(ends, d[:, 2], strict=True):
-                ax.plot([x[0], x[0]], [x[1], x[1] + factor * up], color=WARN, lw=2.0, alpha=0.7)
+    if points:
+        usual = float(np.quantile(np.linalg.norm(np.vstack([p.off for p in points]), axis=1), 0.9))
+        low, high = X[:, :2].min(axis=0), X[:, :2].max(axis=0)
+        size = 1.5 * float((high - low).max()) + 40.0
+        factor = SHARE * size / max(usual, 1e-9)
+        for group in points:
+            layers += group.layers(factor, 0.02 * size)
         scale, unit = length_unit(usual)
         reading += (
             f" Arrows: surveyed minus adjusted, east and north, {factor:.0f} times enlarged"
-            f" (nine tenths are below {scale * usual:.1f} {unit}); bars: the same of the height,"
+            f" (nine tenths are below {scale * usual:.1f} {unit}); red: the same of the height,"
             " up is up."
         )
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("east, m")
-    ax.set_ylabel("north, m")
-    legend(ax)
-    return Picture("map", "The block", reading, png(figure))
+    return Chart("map", "The block", reading, [Axes("north, m", layers)], "east, m", map=True)
 
 
-_NAMES = {"ground control": "ground_control", "check point": "check_points"}
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Surveyed points of one kind: names, places (n, 3) and surveyed minus adjusted (n, 3), m."""
+
+    kind: str
+    names: Sequence[str]
+    place: Array
+    off: Array
+    ink: Ink
+    mark: Mark
+
+    def layers(self, factor: float, above: float) -> Iterator[Layer]:
+        """Yield marks, arrows that are so many times enlarged, and names so many m above."""
+        x, y = self.place[:, 0], self.place[:, 1]
+        east, north, up = (factor * self.off).T
+        texts = [
+            f"{name}: " + " / ".join(f"{1e3 * value:+.1f}" for value in off) + " mm E N U"
+            for name, off in zip(self.names, self.off, strict=True)
+        ]
+        yield Layer("points", x, y, self.kind, self.ink, mark=self.mark, texts=texts, width=8.0)
+        yield Layer("arrows", x, y, ink=self.ink, x2=x + east, y2=y + north)
+        yield Layer("arrows", x, y, ink="warn", x2=x, y2=y + up, faint=True)
+        yield Layer("labels", x, y + above, ink="ink", texts=self.names)
+
+
+def _surveyed(figures: Mapping[str, Any]) -> Iterator[_Points]:
+    """Yield ground control and check points, as far as there are residuals."""
+    kinds: tuple[tuple[str, str, str, Ink, Mark], ...] = (
+        ("ground control", "ground_control", "residual_m", "second", "triangle"),
+        ("check point", "check_points", "difference_m", "third", "square"),
+    )
+    for kind, group, key, ink, mark in kinds:
+        if points := [p for p in figures[group] if key in p]:
+            place, off = (np.array([p[name] for p in points]) for name in ("position_m", key))
+            yield _Points(kind, [p["point"] for p in points], place, off, ink, mark)
 
 
 def precision_map(
     figures: Mapping[str, Any], ground: Ground, proposed: Array | None = None
-) -> Picture:
+) -> Chart:
     """Standard deviations of the heights of the object points.
 
     Parameters
@@ -157,130 +163,119 @@ def precision_map(
     ground : what lies where.
     proposed : (2,) or (3,) where one more control point would help; None: nowhere.
     """
-    figure, axes = sheet(1, 1, 8.0)
-    figure.subplots_adjust(right=0.94)
-    ax = axes[0, 0]
     near = np.flatnonzero(ground.around(ground.point))
-    near = near[:: max(1, near.size // MOST_POINTS)]
-    up = 1e3 * ground.sigma[near, 2]
-    low, high = np.quantile(up, (0.02, 0.95)) if near.size else (0.0, 1.0)
-    drawn = ax.scatter(*ground.point[near, :2].T, c=up, s=5, cmap="viridis", vmin=low, vmax=high)
-    figure.colorbar(drawn, ax=ax, label="sigma of the height, mm", fraction=0.04, pad=0.02)
-    control = np.array([p["position_m"] for p in figures["ground_control"]]).reshape(-1, 3)
-    if len(control):
-        ax.plot(*control[:, :2].T, "^", mfc="none", mec=ACCENT, ms=8, label="ground control")
+    near = near[:: max(1, -(-near.size // MOST_POINTS))]
+    at, up = ground.point[near], 1e3 * ground.sigma[near, 2]
+    layers = [
+        Layer(
+            "points", at[:, 0], at[:, 1], value=up, value_name="sigma of the height, mm", width=3.5
+        )
+    ]
+    if control := figures["ground_control"]:
+        place = np.array([p["position_m"] for p in control])
+        names = [p["point"] for p in control]
+        layers.append(
+            Layer(
+                *("points", place[:, 0], place[:, 1], "ground control", "second"),
+                mark="triangle",
+                texts=names,
+                width=8.0,
+            )
+        )
     if proposed is not None:
-        ax.plot(*proposed[:2], "*", color=WARN, ms=14, label="one more would help here")
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("east, m")
-    ax.set_ylabel("north, m")
-    if len(control) or proposed is not None:
-        legend(ax)
+        x, y = np.asarray(proposed[:1]), np.asarray(proposed[1:2])
+        words = "one more would help here"
+        layers.append(Layer("points", x, y, words, "warn", mark="ring", width=10.0, texts=[words]))
     reading = (
         "Each dot is an object point; its colour is the standard deviation of its height. Points of"
         " two images, at the rim, are worse than those of many; colours that change over the whole"
         " block ask for ground control where they are yellow."
     )
-    return Picture("precision", "Precision of the object points", reading, png(figure))
+    title = "Precision of the object points"
+    return Chart("precision", title, reading, [Axes("north, m", layers)], "east, m", map=True)
 
 
-def _format(field: Field) -> Picture:
+def _format(field: Field) -> Chart:
     """Mean residuals by place on the format."""
-    figure, axes = sheet(1, 1, 7.0)
-    ax = axes[0, 0]
     width, height = field.size
     size = np.linalg.norm(field.mean, axis=1)
     noise = float(np.sqrt((field.sigma**2).sum(axis=1).mean()))
     factor = 0.06 * width / max(float(np.quantile(size, 0.9)), noise, 1e-9)
-    ax.quiver(
-        *field.centre.T,
-        *(factor * field.mean).T,
-        color=LINE,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        width=0.003,
-    )
-    ax.add_patch(_circle((0.07 * width, 0.07 * height), factor * noise))
-    ax.set_xlim(0.0, width)
-    ax.set_ylim(height, 0.0)
-    ax.set_aspect("equal")
-    ax.set_xlabel("x, px")
-    ax.set_ylabel("y, px")
+    x, y = field.centre[:, 0], height - field.centre[:, 1]
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)
+    ring = factor * noise * np.array([np.cos(turn), np.sin(turn)])
+    corner = np.array([CIRCLE * width, (1.0 - CIRCLE) * height])
+    texts = [f"{dx:+.3f} {dy:+.3f} px" for dx, dy in field.mean]
+    layers = [
+        Layer(
+            "line",
+            np.array([0.0, width, width, 0.0, 0.0]),
+            np.array([0.0, 0.0, height, height, 0.0]),
+            ink="faint",
+            width=1.0,
+        ),
+        Layer("points", x, y, ink="first", texts=texts, width=2.5, faint=True),
+        Layer(
+            *("arrows", x, y, "mean residual"),
+            x2=x + factor * field.mean[:, 0],
+            y2=y - factor * field.mean[:, 1],
+        ),
+        Layer("line", corner[0] + ring[0], corner[1] + ring[1], "by chance", "warn"),
+    ]
     reading = (
-        f"Mean residuals of the image observations of {field.camera} in cells of the format,"
-        f" {factor:.0f} times enlarged; the circle at the upper left is what chance gives"
-        f" ({noise:.3f} px). Arrows that are longer and agree with their neighbours show what the"
-        " interior orientation does not describe."
+        f"Mean residuals of the image observations of {field.camera} in cells of the format, seen"
+        f" as the image is, {factor:.0f} times enlarged; the circle at the upper left is what"
+        f" chance gives ({noise:.3f} px). Arrows that are longer and agree with their neighbours"
+        " show what the interior orientation does not describe."
     )
-    name = "".join(c if c.isalnum() else "_" for c in field.camera)
-    return Picture(
-        f"format_{name}", f"Residuals on the format: {field.camera}", reading, png(figure)
+    return Chart(
+        f"format-{''.join(c if c.isalnum() else '-' for c in field.camera)}",
+        f"Residuals on the format: {field.camera}",
+        reading,
+        [Axes("pixels above the lower edge", layers)],
+        "x, px",
+        map=True,
     )
 
 
-def _circle(centre: tuple[float, float], radius: float) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle(centre, radius, fill=False, color=WARN, lw=1.0)
-
-
-def _images(figures: Mapping[str, Any]) -> Picture:
+def _images(figures: Mapping[str, Any]) -> Chart:
     """Residuals and precision image by image."""
     images = figures["images"]
-    figure, axes = sheet(3, 1, 7.5, sharex=True)
-    number = np.arange(1, len(images) + 1)
+    names = [image["image"] for image in images]
+    number = np.arange(1.0, len(images) + 1.0)
     rms = np.array([np.nan if i["rms_px"] is None else i["rms_px"] for i in images])
-    axes[0, 0].plot(number, rms, ".", color=LINE, ms=4)
-    axes[0, 0].set_ylabel("rms, px")
-    axes[0, 0].set_ylim(0.0, None)
     sigma = 1e3 * np.array([i["sigma_m"] for i in images])
-    angle = np.degrees([i["sigma_rad"] for i in images])
-    for k, (axis, colour) in enumerate(zip("ENU", AXIS_COLOURS, strict=True)):
-        axes[1, 0].plot(number, sigma[:, k], ".", color=colour, ms=4, label=axis)
-        axes[2, 0].plot(number, 1e3 * angle[:, k], ".", color=colour, ms=4, label=f"psi {axis}")
-    axes[1, 0].set_ylabel("sigma, mm")
-    axes[2, 0].set_ylabel("sigma, mdeg")
-    for ax in axes[1:, 0]:
-        ax.set_ylim(0.0, None)
-        legend(ax)
-    axes[2, 0].set_xlabel("image, in the order of the block")
+    angle = 1e3 * np.degrees([i["sigma_rad"] for i in images])
+
+    def dots(values: Array, name: str, ink: Ink) -> Layer:
+        return Layer("points", number, values, name, ink, texts=names, width=5.0)
+
+    panels = [
+        Axes("rms, px", [dots(rms, "", "first")], limits=_from_zero(rms)),
+        *(
+            Axes(
+                label,
+                [dots(values[:, k], axis, AXES_INKS[k]) for k, axis in enumerate(axes)],
+                limits=_from_zero(values),
+            )
+            for label, values, axes in (
+                ("sigma, mm", sigma, ("E", "N", "U")),
+                ("sigma, mdeg", angle, ("psi E", "psi N", "psi U")),
+            )
+        ),
+    ]
     reading = (
         "Root mean square of the residuals of each image, and standard deviations of its position"
         " and attitude after the adjustment. An image that stands out above its neighbours has few"
         " points, points in one part of it, or wrong ones."
     )
-    return Picture("images", "Images one by one", reading, png(figure))
+    label = "image, in the order of the block"
+    ends = (0.5, len(images) + 0.5)
+    title = "Images one by one"
+    return Chart("by-image", title, reading, panels, label, link="image", limits=ends)
 
 
-def _correlations(camera: Mapping[str, Any]) -> Picture:
-    """Correlations of the interior orientation."""
-    names = camera["correlated"]
-    rho = np.array(camera["correlation"])
-    figure, axes = sheet(1, 1, 5.5)
-    ax = axes[0, 0]
-    ax.grid(False)
-    ax.imshow(rho, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    for i in range(len(names)):
-        for j in range(len(names)):
-            if i != j:
-                strong = abs(rho[i, j]) > STRONG
-                ax.text(
-                    j,
-                    i,
-                    f"{rho[i, j]:+.2f}",
-                    ha="center",
-                    va="center",
-                    fontsize=7,
-                    color="white" if strong else "black",
-                )
-    ax.set_xticks(range(len(names)), names)
-    ax.set_yticks(range(len(names)), names)
-    name = "".join(c if c.isalnum() else "_" for c in camera["name"])
-    reading = (
-        f"Correlations of the parameters of {camera['name']}. Coefficients of one polynomial are"
-        " strongly correlated always; only what they make of a ray together counts."
-    )
-    return Picture(
-        f"correlations_{name}", f"Interior orientation: {camera['name']}", reading, png(figure)
-    )
+def _from_zero(values: Array) -> tuple[float, float]:
+    """Limits from zero to somewhat above the largest of the values that are known."""
+    finite = values[np.isfinite(values)]
+    return 0.0, 1.08 * float(finite.max(initial=1e-9))

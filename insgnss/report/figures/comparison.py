@@ -1,21 +1,16 @@
-"""The picture of a comparison.
+"""Charts of a comparison.
 
 Differences of every component over time or images, with their standard deviations, and their
-distribution.
-
-Where a mismatch was recognised, the left column has the differences as they are and the right one
-what remains after it is taken off.
+distribution; where a mismatch was recognised, what remains after it is taken off.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .style import ACCENT, DPI, FAINT, LINE, bounds, dress, line, png
+from ..charts.chart import Axes, Chart, Ink, Layer
 
 Array = NDArray[np.float64]
 
@@ -27,8 +22,20 @@ LEAST = {
     "deg": 1e-4,
     "mm/s": 0.1,
     "m/s": 1e-4,
-}  # half height of a picture in which nothing is to be seen
-_ROW, _HEAD, _FOOT = 1.15, 0.95, 0.6  # inches
+}  # half height of a panel in which nothing is to be seen
+FARTHEST, CLASSES = 5.0, 25  # of a distribution, standard deviations; and its classes
+_DIFFERENCES = (
+    "Each component of b minus a{shaded}. Differences that stand about a constant, that follow the"
+    " course or drift tell of a convention, a lever arm or a clock that is another one."
+)
+_SHADED = ", within three standard deviations where shaded"
+_REMAINING = "The same after everything that was recognised is taken off: what is left unexplained."
+_NORMALISED = (
+    "Differences over their standard deviations: honest ones follow the dark curve, the normal"
+    " density. A wider distribution says that the standard deviations are too small, one beside it"
+    " that something is systematic. What is farther out stands in the outermost classes."
+)
+_PLAIN = "How often each difference occurs; a second hump is a second population."
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,131 +56,122 @@ class ComparisonPanel:
     remaining: Curve | None = None
 
 
-def draw_comparison(
+def comparison_charts(
     panels: Sequence[ComparisonPanel],
     times: tuple[Array | None, Array | None],
-    title: str,
-    files: tuple[str, str],
-) -> bytes:
-    """PNG, a row a component.
+    names: Sequence[str] = (),
+) -> tuple[Chart, ...]:
+    """Return the charts: differences, what remains of them, and their distribution.
 
     Parameters
     ----------
+    panels : a component each.
     times : (n,) s of the differences and of what remains, or None for their order.
-    title : what was compared and recognised.
-    files : names of a and b.
+    names : of the pairs, such as images; may be empty.
     """
-    from matplotlib.figure import Figure
-
-    height = _HEAD + _FOOT + _ROW * len(panels)
-    figure = Figure(figsize=(11.0, height), dpi=DPI, facecolor="white")
-    figure.text(0.075, 1.0 - 0.3 / height, _cut(title, 110), size=12, weight="bold")
-    figure.text(
-        0.075,
-        1.0 - 0.52 / height,
-        _cut(f"a: {files[0]}    b: {files[1]}", 150),
-        size=8.5,
-        color="#333333",
-    )
-    axes = figure.subplots(
-        len(panels), 2, squeeze=False, sharex="col", gridspec_kw={"width_ratios": _widths(panels)}
-    )
-    figure.subplots_adjust(
-        left=0.075,
-        right=0.985,
-        top=1.0 - _HEAD / height,
-        bottom=_FOOT / height,
-        hspace=0.22,
-        wspace=0.14,
-    )
-    for row, panel in zip(axes, panels, strict=True):
-        for ax in row:
-            dress(ax)
-        _over_time(row[0], times[0], panel.difference, LINE)
-        row[0].set_ylabel(f"{panel.name}, {panel.difference.unit}", size=8)
-        if panel.remaining is not None:
-            _over_time(row[1], times[1], panel.remaining, ACCENT)
-            row[1].set_ylabel(panel.remaining.unit, size=8)
-        else:
-            _distribution(row[1], panel.difference)
-    _words(axes, panels, times[0] is None)
-    return png(figure)
+    charts = [_over_time("differences", [(p.name, p.difference) for p in panels], times[0], names)]
+    left = [(p.name, p.remaining) for p in panels if p.remaining is not None]
+    if left:
+        own = names if left[0][1].values.size == len(names) else ()
+        charts.append(_over_time("remaining", left, times[1], own))
+    return (*charts, _distribution(panels))
 
 
-def _widths(panels: Sequence[ComparisonPanel]) -> list[float]:
-    return [1.0, 1.0] if any(panel.remaining is not None for panel in panels) else [2.6, 1.0]
-
-
-def _words(axes: Any, panels: Sequence[ComparisonPanel], ordered: bool) -> None:
-    """Titles of the columns and labels of the bottom."""
-    along = "image, in the order of file a" if ordered else "minutes since the first common pose"
-    remains = any(panel.remaining is not None for panel in panels)
-    axes[0, 0].set_title(
-        "b minus a"
-        + (", shaded: three standard deviations" if panels[0].difference.sigma is not None else ""),
-        size=9,
-        loc="left",
-    )
-    normalised = any(panel.difference.sigma is not None for panel in panels)
-    beside = "over sigma, and the normal density" if normalised else "distribution"
-    axes[0, 1].set_title(
-        "what remains after the recognised is taken off" if remains else beside, size=9, loc="left"
-    )
-    axes[-1, 0].set_xlabel(along, size=9)
-    axes[-1, 1].set_xlabel(
-        along if remains else "standard deviations" if normalised else "", size=9
+def _over_time(
+    name: str, curves: Sequence[tuple[str, Curve]], time: Array | None, names: Sequence[str]
+) -> Chart:
+    """Differences as they are, or what remains of them."""
+    n = curves[0][1].values.size
+    x = np.arange(1.0, n + 1.0) if time is None else (time - time[0]) / 60.0
+    remaining = name == "remaining"
+    shaded = _SHADED if any(curve.sigma is not None for _, curve in curves) else ""
+    return Chart(
+        name,
+        "What remains after the recognised is taken off" if remaining else "b minus a",
+        _REMAINING if remaining else _DIFFERENCES.format(shaded=shaded),
+        [
+            Axes(
+                f"{component}, {curve.unit}",
+                _layers(x, curve, names, remaining),
+                limits=_reach(curve),
+            )
+            for component, curve in curves
+        ],
+        "image, in the order of file a" if time is None else "minutes since the first common pose",
+        link="image" if time is None else "time",
     )
 
 
-def _over_time(ax: Any, time: Array | None, curve: Curve, colour: str) -> None:
-    y, sigma = curve.values, curve.sigma
-    x = np.arange(y.size, dtype=np.float64) if time is None else (time - time[0]) / 60.0
-    parts = _parts(x)
+def _layers(x: Array, curve: Curve, names: Sequence[str], remaining: bool) -> list[Layer]:
+    ink: Ink = "second" if remaining else "first"
+    along, y, sigma = _broken(x, curve.values, curve.sigma)
+    layers = [Layer("rules", np.zeros(0), np.zeros(1), ink="faint", width=1.0)]
     if sigma is not None:
-        bounds(ax, x, np.zeros_like(x), 3.0 * sigma, parts, color=FAINT)
-    ax.axhline(0.0, color=FAINT, lw=0.7)
-    if x.size <= MOST_DOTS:
-        ax.plot(x, y, ".", color=colour, ms=3.5)
-    else:
-        line(ax, x, y, parts, color=colour)
+        layers.append(Layer("band", along, -3.0 * sigma, "three sigma", "faint", y2=3.0 * sigma))
+    if x.size > MOST_DOTS:
+        return [*layers, Layer("line", along, y, ink=ink, width=1.3)]
+    return [*layers, Layer("points", x, curve.values, ink=ink, texts=names, width=5.0)]
+
+
+def _broken(x: Array, y: Array, sigma: Array | None) -> tuple[Array, Array, Array | None]:
+    """Return series with NaN where time makes a leap, so that no line bridges it."""
+    step = np.diff(x)
+    if step.size == 0:
+        return x, y, sigma
+    leaps = np.flatnonzero(step > BREAK_STEPS * np.median(step)) + 1
+    middle = 0.5 * (x[leaps - 1] + x[leaps])
+    return (
+        np.insert(x, leaps, middle),
+        np.insert(y, leaps, np.nan),
+        None if sigma is None else np.insert(sigma, leaps, np.nan),
+    )
+
+
+def _reach(curve: Curve) -> tuple[float, float]:
+    """Limits that hold all differences, and three standard deviations where they are as small."""
+    y, sigma = curve.values, curve.sigma
     reach = 1.1 * max(float(np.abs(y).max()), LEAST[curve.unit])
     low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
-    ax.set_ylim(low - 0.1 * reach, high + 0.1 * reach)
     if sigma is not None and 3.0 * float(np.median(sigma)) < 4.0 * reach:
         widest = max(reach, 3.3 * float(np.median(sigma)))
-        ax.set_ylim(
+        return (
             min(low, -widest) if low < 0 else -0.3 * widest,
             max(high, widest) if high > 0 else 0.3 * widest,
         )
-    ax.ticklabel_format(axis="y", useOffset=False)
+    return low - 0.1 * reach, high + 0.1 * reach
 
 
-def _distribution(ax: Any, curve: Curve) -> None:
-    """Histogram.
+def _distribution(panels: Sequence[ComparisonPanel]) -> Chart:
+    """Histograms.
 
     Of differences over their standard deviations where there are some, with the density that they
     should follow.
     """
-    if curve.sigma is None:
-        ax.hist(curve.values, bins=40, color=LINE, alpha=0.75)
-        return
-    z = curve.values / curve.sigma
-    edges = np.linspace(-5.0, 5.0, 26)
-    ax.hist(np.clip(z, -5.0, 5.0), bins=edges, density=True, color=LINE, alpha=0.75)
-    x = np.linspace(-5.0, 5.0, 101)
-    ax.plot(x, np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), color="black", lw=1.0)
-
-
-def _parts(x: Array) -> list[slice]:
-    """Segments without a gap."""
-    step = np.diff(x)
-    if step.size == 0:
-        return [slice(0, x.size)]
-    edges = np.concatenate(
-        [[0], np.flatnonzero(step > BREAK_STEPS * np.median(step)) + 1, [x.size]]
+    normalised = [panel for panel in panels if panel.difference.sigma is not None]
+    shown = normalised or panels
+    return Chart(
+        "distribution",
+        "Distribution of the differences",
+        _NORMALISED if normalised else _PLAIN,
+        [_histogram(panel) for panel in shown],
+        "standard deviations" if normalised else "b minus a",
+        columns=min(3, len(shown)),
+        limits=(-FARTHEST, FARTHEST) if normalised else None,
     )
-    return [slice(int(p), int(q)) for p, q in pairwise(edges)]
 
 
-def _cut(text: str, longest: int) -> str:
-    return text if len(text) <= longest else text[: longest - 3] + "..."
+def _histogram(panel: ComparisonPanel) -> Axes:
+    values, sigma, unit = panel.difference.values, panel.difference.sigma, panel.difference.unit
+    if sigma is None:
+        count, edges = np.histogram(values, bins=40)
+        layers = [Layer("steps", edges, count.astype(np.float64))]
+        return Axes(f"number by {panel.name}, {unit}", layers)
+    edges = np.linspace(-FARTHEST, FARTHEST, CLASSES + 1)
+    count, _ = np.histogram(np.clip(values / sigma, -FARTHEST, FARTHEST), bins=edges)
+    density = count / (count.sum() * np.diff(edges))
+    x = np.linspace(-FARTHEST, FARTHEST, 101)
+    normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+    return Axes(
+        f"{panel.name}: density",
+        [Layer("steps", edges, density, "found"), Layer("line", x, normal, "expected", "ink")],
+    )

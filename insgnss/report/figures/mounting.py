@@ -1,4 +1,4 @@
-"""Pictures of a calibrated mounting: scatter of setups, residuals of a flight."""
+"""Charts of a calibrated mounting: scatter of setups, residuals of a flight."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..markup import Picture
-from .style import ACCENT, AXIS_COLOURS, FAINT, LINE, WARN, legend, length_unit, png, sheet
+from ..charts.chart import AXES_INKS, Axes, Chart, Ink, Layer
+from ..charts.pieces import length_unit
 
 Array = NDArray[np.float64]
 AXES = ("x, image right", "y, image down", "z, viewing direction")
-MOST_NAMES = 16
+MOST_NAMES = 24  # that stand in the chart; of more one hovers
+HAIR = 1e-3
+NOTHING = np.zeros(0)
+ZERO = Layer("rules", NOTHING, np.zeros(1), ink="faint", width=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +43,8 @@ class Scatter:
 
 def scattered(
     data: Scatter, kind: str, title: str, axis_names: tuple[str, str, str] = AXES
-) -> Picture:
-    """Draw each estimate minus the mean, with its standard deviation.
+) -> Chart:
+    """Show each estimate minus the mean, with its standard deviation.
 
     Parameters
     ----------
@@ -50,44 +53,31 @@ def scattered(
     kind : str
         What one of them is, "setup".
     title : str
-        Of the picture.
+        Of the chart.
     axis_names : tuple of str
         Of the vector.
 
     Returns
     -------
-    Picture
+    Chart
         Three panels, one an axis of the camera.
     """
     off = data.each - data.mean
     factor, unit = length_unit(float(np.abs(off).max()) + float(data.sigma.max()))
-    figure, axes = sheet(3, 1, 6.6)
-    x = np.arange(len(data.names))
-    for k, ax in enumerate(axes[:, 0]):
-        band = factor * data.mean_sigma[k]
-        ax.axhspan(-band, band, color=AXIS_COLOURS[k], alpha=0.18, lw=0)
-        ax.axhline(0.0, color=FAINT, lw=0.8)
-        for chosen, colour in ((~data.left_out, AXIS_COLOURS[k]), (data.left_out, WARN)):
-            ax.errorbar(
-                x[chosen],
-                factor * off[chosen, k],
-                factor * data.sigma[chosen, k],
-                fmt="o",
-                ms=4,
-                lw=1.0,
-                capsize=2,
-                color=colour,
-            )
-        text = axis_names[k]
+    panels = []
+    for k, name in enumerate(axis_names):
+        words = ""
         if data.mean_sigma[k] > 0.0:
-            text += f": {data.mean[k]:+.4f} ± {data.mean_sigma[k]:.4f} m"
-        ax.set_title(text, fontsize=9, loc="left")
-        ax.set_ylabel(unit)
-        few = len(x) <= MOST_NAMES
-        ax.set_xticks(x if few else x[:: -(-len(x) // MOST_NAMES)])
-        ax.set_xticklabels([])
-    last = axes[-1, 0]
-    last.set_xticklabels([data.names[int(k)] for k in last.get_xticks()], fontsize=7, rotation=25)
+            words = f"mean {data.mean[k]:+.4f} ± {data.mean_sigma[k]:.4f} m"
+        layers = _scatter_layers(data, k, factor, words)
+        panels.append(Axes(f"{name}: {unit}", layers))
+    names, number = data.names, np.arange(1.0, len(data.names) + 1.0)
+    if len(names) <= MOST_NAMES:
+        lowest = float((off[:, 2] - data.sigma[:, 2]).min())
+        at = np.full(number.size, factor * lowest)
+        last = panels[-1]
+        words_below = Layer("labels", number, at, ink="faint", texts=names)
+        panels[-1] = Axes(last.label, [*last.layers, words_below])
     reading = f"Dots: {kind}s, with the line where all would lie without errors."
     if data.sigma.any():
         reading = (
@@ -96,7 +86,38 @@ def scattered(
         )
     if data.left_out.any():
         reading += f" Red: {kind}s left out."
-    return Picture(f"scatter-{kind}", title, reading, png(figure))
+    return Chart(f"scatter-{kind}", title, reading, panels, f"number of the {kind}")
+
+
+def _scatter_layers(data: Scatter, k: int, factor: float, words: str) -> list[Layer]:
+    """Band of the mean, bars and dots of one axis."""
+    number = np.arange(1.0, len(data.names) + 1.0)
+    off, sigma = factor * (data.each[:, k] - data.mean[k]), factor * data.sigma[:, k]
+    ends, half = np.array([0.5, number.size + 0.5]), np.full(2, factor * data.mean_sigma[k])
+    layers = [ZERO]
+    if words:
+        layers.append(Layer("band", ends, -half, words, AXES_INKS[k], y2=half))
+    kinds: tuple[tuple[NDArray[np.bool_], Ink, str], ...] = (
+        (~data.left_out, AXES_INKS[k], ""),
+        (data.left_out, "warn", "left out"),
+    )
+    for chosen, ink, name in kinds:
+        if not chosen.any():
+            continue
+        x, y, s = number[chosen], off[chosen], sigma[chosen]
+        if s.any():
+            bars = _upright(x, y - s, y + s)
+            layers.append(Layer("line", *bars, ink=ink))
+        own = [n for n, taken in zip(data.names, chosen, strict=True) if taken]
+        layers.append(Layer("points", x, y, name, ink, texts=own, width=7.0))
+    return layers
+
+
+def _upright(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return a line of upright bars, broken between them; x ascends, a bar leans by a hair."""
+    hairs = np.array([-HAIR, HAIR, 2.0 * HAIR])
+    gap = np.full(x.size, np.nan)
+    return (x[:, None] + hairs).ravel(), np.column_stack([low, high, gap]).ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +139,8 @@ class Residuals:
     position: Array
 
 
-def residuals(data: Residuals) -> list[Picture]:
-    """Draw residuals in the order of the images, and over the course.
+def residuals(data: Residuals) -> tuple[Chart, ...]:
+    """Show residuals in the order of the images, over the course, and on the map.
 
     Parameters
     ----------
@@ -128,62 +149,71 @@ def residuals(data: Residuals) -> list[Picture]:
 
     Returns
     -------
-    list of Picture
-        Over images and heading, and on the map.
+    tuple of Chart
+        Without that over the course, where no image has one.
     """
     factor, unit = length_unit(float(np.abs(data.residual).max()))
-    figure, axes = sheet(3, 2, 6.8)
-    order = np.arange(len(data.residual))
-    for k, name in enumerate(("east", "north", "up")):
-        left, right = axes[k]
-        values = factor * data.residual[:, k]
-        left.plot(order, values, ".-", color=AXIS_COLOURS[k], lw=0.7, ms=3)
-        right.plot(data.heading_deg, values, ".", color=AXIS_COLOURS[k], ms=4)
-        right.set_xlim(-5.0, 365.0)
-        right.set_xticks([0, 90, 180, 270, 360])
-        for ax in (left, right):
-            ax.axhline(0.0, color=FAINT, lw=0.8)
-        left.set_ylabel(f"{name}, {unit}")
-    axes[-1, 0].set_xlabel("image")
-    axes[-1, 1].set_xlabel("course, deg")
-    over = Picture(
-        "residuals",
-        "Antenna positions minus poses with the lever arm",
-        "In the order of the images, and over the course. Steps between strips of opposite course"
-        " are a lever arm or a delay that is left; slow waves are time-correlated errors of the"
-        " fixes.",
-        png(figure),
+    number, values = np.arange(1.0, len(data.residual) + 1.0), factor * data.residual
+    known = np.isfinite(data.heading_deg)
+    title = "Antenna positions minus poses with the lever arm"
+    reading = (
+        "Steps between strips of opposite course are a lever arm or a delay that is left; slow"
+        " waves are time-correlated errors of the fixes."
     )
-    return [over, _map(data)]
+
+    def panels(x: Array, rows: NDArray[np.bool_], joined: bool) -> list[Axes]:
+        made = []
+        for k, name in enumerate(("east", "north", "up")):
+            y, ink = values[rows, k], AXES_INKS[k]
+            lines = [Layer("line", x, y, ink=ink, width=1.0, faint=True)] if joined else []
+            dots = Layer("points", x, y, ink=ink, texts=_numbered(rows), width=5.0)
+            made.append(Axes(f"{name}, {unit}", [ZERO, *lines, dots]))
+        return made
+
+    every = np.ones(number.size, dtype=np.bool_)
+    charts = [
+        Chart("residuals", title, reading, panels(number, every, True), "image", link="image")
+    ]
+    if known.any():
+        course = Chart(
+            "residuals-course",
+            "The same over the course",
+            reading,
+            panels(data.heading_deg[known], known, False),
+            "course, deg",
+            limits=(-5.0, 365.0),
+        )
+        charts.append(course)
+    return (*charts, _map(data))
 
 
-def _map(data: Residuals) -> Picture:
-    figure, axes = sheet(1, 1, 6.5)
-    ax = axes[0, 0]
+def _numbered(rows: NDArray[np.bool_]) -> list[str]:
+    return [f"image {k + 1}" for k in np.flatnonzero(rows)]
+
+
+def _map(data: Residuals) -> Chart:
     plan, off = data.position[:, :2], data.residual[:, :2]
     usual = float(np.quantile(np.linalg.norm(off, axis=1), 0.9))
     size = float(np.ptp(plan, axis=0).max())
     scale = 0.06 * size / max(usual, 1e-9)
-    ax.plot(plan[:, 0], plan[:, 1], ".", color=LINE, ms=3, label="image")
-    ax.quiver(
-        *plan.T, *(scale * off).T, angles="xy", scale_units="xy", scale=1, color=ACCENT, width=0.002
-    )
-    ax.margins(0.08)
-    ax.set_aspect("equal")
-    ax.set_xlabel("east, m")
-    ax.set_ylabel("north, m")
-    legend(ax)
+    (x, y), (east, north) = plan.T, scale * off.T
+    texts = _numbered(np.ones(len(plan), dtype=np.bool_))
+    layers = [
+        Layer("points", x, y, "image", texts=texts, width=4.0),
+        Layer("arrows", x, y, "horizontal residual", "second", x2=x + east, y2=y + north),
+    ]
     factor, unit = length_unit(usual)
     reading = f"Arrows are horizontal residuals; the usual long one is {factor * usual:.2g} {unit}."
-    return Picture("map", "Where the residuals lie", reading, png(figure))
+    panel = Axes("north, m", layers)
+    return Chart("map", "Where the residuals lie", reading, [panel], "east, m", map=True)
 
 
 BODY = ("forward", "right", "down")
 BINS, LEAST = 12, 5  # classes, and images of a mean
 
 
-def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Picture, ...]:
-    """Draw residuals of positions and attitudes over what moves them.
+def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Chart, ...]:
+    """Show residuals of positions and attitudes over what moves them.
 
     Parameters
     ----------
@@ -194,35 +224,44 @@ def over_motion(residual: Array, against: Mapping[str, Array]) -> tuple[Picture,
 
     Returns
     -------
-    tuple of Picture
-        Positions, attitudes.
+    tuple of Chart
+        One for each of `against`: positions above, attitudes below.
     """
-    pictures = []
-    for columns, factor, unit, name, title in (
-        (slice(0, 3), 1e3, "mm", "positions", "What is left of the positions"),
-        (slice(3, 6), 1e3 * np.degrees(1.0), "mdeg", "attitudes", "What is left of the attitudes"),
-    ):
-        figure, axes = sheet(len(against), 1, 2.8 * len(against))
-        figure.subplots_adjust(hspace=0.42)  # each has an axis of its own
-        values = factor * residual[:, columns]
-        for (label, x), ax in zip(against.items(), axes[:, 0], strict=True):
-            for k, colour in enumerate(AXIS_COLOURS):
-                ax.plot(x, values[:, k], ".", ms=2, color=colour, alpha=0.35)
-            for k, colour in enumerate(AXIS_COLOURS):
-                centre, mean = _means(x, values[:, k])
-                ax.plot(centre, mean, "-o", ms=4, lw=1.4, color=colour, label=BODY[k])
-            ax.axhline(0.0, color=FAINT, lw=0.8)
-            ax.set_xlabel(label)
-            ax.set_ylabel(unit)
-            legend(ax)
-        reading = (
-            f"Flight minus block in the axes of the body, {unit}, after the calibration; lines are"
-            " means of images alike. A mounting that is right leaves lines about zero: a slope over"
-            " speed or turn rate is a delay that is left, one over heading a shift or a lever arm,"
-            " one over time a drift of the flight or a bend of the block."
+    shown = (
+        ("positions, mm", 1e3 * residual[:, :3]),
+        ("attitudes, mdeg", 1e3 * np.degrees(residual[:, 3:6])),
+    )
+    reading = (
+        "Flight minus block in the axes of the body, after the calibration; lines are means of"
+        " images alike. A mounting that is right leaves lines about zero: a slope over speed or"
+        " turn rate is a delay that is left, one over heading a shift or a lever arm, one over time"
+        " a drift of the flight or a bend of the block."
+    )
+    return tuple(
+        Chart(
+            f"over-{label.partition(',')[0].replace(' ', '-')}",
+            f"What is left, over {label.partition(',')[0]}",
+            reading,
+            [Axes(name, _over(x, values)) for name, values in shown],
+            label,
         )
-        pictures.append(Picture(name, title, reading, png(figure)))
-    return tuple(pictures)
+        for label, x in against.items()
+    )
+
+
+def _over(x: Array, values: Array) -> list[Layer]:
+    """Dots of every image, and lines of the means of images alike."""
+    layers = [ZERO]
+    texts = _numbered(np.ones(x.size, dtype=np.bool_))
+    for k, ink in enumerate(AXES_INKS):
+        layers.append(Layer("points", x, values[:, k], ink=ink, texts=texts, width=3.0, faint=True))
+    for k, ink in enumerate(AXES_INKS):
+        centre, mean = _means(x, values[:, k])
+        layers += [
+            Layer("line", centre, mean, BODY[k], ink, width=2.0),
+            Layer("points", centre, mean, ink=ink, width=6.0),
+        ]
+    return layers
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:

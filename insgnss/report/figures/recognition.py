@@ -1,37 +1,37 @@
-"""The picture that convinces: what the IMU felt against what GNSS saw.
+"""The charts that convince: what the IMU felt against what GNSS saw.
 
-It is drawn once it was recognised what the IMU is.
-
-Left, turn rate and specific force of both over the liveliest minutes: they lie on each other only
-if units, axes, signs and clock are right. Right, how far the best of the 24 orientations is ahead
-of the others, and how sharply the time offset stands out.
+They are made once it was recognised what the IMU is. Turn rate and specific force of both over the
+liveliest minutes lie on each other only if units, axes, signs and clock are right; then how far the
+best of the 24 orientations is ahead of the others, and how sharply the time offset stands out.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .style import ACCENT, AXIS_COLOURS, DPI, FAINT, LINE, dress, legend, png
+from ..charts.chart import AXES_INKS, Axes, Chart, Layer
 
 Array = NDArray[np.float64]
 
-ROWS, SHORTEST_S, LONGEST_S = (
-    130,
-    20.0,
-    150.0,
-)  # what the left-hand side shows: more could not be distinguished
+# what is shown of the motion: more could not be distinguished
+ROWS, SHORTEST_S, LONGEST_S = 130, 20.0, 150.0
+BEST, WORDS_AT = 10, 1.55  # orientations shown, and where on the axis their words stand
 LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
-GNSS_STYLE = {
-    "color": "black",
-    "lw": 0.0,
-    "marker": ".",
-    "ms": 4.5,
-    "alpha": 0.75,
-    "label": "seen by GNSS",
-}
+_MOTION = (
+    "Turn rate and specific force of the IMU, lines, and what the receiver saw of them, dots, over"
+    " the liveliest stretch. They lie on each other only if units, axes, signs and clock are right."
+)
+_ORIENTATIONS = (
+    "How well each of the 24 orientations of the IMU explains what GNSS saw: 1 perfectly, -1 the"
+    " opposite. The best must stand clear of the next one."
+)
+_CLOCK = (
+    "Share of what GNSS saw that the IMU explains, by the time that is added to the GNSS stamps: a"
+    " narrow summit is an offset that is well known."
+)
 
 
 class Finding(Protocol):
@@ -50,49 +50,30 @@ class Finding(Protocol):
         """Probability that it is right."""
 
 
-def recognition_picture(
-    curves: Mapping[str, Array],
-    findings: Sequence[Finding],
-    orientations: Sequence[str],
-    title: str,
-) -> bytes:
-    """PNG of the curves that `recognise.recognition` lists; what is absent is noted.
+def recognition_charts(
+    curves: Mapping[str, Array], findings: Sequence[Finding], orientations: Sequence[str]
+) -> tuple[Chart, ...]:
+    """Return the charts of the curves that `recognise.recognition` lists, as far as they are there.
 
     Parameters
     ----------
+    curves : by name.
+    findings : of the recogniser.
     orientations : words of the 24 orientations of curves["orientation"].
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 7.4), dpi=DPI, facecolor="white")
-    grid = figure.add_gridspec(
-        4,
-        2,
-        width_ratios=(2.1, 1.0),
-        left=0.062,
-        right=0.985,
-        top=0.855,
-        bottom=0.07,
-        hspace=0.42,
-        wspace=0.36,
-    )
-    figure.text(
-        0.062, 0.955, f"{title}: what the IMU felt and what GNSS saw", size=14, weight="bold"
-    )
-    figure.text(0.062, 0.915, _verdict(findings), size=10.5)
-    window = _window(curves)
-    turn = figure.add_subplot(grid[0, 0])
-    _turns(turn, curves, window)
-    for k in range(3):
-        _force(figure.add_subplot(grid[k + 1, 0], sharex=turn), curves, window, k)
-    right = grid[:, 1].subgridspec(2, 1, height_ratios=(2.6, 1.0), hspace=0.3)
     answers = {f.name: f.value for f in findings if f.confidence}
-    _orientations(figure.add_subplot(right[0]), curves, orientations, "axes" in answers)
-    _lag(figure.add_subplot(right[1]), curves, answers.get("time offset", ""))
-    return png(figure)
+    charts = []
+    window = _window(curves)
+    if window.any():
+        charts.append(_motion(curves, window))
+    if "orientation_score" in curves:
+        charts.append(_orientations(curves["orientation_score"], orientations, "axes" in answers))
+    if "lag_s" in curves and np.isfinite(curves["lag_score"]).any():
+        charts.append(_clock(curves, answers.get("time offset", "")))
+    return tuple(charts)
 
 
-def _verdict(findings: Sequence[Finding]) -> str:
+def answers_in_words(findings: Sequence[Finding]) -> str:
     """The answers in one line, and the least confidence among them."""
     shown = {
         "gyro unit": "gyro {}",
@@ -105,8 +86,8 @@ def _verdict(findings: Sequence[Finding]) -> str:
     certain = [text.format(f.value) for f, text in phrased if f.confidence]
     unknown = [f.name for f, _ in phrased if not f.confidence]
     least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
-    parts = [", ".join(certain) + f"   (each at {least:.1%} or more)"] if certain else []
-    return "   ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
+    parts = [", ".join(certain) + f" (each at {least:.1%} or more)"] if certain else []
+    return "; ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
 
 
 def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -125,118 +106,83 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     return np.asarray((time >= time[first]) & (time < time[first] + length))
 
 
-def _reach(ax: Any, *series: Array) -> None:
-    """Set limits that a few outliers of GNSS do not widen."""
+def _reach(*series: Array) -> tuple[float, float] | None:
+    """Return limits that a few outliers of GNSS do not widen."""
     finite = np.concatenate([x[np.isfinite(x)] for x in series])
-    if finite.size:
-        low, high = np.percentile(finite, [1, 99])
-        margin = 0.25 * max(float(high - low), 1.0)
-        ax.set_ylim(low - margin, high + margin)
+    if not finite.size:
+        return None
+    low, high = (float(x) for x in np.percentile(finite, [1, 99]))
+    margin = 0.25 * max(high - low, 1.0)
+    return low - margin, high + margin
 
 
-def _turns(ax: Any, curves: Mapping[str, Array], window: NDArray[np.bool_]) -> None:
-    dress(ax)
-    ax.set_title("Rate of turn about the vertical, deg/s", loc="left", size=9)
-    if not window.any():
-        _absent(ax, "GNSS and IMU show no common motion")
-        return
+def _motion(curves: Mapping[str, Array], window: NDArray[np.bool_]) -> Chart:
+    """Turn rate and specific force of both."""
     time = curves["time"][window]
+    x = time - time[0]
     gyro, gnss = (np.degrees(curves[name][window]) for name in ("turn_gyro", "turn_gnss"))
-    ax.plot(time - time[0], gyro, color=LINE, lw=1.1, label="felt by the IMU")
-    ax.plot(time - time[0], gnss, **GNSS_STYLE)
-    if not np.isfinite(gnss).any():
-        ax.text(
-            0.01,
-            0.06,
-            "too slow for GNSS to have a course",
-            transform=ax.transAxes,
-            color=FAINT,
-            size=8,
-        )
-    _reach(ax, gyro, gnss)
-    legend(ax)
+    slow = "" if np.isfinite(gnss).any() else " It moved too slowly for GNSS to have a course."
+
+    def panel(label: str, felt: Array, seen: Array, k: int) -> Axes:
+        layers = [
+            Layer("line", x, felt, "felt by the IMU", AXES_INKS[k]),
+            Layer("points", x, seen, "seen by GNSS", "ink", width=3.5),
+        ]
+        return Axes(label, layers, limits=_reach(felt, seen))
+
+    panels = [panel("turn rate about the vertical, deg/s", gyro, gnss, 0)]
+    for k, name in enumerate(BODY):
+        felt, seen = (curves[of][window, k] for of in ("force_imu", "force_gnss"))
+        panels.append(panel(f"specific force {name}, m/s\N{SUPERSCRIPT TWO}", felt, seen, k))
+    label = f"s after {time[0]:.1f} s"
+    return Chart("motion", "What the IMU felt and what GNSS saw", _MOTION + slow, panels, label)
 
 
-def _force(ax: Any, curves: Mapping[str, Array], window: NDArray[np.bool_], k: int) -> None:
-    dress(ax)
-    ax.set_title(f"Specific force {BODY[k]}, m/s$^2$", loc="left", size=9)
-    if not window.any():
-        _absent(ax, "nothing to compare")
-        return
-    time = curves["time"][window]
-    felt, seen = curves["force_imu"][window, k], curves["force_gnss"][window, k]
-    ax.plot(time - time[0], felt, color=AXIS_COLOURS[k], lw=1.1)
-    ax.plot(time - time[0], seen, **GNSS_STYLE)
-    _reach(ax, felt, seen)
-    if k == 2:
-        ax.set_xlabel(f"s after {time[0]:.1f} s")
+def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:
+    """The best of the 24 scores, highest on top, and marked where it is `certain` to be right."""
+    order = np.argsort(score)[-BEST:]
+    rank, own = np.arange(1.0, order.size + 1.0), score[order]
+    texts = [words[k] for k in order]
+    found = Layer("points", own[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
+    layers = [
+        Layer("rules", np.zeros(1), np.zeros(0), ink="faint", width=1.0),
+        Layer("points", own, rank, ink="faint", texts=texts, width=7.0),
+        *([found] if certain else []),
+        Layer("labels", np.full(rank.size, WORDS_AT), rank, ink="ink", texts=texts),
+    ]
+    doubt = "" if certain else " None is sure here."
+    return Chart(
+        "orientations",
+        "How well each orientation of the IMU's x y z fits",
+        _ORIENTATIONS + doubt,
+        [Axes(f"the best of {score.size}", layers, limits=(0.0, order.size + 1.0))],
+        "score, 1 perfect, -1 the opposite",
+        limits=(-1.1, 2.0),
+    )
 
 
-def _orientations(
-    ax: Any, curves: Mapping[str, Array], orientations: Sequence[str], certain: bool
-) -> None:
-    """Bars of the 24 scores, the best on top, and marked where it is `certain` to be right."""
-    dress(ax)
-    ax.set_title("How well each orientation of the IMU's x y z fits", loc="left", size=9)
-    if "orientation_score" not in curves:
-        _absent(ax, "no orientation was found")
-        return
-    score = curves["orientation_score"]
-    order = np.argsort(score)
-    colours = [FAINT] * (order.size - 1) + [ACCENT if certain else FAINT]
-    ax.barh(np.arange(order.size), score[order], color=colours, height=0.72)
-    ax.set_yticks(np.arange(order.size), [orientations[k] for k in order], size=7)
-    if certain:
-        ax.get_yticklabels()[-1].set_weight("bold")
-    else:
-        ax.text(
-            0.98,
-            0.02,
-            "none is sure",
-            transform=ax.transAxes,
-            ha="right",
-            color=ACCENT,
-            size=10,
-            weight="bold",
-        )
-    ax.axvline(0.0, color=FAINT, lw=0.8)
-    ax.set_xlim(-1.05, 1.05)
-    ax.set_ylim(-0.7, order.size - 0.3)
-    ax.set_xlabel("score, 1 perfect, -1 the opposite")
-
-
-def _lag(ax: Any, curves: Mapping[str, Array], offset: str) -> None:
+def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
     """Share of what GNSS saw that the IMU explains, against the time offset.
 
     `offset` is the offset found, with its unit.
     """
-    dress(ax)
-    ax.set_title("Agreement against the time offset", loc="left", size=9)
-    ax.set_xlabel("added to the GNSS stamps, s")
-    if "lag_s" not in curves or not np.isfinite(curves["lag_score"]).any():
-        _absent(ax, "no time offset was found")
-        return
     lag, score = curves["lag_s"], np.maximum(curves["lag_score"], -0.2)
     middle = float(offset.split()[0]) if offset else 0.0
     wide = np.abs(lag - middle) < LAG_S
     if not wide.any():
         wide[:] = True
-    ax.plot(lag[wide], score[wide], color=LINE, lw=1.2)
+    layers = [Layer("line", lag[wide], score[wide])]
     if offset:
-        ax.axvline(middle, color=ACCENT, lw=1.0)
-        ax.annotate(
-            offset,
-            (middle, 0.06),
-            xytext=(6, 0),
-            textcoords="offset points",
-            size=10,
-            color=ACCENT,
-            weight="bold",
-        )
-    ax.set_ylim(min(-0.05, float(np.nanmin(score[wide]))), 1.05)
-
-
-def _absent(ax: Any, why: str) -> None:
-    ax.text(0.5, 0.5, why, transform=ax.transAxes, ha="center", va="center", color=FAINT, size=9)
-    ax.set_xticks([])
-    ax.set_yticks([])
+        at = np.array([middle])
+        layers += [
+            Layer("rules", at, np.zeros(0), ink="second"),
+            Layer("labels", at, np.array([0.06]), ink="second", texts=[offset], width=13.0),
+        ]
+    lowest = min(-0.05, float(np.nanmin(score[wide])))
+    return Chart(
+        "clock",
+        "Agreement against the time offset",
+        _CLOCK,
+        [Axes("agreement", layers, limits=(lowest, 1.05))],
+        "added to the GNSS stamps, s",
+    )

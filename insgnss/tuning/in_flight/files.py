@@ -1,5 +1,5 @@
 """What tuning on a flight leaves behind: the noise model where it is accepted, and the evidence, a
-table for machines and a spectrum.
+table for machines, a page and a spectrum.
 """
 
 import hashlib
@@ -7,8 +7,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write, sha256
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from .result import FlightTuning
 
 DEFAULT = "in_flight_noise.toml"
-LINES_SHOWN = 4
 
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
@@ -56,9 +53,10 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     return target
 
 
-def beside(target: Path) -> tuple[Path, Path]:
-    """Return the paths of the table and the picture beside a noise model."""
-    return target.with_suffix(".json"), target.with_name(f"{target.stem}_spectrum.png")
+def beside(target: Path) -> tuple[Path, Path, Path]:
+    """Return the paths of the table, the page and the picture beside a noise model."""
+    picture = target.with_name(f"{target.stem}_spectrum.png")
+    return target.with_suffix(".json"), target.with_suffix(".html"), picture
 
 
 def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
@@ -69,58 +67,21 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     FlightTuning
         The result, with the files named.
     """
-    table, picture = beside(target)
+    from .page import flight_page
+    from .spectrum import spectrum_figure
+
+    table, page, picture = beside(target)
     drawn = spectrum_figure(tuning)
-    files = (*((target,) if tuning.accepted else ()), table, *((picture,) if drawn else ()))
+    files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
     if drawn:
         atomic_write(picture, drawn)
-    atomic_write(table, json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n")
+    twin = json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n"
+    atomic_write(page, flight_page(tuning, twin).html())
+    atomic_write(table, twin)
     if tuning.accepted:
         write_noise_model(tuning.model, target, tuning.reasons)
     return tuning
-
-
-def spectrum_figure(tuning: "FlightTuning") -> bytes:
-    """Draw the IMU's spectrum in straight flight as a PNG, empty without one.
-
-    White noise of the static model and of the model in flight stand beside it.
-    """
-    from ...report.figures.noise import SpectrumPanel, draw_psd
-
-    s = tuning.straight
-    if s is None:
-        return b""
-    panels = []
-    for c in range(6):
-        sensor, axis = ("gyro", "accel")[c // 3], c % 3
-        static, in_flight = (
-            getattr(model, sensor)[axis].white_noise for model in (tuning.static, tuning.model)
-        )
-        level = np.ones(s.frequency_hz.size)
-        models = [("white noise, static model", static * level)] + (
-            [("by the innovations", in_flight * level)] if in_flight != static else []
-        )
-        own = sorted(
-            (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
-            key=lambda line: -line.rms,
-        )
-        frequencies = [line.frequency_hz for line in own[:LINES_SHOWN]]
-        panels.append(
-            SpectrumPanel(
-                "gyro" if c < 3 else "accel",
-                "xyz"[axis],
-                s.frequency_hz,
-                s.density[c],
-                models,
-                frequencies,
-            )
-        )
-    subtitle = (
-        f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
-        f" {s.lowest_hz:g} Hz the vehicle's own motion"
-    )
-    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", subtitle)
 
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:

@@ -59,7 +59,7 @@ def summary(tuning: "FlightTuningData") -> str:
             " fixes"
         )
     lines += [f"  {advice}" for advice in _advice(n)]
-    lines += ["", *_spectrum(tuning.straight, tuning)]
+    lines += ["", *spectrum_lines(tuning)]
     lines += ["", f"written: {', '.join(map(str, tuning.files))}"]
     if tuning.file is not None:
         lines += [
@@ -133,6 +133,13 @@ def _length(n: "InFlightNoise") -> list[str]:
 
 
 def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
+    """Return the rows aligned."""
+    rows = whiteness_rows(before, after)
+    return [f"  {label:<36} {was:>9} {now:>9}" for label, was, now in rows]
+
+
+def whiteness_rows(before: "Innovations", after: "Innovations") -> list[tuple[str, str, str]]:
+    """Return what innovations are with the static model and with the one found, row by row."""
     rows = [
         ("NIS a degree of freedom (1 is honest)", f"{before.nis:.3f}", f"{after.nis:.3f}"),
         ("fixes rejected", str(before.rejected), str(after.rejected)),
@@ -151,7 +158,7 @@ def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
         rows.append(
             (f"chance of white, {before.whiteness.lags} lags, {axis}", f"{was:.2g}", f"{now:.2g}")
         )
-    return [f"  {label:<36} {was:>9} {now:>9}" for label, was, now in rows]
+    return rows
 
 
 def _advice(n: "InFlightNoise") -> list[str]:
@@ -167,7 +174,9 @@ def _advice(n: "InFlightNoise") -> list[str]:
     return out
 
 
-def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuningData") -> list[str]:
+def spectrum_lines(tuning: "FlightTuningData") -> list[str]:
+    """Return what the spectrum of straight flight says, in lines."""
+    straight = tuning.straight
     if straight is None:
         return ["no straight, level flight of eight seconds: no spectrum"]
     head = (

@@ -3,7 +3,8 @@
 import math
 from typing import TYPE_CHECKING, cast
 
-from ...report.figures.noise import NoisePanel, Sensor, draw_noise, process_label
+from ...report.charts.chart import Chart
+from ...report.figures.noise import NAMES, NoisePanel, Sensor, noise_chart, process_label
 from ...stochastic.estimation.goodness import p_text
 from ...stochastic.moments.theory import haar_variance, haar_variance_parts
 from ..recordings import AXES, StaticRecording
@@ -14,11 +15,17 @@ if TYPE_CHECKING:
     from ..result import Tuned, TuneResult
 
 
-def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
-    """PNG of a sensor, empty where it was not tuned."""
+def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
+    """Chart of a sensor, None where it was not tuned."""
     tuned = [t for t in result.tuned if t.sensor == sensor]
     if not tuned:
-        return b""
+        return None
+    return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
+
+
+def sensor_words(result: "TuneResult", sensor: str) -> tuple[str, str]:
+    """The verdict on a sensor in a few words, and what it is of."""
+    tuned = [t for t in result.tuned if t.sensor == sensor]
     off = [t for t in tuned if goodness_p(t) < FITS]
     models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
     if not off:
@@ -34,12 +41,15 @@ def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
     )
     length = duration(max(r.length_s for r in result.recordings))
     levels = f", levels {result.options.levels}" if result.options.levels else ""
-    return draw_noise(
-        cast(Sensor, sensor),
-        [_panel(t, result.recordings) for t in tuned],
-        title,
-        f"{several}, {length}{levels}",
-    )
+    return f"{NAMES[cast(Sensor, sensor)]}: {title}", f"{several}, {length}{levels}"
+
+
+def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
+    """PNG of a sensor, empty where it was not tuned."""
+    from ...report.charts.drawn import draw_sheet
+
+    chart = sensor_chart(result, sensor)
+    return b"" if chart is None else draw_sheet([[chart]], *sensor_words(result, sensor))
 
 
 def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
@@ -56,17 +66,15 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     }
     words = {name: _label(t, name) for name in parts}
     p = goodness_p(t)
-    notes = [f"J test: {p_text(p)}"] if math.isfinite(p) else []
-    notes += [
-        f"{v.process.replace('_', ' ')}: not identifiable"
-        for v in t.inference.verdicts
-        if not v.identifiable
-    ]
+    tested = f"J test: {p_text(p)}" if math.isfinite(p) else ""
+    for v in t.inference.verdicts:
+        if not v.identifiable and v.process in words:
+            words[v.process] += ", not identifiable"
     used = sorted({int(j) for curve in t.kept.curves for j in curve.level})
     modelled = haar_variance(axis, longest.level, rate, sampling)
     title = t.name[len(t.sensor) + 1 :]
     return NoisePanel(
-        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, notes
+        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, tested
     )
 
 

@@ -140,14 +140,16 @@ def _same_composition(tuned: Sequence["Tuned"]) -> Iterator[list["Tuned"]]:
 
 def _parameters(sensor: str, tuned: Sequence["Tuned"]) -> Iterator[str]:
     names = tuned[0].kept.composition.parameters
-    rows = [["", *(f"{SYMBOL[kind_of(name)]}{_number(name)}" for name in names), "fit"]]
+    rows = [["", *(symbol(name) for name in names), "fit"]]
     rows.append(["", *(f"[{unit_text(sensor, name)}]" for name in names), ""])
     for t in tuned:
         estimates, p = t.inference.estimates, goodness_p(t)
         verdict = "no test" if not math.isfinite(p) else "fits" if p >= FITS else "misfit"
-        rows.append([t.name[len(sensor) + 1 :], *(_value(sensor, e) for e in estimates), verdict])
         rows.append(
-            ["", *(_interval(sensor, e) for e in estimates), p_text(p) if math.isfinite(p) else ""]
+            [t.name[len(sensor) + 1 :], *(value_text(sensor, e) for e in estimates), verdict]
+        )
+        rows.append(
+            ["", *(interval(sensor, e) for e in estimates), p_text(p) if math.isfinite(p) else ""]
         )
     yield (
         f"{SENSOR_NAMES[sensor]}, {tuned[0].kept.composition}: estimate +- standard error, 95 %"
@@ -156,11 +158,14 @@ def _parameters(sensor: str, tuned: Sequence["Tuned"]) -> Iterator[str]:
     yield from _aligned(rows)
 
 
-def _number(name: str) -> str:
-    return name.rpartition("_")[2] if name != kind_of(name) else ""
+def symbol(name: str) -> str:
+    """Letters of a parameter, with its number."""
+    number = name.rpartition("_")[2] if name != kind_of(name) else ""
+    return f"{SYMBOL[kind_of(name)]}{number}"
 
 
-def _value(sensor: str, e: Estimate) -> str:
+def value_text(sensor: str, e: Estimate) -> str:
+    """An estimate with its standard error in the printed unit."""
     value, error = printed(sensor, e.name, e.value), printed(sensor, e.name, e.standard_error)
     if e.at_bound and (e.value == 0.0 or e.name.startswith("correlation_time")):
         return "0" if e.value == 0.0 else "at the limit"
@@ -179,7 +184,8 @@ def plus_minus(value: float, error: float) -> str:
     )
 
 
-def _interval(sensor: str, e: Estimate) -> str:
+def interval(sensor: str, e: Estimate) -> str:
+    """The 95 % interval of an estimate in the printed unit."""
     low, high = (printed(sensor, e.name, x) for x in (e.low, e.high))
     if math.isfinite(high):
         return f"{low:.4g} to {high:.4g}"

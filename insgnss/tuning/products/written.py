@@ -1,5 +1,5 @@
-"""The files of a tuning: noise model, table for machines, a figure a sensor. Each appears whole or
-not at all, the noise model last.
+"""The files of a tuning: noise model, table for machines, page, a figure a sensor. Each appears
+whole or not at all, the noise model last.
 """
 
 import json
@@ -34,6 +34,7 @@ def planned(out: Path | None, force: bool) -> Path:
 def _beside(target: Path) -> list[Path]:
     return [
         target.with_suffix(".json"),
+        target.with_suffix(".html"),
         *(target.with_name(f"{target.stem}_{sensor}.png") for sensor in SENSORS),
     ]
 
@@ -78,14 +79,15 @@ def noise_model(
 def write(result: TuneResult, target: Path) -> TuneResult:
     """Write all files; the result that names them."""
     from .figures import sensor_figure
+    from .page import static_page
 
-    table, *figures = _beside(target)
+    table, page, *figures = _beside(target)
     drawn = {
         path: png
         for path, sensor in zip(figures, SENSORS, strict=True)
         if (png := sensor_figure(result, sensor))
     }
-    files = (*((target,) if result.model is not None else ()), table, *drawn)
+    files = (*((target,) if result.model is not None else ()), table, page, *drawn)
     notes = result.notes
     if result.model is None:
         notes = (
@@ -97,7 +99,9 @@ def write(result: TuneResult, target: Path) -> TuneResult:
         _read_back(result, target)
     for path, png in drawn.items():
         atomic_write(path, png)
-    atomic_write(table, json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n")
+    twin = json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n"
+    atomic_write(page, static_page(result, twin).html())
+    atomic_write(table, twin)
     if result.model is not None:
         write_noise_model(result.model, target, _remarks(result))
     return result

@@ -1,0 +1,270 @@
+"""The layers of a chart as artists of matplotlib, in the inks that pages have in a light room.
+
+Colours are those of Okabe and Ito (2008), which the colour-blind tell apart. Sizes are pixels of a
+sheet of 1000 pixels, a point is `POINTS` of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .chart import Array, Axes, Ink, Layer, Mark, Shade
+
+INKS: Mapping[Ink, str] = {
+    "first": "#0072B2",
+    "second": "#D55E00",
+    "third": "#009E73",
+    "fourth": "#A0478A",
+    "fifth": "#7F6A00",
+    "ink": "#000000",
+    "faint": "#8A8F98",
+    "warn": "#CC3311",
+    "ok": "#009E73",
+}
+SHADES = {"line": "#E4ECF5", "rest": "#F7F0CC", "outage": "#F9CFC8", "other": "#C9CDD3"}
+SHADE_NAMES = {
+    "line": "flight line",
+    "rest": "stationary",
+    "outage": "no used fix",
+    "other": "no solution",
+}
+MARKS: Mapping[Mark, str] = {"dot": "o", "cross": "x", "ring": "o", "square": "s", "triangle": "^"}
+SIZE = 4.4  # pixels that a mark has where its layer says nothing
+WIDER: Mapping[Mark, float] = {"ring": 1.6, "triangle": 1.3}  # than a dot of the same size
+POINTS = 0.72
+PALE = 0.4  # opacity of what is faint
+NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
+MANY = 5000  # points from which on a PDF has them as an image
+MOST_TEXTS = 80  # of a layer of labels; of more only every so many
+USUAL, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
+
+
+def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
+    """Draw one layer; return the artist whose colours a bar explains, or None.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Where.
+    layer : Layer
+        What.
+    scale : float
+        Of marks and labels, which are smaller in a narrow picture.
+
+    Returns
+    -------
+    matplotlib.cm.ScalarMappable or None
+        Of points with values.
+    """
+    style: dict[str, Any] = {
+        "color": INKS[layer.ink],
+        "alpha": PALE if layer.faint else 1.0,
+        "label": layer.name or None,
+    }
+    return _KINDS[layer.kind](ax, layer, style, POINTS * scale)
+
+
+def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    ax.plot(layer.x, layer.y, lw=_width(layer, px), ls=_dashes(layer), **style)
+
+
+def _points(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> Any:
+    size = px * (layer.width or SIZE) * WIDER.get(layer.mark, 1.0)
+    shape = MARKS[layer.mark]
+    many = layer.x.size > MANY
+    if layer.value is not None:
+        low, high = value_range(layer.value)
+        return ax.scatter(
+            layer.x,
+            layer.y,
+            c=layer.value,
+            s=size**2,
+            marker=shape,
+            cmap="viridis",
+            vmin=low,
+            vmax=high,
+            lw=0,
+            label=style["label"],
+            rasterized=many,
+        )
+    hollow = layer.mark in ("ring", "square", "triangle")
+    ax.plot(
+        layer.x,
+        layer.y,
+        shape,
+        ms=size,
+        mew=1.0 if hollow or layer.mark == "cross" else 0.0,
+        mfc="none" if hollow else style["color"],
+        rasterized=many,
+        **style,
+    )
+    return None
+
+
+def _band(ax: Any, layer: Layer, style: dict[str, Any], _: float) -> None:
+    assert layer.y2 is not None
+    opacity = 0.10 if layer.faint else 0.22
+    ax.fill_between(layer.x, layer.y, layer.y2, lw=0, **(style | {"alpha": opacity}))
+
+
+def _steps(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    filled = {**style, "alpha": 0.35 * style["alpha"], "label": None}
+    ax.stairs(layer.y, layer.x, fill=True, lw=0, **filled)
+    ax.stairs(layer.y, layer.x, lw=_width(layer, px), ls=_dashes(layer), **style)
+
+
+def _arrows(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    assert layer.x2 is not None
+    assert layer.y2 is not None
+    ax.quiver(
+        layer.x,
+        layer.y,
+        layer.x2 - layer.x,
+        layer.y2 - layer.y,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        units="dots",
+        width=px * (layer.width or 2.2) * ax.figure.dpi / 72.0,
+        zorder=3,
+        **style,
+    )
+    for x, y in ((layer.x, layer.y), (layer.x2, layer.y2)):  # a quiver widens axes by its tails
+        ax.update_datalim(np.column_stack([x, y]))
+
+
+def _rules(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    options = style | {"lw": _width(layer, px, 1.2), "ls": _dashes(layer)}
+    values, across = (layer.y, ax.axhline) if layer.y.size else (layer.x, ax.axvline)
+    for k, value in enumerate(values):
+        across(value, **(options if k == 0 else options | {"label": None}))
+
+
+def _labels(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    step = -(-layer.x.size // MOST_TEXTS) or 1
+    for x, y, text in list(zip(layer.x, layer.y, layer.texts, strict=True))[::step]:
+        ax.annotate(
+            text,
+            (x, y),
+            size=px * (layer.width or 11.5),
+            color=style["color"],
+            alpha=style["alpha"],
+            ha="center",
+            va="center",
+            annotation_clip=True,
+            bbox={"boxstyle": "square,pad=0.12", "fc": "white", "ec": "none", "alpha": 0.7},
+            parse_math=False,
+        )
+
+
+_KINDS: Mapping[str, Callable[[Any, Layer, dict[str, Any], float], Any]] = {
+    "line": _line,
+    "points": _points,
+    "band": _band,
+    "steps": _steps,
+    "arrows": _arrows,
+    "rules": _rules,
+    "labels": _labels,
+}
+
+
+def _width(layer: Layer, px: float, usual: float = 1.5) -> float:
+    return px * (layer.width or usual)
+
+
+def _dashes(layer: Layer) -> Any:
+    return (0, (5, 2)) if layer.dashed else "-"
+
+
+def value_range(value: Array) -> tuple[float, float]:
+    """Return where the colours of values begin and end: some outliers do not make the rest alike.
+
+    Parameters
+    ----------
+    value : ndarray, (n,)
+        NaN where there is none.
+
+    Returns
+    -------
+    low, high : float
+        High above low.
+    """
+    finite = value[np.isfinite(value)]
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    high = min(high, MOST * float(np.quantile(finite, USUAL)))
+    return low, high if high > low else low + max(0.2 * abs(low), 1e-9)
+
+
+def draw_shades(ax: Any, shades: Sequence[Shade], span: tuple[float, float]) -> None:
+    """Shade spans behind the layers.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Where.
+    shades : sequence of Shade
+        What.
+    span : tuple of float
+        Ends of the horizontal axis.
+    """
+    least = NARROWEST * (span[1] - span[0])
+    for shade in shades:
+        colour = SHADES[shade.kind]
+        missing = max(0.0, 0.5 * (least - (shade.end - shade.begin)))
+        ax.axvspan(shade.begin - missing, shade.end + missing, color=colour, lw=0, zorder=0.4)
+
+
+def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
+    """Write the texts of shades along the top, as many as have room.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Where; its limits are set.
+    shades : sequence of Shade
+        What.
+    size : float
+        Of the letters, points.
+    """
+    written = -np.inf
+    across = ax.get_xaxis_transform()
+    for shade in sorted(shades, key=lambda shade: shade.begin):
+        middle = 0.5 * (shade.begin + shade.end)
+        low, high = ax.get_xlim()
+        if not shade.text or not min(low, high) <= middle <= max(low, high):
+            continue
+        place = float(ax.transData.transform((middle, 1.0))[0])
+        room = 0.5 * (len(shade.text) + 1.0) * 0.62 * size * ax.figure.dpi / 72.0
+        if place - room < written:
+            continue
+        written = place + room
+        ax.text(
+            middle,
+            0.985,
+            shade.text,
+            transform=across,
+            ha="center",
+            va="top",
+            size=size,
+            color="#40506A",
+            parse_math=False,
+        )
+
+
+def named(panel: Axes) -> list[tuple[str, Ink, str]]:
+    """Return what the legend of a panel has: name, ink and kind of each layer with a name.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel.
+
+    Returns
+    -------
+    list of tuple
+        In the order of the layers.
+    """
+    return [(layer.name, layer.ink, layer.kind) for layer in panel.layers if layer.name]

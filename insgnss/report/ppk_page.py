@@ -1,0 +1,83 @@
+"""The page of a PPK solution: its quality in a sentence, epoch by epoch, signals, checks."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..records import Check
+from .charts import gnss
+from .charts.chart import Chart
+from .verb_page import VerbPage, checks_table, tabulated
+
+MOODS = {"good": "good", "usable with care": "doubtful", "poor": "bad"}
+
+
+def ppk_charts(series: Mapping[str, Any]) -> list[Chart]:
+    """Return the charts of a solution.
+
+    Parameters
+    ----------
+    series : mapping
+        As `report.charts.gnss` takes them.
+    """
+    return list(gnss.charts(series))
+
+
+def ppk_page(
+    document: Mapping[str, Any],
+    checks: Sequence[Check],
+    series: Mapping[str, Any],
+    inputs: Sequence[Path],
+    twin: str,
+) -> VerbPage:
+    """Return the page of a solution.
+
+    Parameters
+    ----------
+    document : mapping
+        What ppk.json holds.
+    checks : sequence of Check
+        Of all steps.
+    series : mapping
+        Of the solution, epoch by epoch.
+    inputs : sequence of Path
+        Observations and ephemerides.
+    twin : str
+        Text of ppk.json.
+    """
+    word, _, rest = document["verdict"].partition(": ")
+    odd = [check for check in checks if check.verdict != "ok"]
+    named = "; ".join(f"{check.name}: {check.found}" for check in odd[:3])
+    more = f"; and {len(odd) - 3} more checks" if len(odd) > 3 else ""
+    quality = [(name, value) for name, value in document["quality"].items() if _is_plain(value)]
+    return VerbPage(
+        f"PPK: {Path(document['input']['rover']).name}",
+        f"{word.capitalize()}: {rest}",
+        MOODS.get(word, "doubtful"),
+        f"{named}{more}" if odd else "no check has a note",
+        ppk_charts(series),
+        parts=(
+            checks_table(checks),
+            tabulated("Figures of merit", [(name, f"{value:.6g}") for name, value in quality]),
+            tabulated("Files", [(str(file),) for file in document["files"]]),
+        ),
+        inputs=inputs,
+        settings=_flat(document["input"]),
+        versions={"engine": str(document["engine"]), "its CPU, s": f"{document['cpu_s']:.1f}"},
+        twin=twin,
+    )
+
+
+def _is_plain(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _flat(of: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+    """Return options with dotted names, those that are empty left out."""
+    found: dict[str, object] = {}
+    for name, value in of.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{prefix}{name}.")
+        elif value is not None and value != () and value != "":
+            found[f"{prefix}{name}"] = value
+    return found
