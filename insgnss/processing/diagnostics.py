@@ -149,7 +149,7 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
     value = solution.x[np.ix_(epochs, columns)]
     if layout.offset in states:
         value[:, states.index(layout.offset)] += segment.time_offset_s
-    variance = np.diagonal(solution.P[epochs], axis1=1, axis2=2)[:, rows]
+    variance = solution.variance(epochs)[:, rows]
     return ConstantSeries(
         tuple(layout.names[s] for s in states),
         value,
