@@ -36,8 +36,10 @@ from ..records import Check
 from .checks import check_segments, refusal
 from .estimation_problem import (
     PreparedSegment,
+    forecast_of,
     layout_factory,
     prepare_segment,
+    refuse_beyond_memory,
     stated_constants,
 )
 from .progress import Progress
@@ -91,6 +93,7 @@ def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
     lo, hi = common_span(recording.imu, fixes, flight.start_tow, flight.end_tow)
     first = int(np.searchsorted(fixes.time, lo))
     frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
+    refuse_beyond_memory(forecast_of(flight, recording, lo, hi))
     spans = gaps.segments(recording.imu.time, lo, hi)
     segments: list[PreparedSegment | DataError] = []
     for span in spans:
