@@ -14,6 +14,14 @@ What stays of every epoch are nominal, innovations and the navigation block of t
 covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Where another one is
 asked for later, its block is passed again, from the checkpoint of the filter forwards and from that
 of the smoother backwards (`BlockAgain`): some ten milliseconds.
+
+What a flight needs of memory is told before it is filtered (`forecast`), within a third or so:
+
+    increments    56 bytes a sample
+    estimation    results, checkpoints and measurements of the epochs, twice while another error
+                  model is tried beside the first; records; covariances of all states at the epochs
+                  of the report and at the exposures
+    trajectory    the output, and as much again while it is made
 """
 
 from collections.abc import Iterator
@@ -23,7 +31,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..records import Array
-from .codes import ABSENT, N_NAV
+from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
 from .event_chain import EventChain, EventTransitions
 from .filter import (
     ForwardInputs,
@@ -43,8 +51,14 @@ from .smoother import Smoothed, SmootherRoom, last_state
 
 BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
+ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
 RECORDS_BYTES = 32_000_000  # of a longer one; what of it is kept saves the share of a forward pass
 
+TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
+MEASUREMENT_BYTES = 450  # of an epoch: `navigation.kernels.records.Epochs`, and its stamp
+POSE_BYTES = 8 * (7 + 9 + 81 + 6)  # of a row of the trajectory
+SAMPLE_BYTES = 8 * 7  # of increments
+ADDED_STATES = 12  # that a search may try besides
 State = TypeVar("State", FilterState, SmootherState)
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
 
@@ -68,6 +82,72 @@ def record_bytes(n: int, rows_measured: int, outages: bool) -> int:
     """
     of_noise = N_NAV * n + n if outages else 0
     return 8 * (n * n + (N_NAV + 2) * n + 2 * rows_measured * n + of_noise)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a flight will need, in bytes.
+
+    Parameters
+    ----------
+    samples, epochs, states, rows : int
+        Samples of the IMU, epochs and states of the filter, rows of the trajectory.
+    increments, estimation, trajectory : int
+        Bytes of the three.
+    """
+
+    samples: int
+    epochs: int
+    states: int
+    rows: int
+    increments: int
+    estimation: int
+    trajectory: int
+
+    @property
+    def total(self) -> int:
+        """Bytes in all; the trajectory is made when the search is over."""
+        return self.increments + self.estimation + self.trajectory
+
+
+def forecast(
+    samples: int, epochs: int, states: int, triples: int, exposures: int, rows: int
+) -> Forecast:
+    """Forecast the memory of a flight.
+
+    Parameters
+    ----------
+    samples, epochs, states : int
+        Samples of the IMU; epochs and states of the filter.
+    triples : int
+        Kinds of measurements, of three rows each.
+    exposures, rows : int
+        Camera events, and rows of the trajectory.
+
+    Returns
+    -------
+    Forecast
+        From when the samples are read on.
+    """
+    n = states + ADDED_STATES
+    ns = n - N_NAV
+    of_epoch = 8 * (N_NOMINAL + ns + N_NAV + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
+    of_epoch += TRIPLE_BYTES * triples
+    of_block = 8 * (3 * n * n + 4 * N_NAV * n)
+    records = epochs * record_bytes(states, 3 * triples, False)
+    records = records if records <= WHOLE_BYTES else RECORDS_BYTES
+    whole = (min(ROWS, epochs) + exposures) * 4 * n * (n + 1)
+    solution = epochs * of_epoch + epochs // BLOCK * of_block + whole
+    estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
+    return Forecast(
+        samples,
+        epochs,
+        states,
+        rows,
+        samples * SAMPLE_BYTES,
+        estimation,
+        2 * rows * POSE_BYTES,
+    )
 
 
 class BlockwisePasses:

@@ -21,7 +21,7 @@ import numpy as np
 from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
-from .blocks import BlockwisePasses
+from .blocks import ROWS, BlockwisePasses
 from .codes import AX, AY, AZ, IMU, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain
@@ -30,7 +30,7 @@ from .smoother import Smoothed
 from .triangles import diagonal
 
 MAX_PASSES = 6
-ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
+CHUNK = 4096  # covariances that are turned at a time
 SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
 LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sigma, (N.1) met
 
@@ -394,7 +394,9 @@ def local_trajectory(
     acceleration = None
     if index.size > 1:
         acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
-    cov = 0.5 * (cov + np.swapaxes(cov, -1, -2))
+    for begin in range(0, len(cov), CHUNK):
+        part = cov[begin : begin + CHUNK]
+        part[:] = 0.5 * (part + np.swapaxes(part, -1, -2))
     rate = _body_rate(solution, index, C_lb)
     return Trajectory(
         time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
@@ -426,7 +428,10 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
         (n, 3k, 3k) with every block B replaced by C_left B C_right'.
     """
     n, size = cov.shape[:2]
-    k = size // 3
-    blocks = cov.reshape(n, k, 3, k, 3)
-    turned = np.einsum("nij,najbk,nlk->naibl", C_left, blocks, C_right, optimize=True)
-    return turned.reshape(n, size, size)
+    k, out = size // 3, np.empty_like(cov)
+    for begin in range(0, n, CHUNK):
+        own = slice(begin, begin + CHUNK)
+        blocks = cov[own].reshape(-1, k, 3, k, 3)
+        turned = np.einsum("nij,najbk,nlk->naibl", C_left[own], blocks, C_right[own], optimize=True)
+        out[own] = turned.reshape(-1, size, size)
+    return out
