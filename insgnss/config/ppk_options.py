@@ -147,7 +147,7 @@ class EngineSettings:
     )
     timeout_s: float = option(
         7200.0,
-        "longest time of one of the engine's three runs; a run that takes longer is ended",
+        "longest time of one of the engine's two runs; a run that takes longer is ended",
         unit="s",
         low=1.0,
         high=1e6,
