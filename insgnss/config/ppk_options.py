@@ -24,7 +24,7 @@ _SET_BY = {
     "out-": "the output has the form that is read again",
     "ant1-pos": "the rover moves",
     "pos1-posmode": "it is always kinematic",
-    "pos1-soltype": "forward, backward and combined are all run",
+    "pos1-soltype": "forward and backward are both run",
 }
 _SET_BY_KEY = {
     "file-": "gnss.antex",

@@ -12,7 +12,7 @@ from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.combined import combined
 from insgnss.gnss.engine.rtklib import EngineRun, solve
-from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.options import SOLUTION_TYPE, EngineOptions
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -161,7 +161,9 @@ def test_an_epoch_without_covariance_gives_way(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SETS)
-def test_the_engines_own_combined_run_agrees(tmp_path: Path, name: str) -> None:
+def test_the_engines_own_combined_run_agrees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     """Oracle: RTKLIB's combined run of recordings and of simulated observations.
 
     0.15 mm are what the texts of three solutions with units of 0.1 mm leave; standard deviations
@@ -175,8 +177,8 @@ def test_the_engines_own_combined_run_agrees(tmp_path: Path, name: str) -> None:
     rover, base, *navigation = files
     options = EngineOptions(frequencies=1 if name == "rinex_ublox_2018" else 2)
     run = solve(rover, base, navigation, options, tmp_path / "ours")
-    theirs = replace(options, rtklib_options={"pos1-soltype": "2"})
-    own = solve(rover, base, navigation, theirs, tmp_path / "own").forward
+    monkeypatch.setitem(SOLUTION_TYPE, "forward", SOLUTION_TYPE["combined"])
+    own = solve(rover, base, navigation, options, tmp_path / "own").forward
     check_same(run, own)
     assert set(run.cpu_of) == {"forward", "backward"}
 
