@@ -326,8 +326,8 @@ class GnssFixes(Rows):
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
             sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
             columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
-        said = ("quality", "satellites", "ratio", "age_s", "pdop")
-        return columns | {k: v for k in said if (v := getattr(self, k)) is not None}
+        stated = ("quality", "satellites", "ratio", "age_s", "pdop")
+        return columns | {k: v for k in stated if (v := getattr(self, k)) is not None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

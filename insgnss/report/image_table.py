@@ -128,7 +128,7 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
     without = outages(d)
     gaps = np.array(d.gaps, dtype=np.float64).reshape(-1, 2)
     times = d.fix_time[d.used]
-    found = [
+    findings = [
         _within(eo.time, without[:, 0], without.sum(axis=1)),
         _beyond(eo.time, segments(d), times),
         _within(eo.time, gaps[:, 0], gaps.sum(axis=1)),
@@ -139,7 +139,7 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
         psi > FAR * np.median(psi),
     ]
     return sum(
-        (is_so.astype(np.int64) << bit for bit, is_so in enumerate(found)),
+        (is_so.astype(np.int64) << bit for bit, is_so in enumerate(findings)),
         start=np.zeros(line.size, dtype=np.int64),
     )
 
