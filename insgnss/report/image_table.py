@@ -145,11 +145,11 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
 
 
 def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
-    """Return which instants lie in one of the spans, which follow each other."""
+    """Return which instants lie inside one of the spans, which follow each other."""
     if not begin.size:
         return np.zeros(time.size, dtype=np.bool_)
-    k = np.searchsorted(begin, time, side="right") - 1
-    return (k >= 0) & (time <= end[np.maximum(k, 0)])
+    k = np.searchsorted(begin, time) - 1
+    return (k >= 0) & (time < end[np.maximum(k, 0)])
 
 
 def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:
