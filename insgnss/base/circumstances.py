@@ -1,4 +1,4 @@
-"""When, where and by which command a run was made, for its report."""
+"""When, where and by which command a run was made, for its page."""
 
 import os
 import platform
@@ -10,7 +10,8 @@ from pathlib import Path
 
 def circumstances() -> dict[str, str]:
     """Return date, operating system, machine and command of this run, as text by name."""
-    command = [Path(sys.argv[0]).name or "python", *sys.argv[1:]]
+    name = Path(sys.argv[0]).name
+    command = ["insgnss" if name == "__main__.py" else name or "python", *sys.argv[1:]]
     return {
         "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
         "operating system": platform.platform(),

@@ -144,8 +144,9 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
     states = constant_states(solution, segment.stated)
     if not states:
         return None
-    rows = NAV.stop + np.array(states)
-    value = solution.x[np.ix_(epochs, states)]
+    columns = np.array(states)
+    rows = NAV.stop + columns
+    value = solution.x[np.ix_(epochs, columns)]
     if layout.offset in states:
         value[:, states.index(layout.offset)] += segment.time_offset_s
     variance = np.diagonal(solution.P[epochs], axis1=1, axis2=2)[:, rows]

@@ -22,9 +22,7 @@ def float_array(who: str, value: Any) -> Array:
         raise InputError(f"{who}: {shown} is no array of numbers") from None
 
 
-def frozen(
-    record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True
-) -> Array:
+def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
     `shape` holds None for a length that may be any; where not `finite`, a value may be unknown.

@@ -10,7 +10,7 @@ thousand images take half a megabyte.
 """
 
 import base64
-import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -56,19 +56,38 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
     ]
     columns += [
-        _column(key, f"{key[:1]}, m", eo.position_m[:, k], 3, title=f"{key} in the tangent plane of"
-                " eo.json", running=True)
+        _column(
+            key,
+            f"{key[0].upper()}, m",
+            eo.position_m[:, k],
+            3,
+            title=f"{key} in the tangent plane of eo.json",
+            running=True,
+        )
         for k, key in enumerate(("east", "north", "up"))
     ]
     columns += [
-        _column(f"sigma {axis}", f"σ{axis}, mm", 1e3 * position[:, k], 1, tip=f"sigma {axis}",
-                unit="mm", title=f"standard deviation {axis}")
+        _column(
+            f"sigma {axis}",
+            f"σ{axis}, mm",
+            1e3 * position[:, k],
+            1,
+            tip=f"sigma {axis}",
+            unit="mm",
+            title=f"standard deviation {axis}",
+        )
         for k, axis in enumerate("ENU")
     ]
     columns += [
-        _column(f"psi {axis}", f"σψ{axis}, deg", np.degrees(psi[:, k]), 4,
-                tip=f"sigma of attitude about {axis}", unit="deg",
-                title=f"standard deviation of the attitude about {axis}")
+        _column(
+            f"psi {axis}",
+            f"σψ{axis}, deg",
+            np.degrees(psi[:, k]),
+            4,
+            tip=f"sigma of attitude about {axis}",
+            unit="deg",
+            title=f"standard deviation of the attitude about {axis}",
+        )
         for k, axis in enumerate("ENU")
     ]
     prefix, suffix, names = shortened(eo.images)
@@ -103,9 +122,7 @@ def image_lines(d: Diagnostics, eo: ExteriorOrientation) -> NDArray[np.int64]:
     return line
 
 
-def flags(
-    d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return what is worth a look at each image, one bit for each of `FLAGS`."""
     position, psi = (np.sqrt((x**2).sum(axis=1)) for x in image_sigmas(eo))
     without = outages(d)
@@ -152,10 +169,17 @@ def _is_largest(x: Array) -> NDArray[np.bool_]:
 
 def shortened(names: tuple[str, ...]) -> tuple[str, str, list[str]]:
     """Return what all names begin and end with, and what stands between."""
-    prefix = os.path.commonprefix(list(names)) if len(names) > 1 else ""
+    prefix = _common(names) if len(names) > 1 else ""
     rest = [name[len(prefix) :] for name in names]
-    suffix = os.path.commonprefix([name[::-1] for name in rest])[::-1] if len(names) > 1 else ""
+    suffix = _common([name[::-1] for name in rest])[::-1] if len(names) > 1 else ""
     return prefix, suffix, [name[: len(name) - len(suffix)] for name in rest]
+
+
+def _common(names: Sequence[str]) -> str:
+    """Return what all names begin with."""
+    first, last = min(names), max(names)  # all others lie between them
+    same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), None)
+    return first[: min(len(first), len(last)) if same is None else same]
 
 
 def _column(

@@ -4,7 +4,6 @@ Numbered lines, stationary periods, times without fixes, segments.
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,9 +29,10 @@ class Marks:
     parts : the rows of the diagnostics of each part that was solved by itself.
     label : of the axis of time.
     span : of the flight, minutes.
+    start : the first epoch, s.
     """
 
-    minutes: Callable[[Array], Array]
+    start: float
     label: str
     lines: Array
     stationary: Array
@@ -41,6 +41,10 @@ class Marks:
     exposures: Array
     parts: tuple[slice, ...]
     span: tuple[float, float]
+
+    def minutes(self, time: Array) -> Array:
+        """Return minutes since the first epoch of instants, s."""
+        return (time - self.start) / 60.0
 
     @property
     def shades(self) -> tuple[Shade, ...]:
@@ -51,8 +55,8 @@ class Marks:
             (self.nothing, "other"),
         )
         return (
-            *(Shade(*x, "line", str(k)) for k, x in enumerate(self.lines.tolist(), 1)),
-            *(Shade(*x, kind) for pieces, kind in kinds for x in pieces.tolist()),
+            *(Shade(a, b, "line", str(k)) for k, (a, b) in enumerate(self.lines.tolist(), 1)),
+            *(Shade(a, b, kind) for pieces, kind in kinds for a, b in pieces.tolist()),
         )
 
     def broken(self, minutes: Array, y: Array) -> Array:
@@ -86,7 +90,7 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
     )
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(
-        minutes,
+        start,
         f"minutes since TOW {start:.1f} s",
         minutes(lines),
         minutes(stationary_periods(d)),

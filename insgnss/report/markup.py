@@ -110,14 +110,15 @@ def with_contents(body: str, short: Mapping[str, str]) -> str:
 
     Parameters
     ----------
-    short : what the list says in place of a heading, by its id.
+    short : what the list says in place of a heading, by its id; nothing leaves it out.
     """
     entries = []
 
     def placed(found: re.Match[str]) -> str:
         figure, title = found.group(1), found.group(3)
         name = found.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
-        entries.append(f'<a href="#{name}">{escape(short[name]) if name in short else title}</a>')
+        if called := escape(short[name]) if name in short else title:
+            entries.append(f'<a href="#{name}">{called}</a>')
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'
 
     body = re.sub(r'(<figure id="([^"]*)"[^>]*>\n)?<h2>(.*?)</h2>', placed, body)

@@ -34,7 +34,7 @@ from .sections import (
 )
 from .summary import plain
 
-SHORT = {  # what the list of contents calls the sections
+SHORT = {  # what the list of contents calls the sections; nothing: not in the list
     "what-limits-this-flight": "What limits it",
     "map": "Map",
     "image-by-image": "Images",
@@ -44,21 +44,24 @@ SHORT = {  # what the list of contents calls the sections
     "sigmas": "Sigmas",
     "image-sigmas": "Sigmas by image",
     "innovations": "Innovations",
-    "innovation-distribution": "Distribution",
-    "nis-distribution": "NIS",
-    "innovations-in-numbers": "in numbers",
+    "innovation-distribution": "",
+    "nis-distribution": "",
+    "innovations-in-numbers": "",
     "residuals": "Residuals",
-    "fixes-minus-solution": "in numbers",
+    "fixes-minus-solution": "",
     "biases": "IMU errors",
     "what-was-estimated-besides": "Constants",
-    "constants": "over time",
+    "constants": "",
     "separation": "Separation",
     "gnss-solution": "GNSS",
     "gnss-signals": "Signals",
+    "rejected-fixes": "Rejected",
     "segments-and-stationary-periods": "Segments",
     "checks-of-the-input": "Checks",
     "the-flight-file-resolved": "Settings",
-    "inputs-sha-256": "Inputs",
+    "inputs-sha-256": "",
+    "versions": "",
+    "time-taken": "",
 }
 
 
@@ -113,7 +116,10 @@ def page(
     data : what the script needs besides by name: "images" and "track" of `image_table`.
     """
     verdict, reason = mood(summary)
-    why = f'<p class="reason {verdict}"><b>{verdict.capitalize()}</b>: {escape(reason)}.</p>\n'
+    why = (
+        f'<p class="reason {verdict}"><strong>{verdict.capitalize()}</strong>:'
+        f" {escape(reason)}.</p>\n"
+    )
     body = "".join(_body(summary, shown, "images" in data))
     blocks = (embedded(name, script_safe(block)) for name, block in data.items())
     return document(
@@ -127,9 +133,7 @@ def page(
     )
 
 
-def _body(
-    summary: Mapping[str, Any], shown: Sequence[Chart], with_images: bool
-) -> Iterator[str]:
+def _body(summary: Mapping[str, Any], shown: Sequence[Chart], with_images: bool) -> Iterator[str]:
     left = {chart.name: charted(chart) for chart in shown}
 
     def of(*names: str) -> str:

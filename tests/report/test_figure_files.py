@@ -1,7 +1,7 @@
 """`insgnss figures`: the charts of a page as files, and pages that are refused."""
 
-import base64
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 import insgnss
 from insgnss.cli.main import main
 from insgnss.report.charts.chart import Axes, Chart, Layer
+from insgnss.report.charts.encoded import encoded
 from insgnss.report.charts.files import charts_of
 from insgnss.report.verb_page import VerbPage
 
@@ -68,13 +69,15 @@ def test_charts_come_from_the_page(page) -> None:
         assert chart.panels[0].layers[0].y == pytest.approx(own.panels[0].layers[0].y, abs=1e-6)
     assert found[1].panels[0].layers[0].texts[3] == "3.tif"
     before = insgnss.figures(page, form="svg", out=page.parent / "a")
-    moved = np.sin(X)
-    moved[25] = 5.0
-
-    def packed(values: np.ndarray) -> str:
-        return base64.b64encode(values.astype("<f4").tobytes()).decode()
-
-    page.write_text(page.read_text().replace(packed(np.sin(X)), packed(moved)))
+    motion, where = charts()
+    line, dots = motion.panels[0].layers
+    moved = replace(line, y=np.where(X[25] == X, 5.0, line.y))
+    changed = replace(motion, panels=(replace(motion.panels[0], layers=(moved, dots)),))
+    text = page.read_text()
+    old, new = (encoded(of).partition('"arrays":')[2] for of in ((motion, where), (changed, where)))
+    assert old in text
+    text = text.replace(old, new)
+    page.write_text(text)
     after = insgnss.figures(page, form="svg", out=page.parent / "b")
     same = [a.read_bytes() == b.read_bytes() for a, b in zip(before, after, strict=True)]
     assert same == [False, True]

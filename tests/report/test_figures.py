@@ -1,19 +1,20 @@
-"""Pictures: thinned lines keep what the eye looks for, and there is a picture of every run."""
+"""Charts of a run: thinned series keep what the eye looks for; every run has its charts."""
 
-import io
 import itertools
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from insgnss.report.figures.run import pictures
-from insgnss.report.figures.style import MOST_POINTS, thin
-from insgnss.report.figures.support import _normal_mixture
-from insgnss.report.marks import OUTAGE_SHADE, STATIONARY_SHADE, marks_of
+from insgnss.report.charts.chart import Chart, Layer
+from insgnss.report.charts.run import charts
+from insgnss.report.charts.thinned import MOST_DOTS, MOST_POINTS, scatter, thin, thinned
+from insgnss.report.marks import marks_of
 
 START = 205200.0
-ALL = ["map", "motion", "sigmas", "innovations", "biases", "separation"]
+ALL = [
+    *("map", "motion", "sigmas", "image-sigmas", "innovations", "innovation-distribution"),
+    *("nis-distribution", "biases", "separation"),
+]
 
 
 def test_thinned_line_keeps_its_extremes() -> None:
@@ -44,39 +45,83 @@ def test_short_line_is_kept_whole() -> None:
     assert thin(np.arange(5.0)).tolist() == [0, 1, 2, 3, 4]
 
 
-def test_expected_density_is_one_in_sum() -> None:
-    """Oracle: closed form; a density integrates to one, and that of one normal variable is known at
-    zero.
+def test_thinned_points_keep_their_distribution_and_what_lies_far_out() -> None:
+    """Oracle: the normal distribution; half of the points lie within 0.6745 sigma, extremes alone
+    would leave none there.
     """
-    x = np.linspace(-2, 2, 4001)
-    assert np.trapezoid(_normal_mixture(x, np.array([0.1, 0.2, 0.3])), x) == pytest.approx(
-        1.0, abs=1e-6
-    )
-    assert _normal_mixture(np.zeros(1), np.full(500, 0.5))[0] == pytest.approx(
-        1 / (0.5 * np.sqrt(2 * np.pi))
-    )
+    y = np.random.default_rng(1).standard_normal(50000)
+    y[12345] = 9.0
+    keep = scatter(y)
+    assert keep.size <= 1.1 * MOST_DOTS
+    assert 12345 in keep
+    assert np.mean(np.abs(y[keep]) < 0.6745) == pytest.approx(0.45, abs=0.06)
 
 
-def test_pictures_are_drawn(diagnostics, eo) -> None:
-    """Oracle: Pillow reads them; each has the width that was asked for, and is not blank."""
-    drawn = pictures(diagnostics(), eo())
-    assert [picture.name for picture in drawn] == ALL
-    for picture in drawn:
-        image = Image.open(io.BytesIO(picture.png)).convert("L")
-        assert image.width == 1000
-        assert np.ptp(np.asarray(image)) > 200
-        assert picture.reading.endswith(".")
+def test_thinned_band_keeps_both_of_its_edges() -> None:
+    """Oracle: definition; a spike of either edge survives, with the texts of its row."""
+    x = np.arange(20000.0)
+    low, high = np.zeros(20000), np.ones(20000)
+    low[7001], high[15002] = -5.0, 5.0
+    layer = thinned(Layer("band", x, low, y2=high, texts=[str(int(k)) for k in x]))
+    assert layer.y.min() == -5.0
+    assert layer.y2 is not None
+    assert layer.y2.max() == 5.0
+    assert [float(text) for text in layer.texts] == layer.x.tolist()
 
 
-@pytest.mark.slow
-def test_every_run_has_its_pictures(odd_cases) -> None:
+def test_charts_are_there(diagnostics, eo) -> None:
+    """Oracle: by hand; each has a reading in whole sentences, and layers with values."""
+    shown = charts(diagnostics(), eo())
+    assert [chart.name for chart in shown] == ALL
+    for chart in shown:
+        assert chart.reading.endswith(".")
+        assert all(panel.layers for panel in chart.panels)
+    assert {chart.link for chart in shown} == {"", "time", "image"}
+
+
+def test_every_run_has_its_charts(odd_cases) -> None:
     """Oracle: by hand; what there is nothing to draw of is left out, the rest is there."""
-    missing = {"no fix": "innovations", "separation undetermined": "separation"}
-    for name in ("no camera", "everything rejected", *missing):
+    of_innovations = {"innovations", "innovation-distribution", "nis-distribution"}
+    missing = {
+        "no camera": {"image-sigmas"},
+        "no fix": of_innovations,
+        "separation undetermined": {"separation"},
+    }
+    for name in ("everything rejected", *missing):
         d, images = odd_cases[name]
-        assert [picture.name for picture in pictures(d, images)] == [
-            p for p in ALL if p != missing.get(name)
-        ], name
+        expected = [p for p in ALL if p not in missing.get(name, set())]
+        assert [chart.name for chart in charts(d, images)] == expected, name
+
+
+def _layer(shown: tuple[Chart, ...], chart: str, name: str) -> Layer:
+    named = [
+        layer
+        for one in shown
+        if one.name == chart
+        for panel in one.panels
+        for layer in panel.layers
+        if layer.name == name
+    ]
+    return named[0]
+
+
+def test_rejected_fixes_and_images_are_never_thinned_away(diagnostics, eo) -> None:
+    """Oracle: counts; of 60 000 fixes all 5 000 rejected ones are drawn, the used ones are not."""
+    n = 60000
+    used = np.arange(n) % 12 != 0
+    rng = np.random.default_rng(3)
+    changes = {
+        "fix_time": START + np.linspace(0.0, 119.0, n),
+        "innovation": 0.02 * rng.standard_normal((n, 3)),
+        "innovation_sigma": np.full((n, 3), 0.02),
+        "nis": rng.chisquare(3, n),
+        "used": used,
+    }
+    shown = charts(diagnostics(**changes), eo())
+    assert _layer(shown, "innovations", "rejected").x.size == 5000
+    assert _layer(shown, "innovations", "fix").x.size < 4000
+    assert _layer(shown, "map", "rejected fix").x.size == 5000
+    assert _layer(shown, "map", "image").x.size == 30
 
 
 def test_marks_are_where_they_belong(block) -> None:
@@ -93,25 +138,18 @@ def test_marks_are_where_they_belong(block) -> None:
     assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
     assert 60 * marks.nothing == pytest.approx(np.array([[60.0, 90.0]]), abs=1e-6)
     assert len(marks.lines) == 4
-    assert [(part.start, part.stop) for part in marks.parts] == [(0, 750), (750, 1200)]
-    assert [part.stop for part in marks.parts_of(np.array([0.1, 0.9, 1.6]))] == [2, 3]
+    assert [shade.text for shade in marks.shades if shade.kind == "line"] == ["1", "2", "3", "4"]
+    broken = marks.broken(np.array([0.1, 0.9, 1.6, 1.7]), np.ones(4))
+    assert np.isnan(broken).tolist() == [False, False, True, False]
 
 
-@pytest.mark.slow
-def test_stationary_periods_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> None:
-    """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only
-    then.
-    """
+def test_all_charts_over_time_are_shaded_alike(diagnostics) -> None:
+    """Oracle: by hand; a rest and an outage where they were asked for, and only then."""
     d = diagnostics()
     used = (d.fix_time <= START + 60) | (d.fix_time >= START + 110)
-    marked = pictures(diagnostics(used=used, stationary=np.array([[START, START + 30]])), None)
-    for plain, shaded in zip(pictures(d, None), marked, strict=True):
-        for shade in (STATIONARY_SHADE, OUTAGE_SHADE):
-            assert _pixels(plain.png, shade) == 0, plain.name
-            assert plain.name == "map" or _pixels(shaded.png, shade) > 2000, plain.name
-
-
-def _pixels(png: bytes, colour: str) -> int:
-    """Number of pixels of exactly that colour."""
-    image = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
-    return int((image == [int(colour[i : i + 2], 16) for i in (1, 3, 5)]).all(axis=2).sum())
+    marked = charts(diagnostics(used=used, stationary=np.array([[START, START + 30]])), None)
+    for plain, shaded in zip(charts(d, None), marked, strict=True):
+        if plain.link != "time" or plain.map:
+            continue
+        assert {shade.kind for shade in plain.shades} <= {"line"}, plain.name
+        assert {"rest", "outage"} <= {shade.kind for shade in shaded.shades}, plain.name

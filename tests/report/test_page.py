@@ -1,8 +1,10 @@
 """The page: valid, self-contained, escaped, whole or not there."""
 
 import base64
+import hashlib
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,12 +14,21 @@ import pytest
 import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
-from insgnss.report.markup import Picture, sentence
+from insgnss.report.charts.chart import Axes, Chart, Layer
+from insgnss.report.charts.encoded import in_page
+from insgnss.report.image_table import image_table
+from insgnss.report.markup import Picture, pictured, sentence
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
-PICTURE = Picture("map", "Where <it> went", "Dots & lines.", b"\x89PNG not really")
+CHART = Chart(
+    "map",
+    "Where <it> went",
+    "Dots & lines.",
+    (Axes("y, m", (Layer("line", np.arange(3.0), np.arange(3.0)),)),),
+    "x, m",
+)
 
 
 class Reader(HTMLParser):
@@ -47,23 +58,42 @@ class Reader(HTMLParser):
 
 
 def test_page_is_whole_and_self_contained(tmp_path: Path, diagnostics, eo, summary) -> None:
-    """Oracle: html.parser; tags balance, nothing is loaded from elsewhere, every picture is
-    inside.
+    """Oracle: html.parser; tags balance, nothing is loaded from elsewhere, every chart has its
+    place and its data.
     """
-    path = write_report(tmp_path, summary(diagnostics(), eo()), diagnostics(), eo())
+    path = write_report(tmp_path, summary(diagnostics(), eo()), diagnostics(), eo(), None, "ab12")
     assert path == tmp_path / "report.html"
     text = path.read_text(encoding="utf-8")
     reader = Reader(text)
     assert text.startswith("<!DOCTYPE html>")
-    assert {"script", "link", "iframe"}.isdisjoint(reader.tags)
-    sources = [value or "" for name, value in reader.attributes if name in ("src", "href")]
-    assert len(sources) == reader.tags.count("img") == 6
-    for source in sources:
-        head, _, body = source.partition(",")
-        assert head == "data:image/png;base64"
-        assert base64.b64decode(body, validate=True).startswith(b"\x89PNG\r\n")
-    assert not re.search(r"https?://", re.sub(r'src="[^"]*"', "", text))
+    assert {"link", "iframe", "img"}.isdisjoint(reader.tags)
+    named = [value or "" for name, value in reader.attributes if name in ("src", "href")]
+    assert named
+    assert all(value.startswith("#") for value in named)
+    assert set(re.findall(r"https?://[^\s\"']*", text)) == {"https://github.com/leeoniya/uPlot"}
+    charts, digest = in_page(text)
+    assert digest == "ab12"
+    assert [x.name for x in charts] == re.findall(r'<figure id="([^"]*)"', text)
+    assert {"#map", "#image-by-image", "#innovations", "#biases"} <= set(named)
+    assert {value[1:] for value in named} <= {v for n, v in reader.attributes if n == "id"}
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_licence_of_the_library_is_in_the_page(tmp_path: Path, diagnostics, eo, summary) -> None:
+    """Oracle: the licence's own words; they must go wherever the library goes."""
+    path = write_report(tmp_path, summary(diagnostics(), eo()), diagnostics(), eo())
+    text = path.read_text(encoding="utf-8")
+    assert "Copyright (c) 2022 Leon Sorokin" in text
+    assert "THE SOFTWARE IS PROVIDED" in text
+
+
+def test_pictures_stay_in_the_page() -> None:
+    """Oracle: base64; pages of other verbs hold pictures."""
+    text = pictured(Picture("scene", "A <scene>", "Look & see.", b"\x89PNG not really"))
+    found = re.search(r'src="data:image/png;base64,([^"]*)"', text)
+    assert found is not None
+    assert base64.b64decode(found.group(1)) == b"\x89PNG not really"
+    assert ("alt", "A <scene>") in Reader(text).attributes
 
 
 def test_keys_of_the_flight_file_are_printed_as_they_are() -> None:
@@ -92,7 +122,7 @@ def test_every_run_has_a_page(odd_cases, summary) -> None:
     None.
     """
     for name, (d, images) in odd_cases.items():
-        reader = Reader("".join(page(summary(d, images), [PICTURE])))
+        reader = Reader("".join(page(summary(d, images), [CHART])))
         assert not re.search(r"\b(nan|None|inf)\b", reader.text), name
     assert "none (no camera)" in Reader("".join(page(summary(*odd_cases["no camera"]), []))).text
 
@@ -100,14 +130,18 @@ def test_every_run_has_a_page(odd_cases, summary) -> None:
 def test_text_of_others_is_escaped(odd_cases, summary) -> None:
     """Oracle: html.parser; a script in a name is text, no tag."""
     evil = "<script>alert('x')</script>"
-    reader = Reader(
-        "".join(page(summary(*odd_cases["gaps, checks, resets"], name=evil), [PICTURE]))
-    )
-    assert "script" not in reader.tags
+    d, images = odd_cases["gaps, checks, resets"]
+    name = f"</script>{evil}.tif"
+    images = replace(images, images=(name, *images.images[1:]))
+    data = {"images": image_table(d, images)}
+    whole = "".join(page(summary(d, images, name=evil), [CHART], data))
+    reader = Reader(whole)
+    assert reader.tags.count("script") == len(["charts", "images", "library", "own"])
     assert "b" not in reader.tags
     assert evil in reader.text
     assert "1.1 s <b>" in reader.text
-    assert ("alt", "Where <it> went") in reader.attributes
+    assert "Where <it> went" in reader.text
+    assert "</script><" not in whole.replace("</script>\n<", "")
 
 
 def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
@@ -133,10 +167,7 @@ def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> No
     s = summary(diagnostics(2.0, checks=checks), eo(0.31))
     whole = "".join(page(s, []))
     text = Reader(whole).text
-    assert whole.index("What limits this flight") < whole.index(
-        "<h2>", whole.index("What limits this flight")
-    )
-    assert whole.count("<h2>", 0, whole.index("What limits this flight")) == 1
+    assert re.findall(r"<h2[^>]*>([^<]*)", whole)[0] == "What limits this flight"
     places = [text.index(limit["text"][1:]) for limit in s["limits"]]
     assert places == sorted(places)
     assert text.index("of less weight") < text.index("one <i>")
@@ -221,7 +252,6 @@ def test_nothing_is_left_of_a_page_that_failed(
         raise RuntimeError("in the middle")
 
     monkeypatch.setattr(page_module, "_made_from", broken)
-    monkeypatch.setattr(page_module, "pictures", lambda *_: [PICTURE])
     with pytest.raises(RuntimeError):
         write_report(tmp_path / "report.html", summary(diagnostics(), eo()), diagnostics(), eo())
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("report.html", "former")]
@@ -230,7 +260,8 @@ def test_nothing_is_left_of_a_page_that_failed(
 def test_json_is_the_summary(tmp_path: Path, diagnostics, eo, summary) -> None:
     """Oracle: json."""
     s = summary(diagnostics(), eo(), name="Évionnaz")
-    write_report_json(s, tmp_path / "report.json")
+    digest = write_report_json(s, tmp_path / "report.json")
+    assert digest == hashlib.sha256((tmp_path / "report.json").read_bytes()).hexdigest()
     text = (tmp_path / "report.json").read_text(encoding="utf-8")
     assert json.loads(text) == s
     assert "Évionnaz" in text
@@ -250,7 +281,7 @@ def test_fixes_minus_solution_are_listed_and_the_odd_ones_marked(diagnostics, eo
     )
     d = diagnostics(residuals=pieces)
     text = "".join(page(summary(d, eo()), ()))
-    section = text.split("<h2>Fixes minus solution</h2>")[1].split("<h2>")[0]
+    section = text.split(">Fixes minus solution</h2>")[1].split("<h2")[0]
     assert section.count("<tr>") == 3
     assert re.findall('class="contradiction">([^<]*)<', section) == ["400 mm ± 20.0 mm"]
     assert 'class="headline bad"' in text

@@ -13,7 +13,11 @@
   const json = (id) => JSON.parse(document.getElementById(id)?.textContent ?? "null");
   const page = json("charts");
   const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-  const arrays = page.arrays.map((text) => new Float32Array(bytesOf(text)));
+  const arrays = page.arrays.map((given) => {
+    if (typeof given === "string") return new Float32Array(bytesOf(given));
+    const steps = new Uint16Array(bytesOf(given.steps));
+    return Float32Array.from(steps, (k) => (k === 65535 ? NaN : given.low + k * given.step));
+  });
   const NONE = new Float32Array(0);
   for (const chart of page.charts) {
     for (const panel of chart.panels) {
@@ -300,9 +304,12 @@
       this.group.panels.push(this);
       this.y = axes.limits ?? null;
       this.box = box;
+      this.named = (chart.shades ?? []).filter((shade) => shade.text);
       this.head = make("div", "keys");
       this.head.append(make("b", "", axes.label));
-      this.keys = axes.layers.filter((layer) => layer.name).map((layer) => this.key(layer));
+      const named = axes.layers.filter((layer, k) => layer.name
+        && axes.layers.findIndex((other) => other.name === layer.name) === k);
+      this.keys = named.map((layer) => this.key(layer));
       for (const layer of axes.layers) if (layer.value) this.head.append(...bar(layer));
       this.element = make("div", "panel");
       this.element.append(this.head, make("div", "axes"));
@@ -322,11 +329,14 @@
 
     draw(width, height) {
       const self = this, last = this.number >= this.view.chart.panels.length - 1 || this.view.columns > 1;
-      const axis = { stroke: () => ink("soft"), font: "11.5px system-ui, sans-serif",
-        grid: { stroke: () => ink("grid"), width: 1 }, ticks: { stroke: () => ink("rule"), size: 4 } };
+      const k = this.k = root.classList.contains("printing") ? 2 : 1; // paper: twice as fine, shown at half its size
+      const axis = { stroke: () => ink("soft"), font: `${12 * k}px system-ui, sans-serif`,
+        grid: { stroke: () => ink("grid"), width: k }, ticks: { stroke: () => ink("rule"), size: 4 * k, width: k } };
+      const above = this.number === 0 && this.named.length ? 18 : 6;
       this.plot?.destroy();
       this.plot = new uPlot({
-        width, height: height + (last ? 24 : 0), padding: [6, 10, last ? 0 : 6, 0], legend: { show: false },
+        width: width * k, height: (height + (last ? 24 : 0)) * k, legend: { show: false },
+        padding: [above, 10, last ? 0 : 6, 0].map((size) => size * k),
         cursor: { y: false, points: { show: false }, bind: { dblclick: () => null },
           drag: { x: true, y: true, uni: 24, setScale: false } },
         scales: {
@@ -334,10 +344,10 @@
           y: { distr: this.log ? 3 : 1, range: () => self.rangeY() },
         },
         axes: [
-          { ...axis, size: last ? 24 : 0, gap: 2, space: 70, values: last ? ticks : () => [],
-            ...(this.logX ? { splits: logSplits } : {}), ...(last ? {} : { ticks: { show: false } }) },
-          { ...axis, size: width < 500 ? 46 : 60, gap: 3, space: 32, values: ticks,
-            ...(this.log ? { splits: logSplits } : {}) },
+          { ...axis, size: last ? 24 * k : 0, gap: 2 * k, space: 70 * k, values: last ? ticks : () => [],
+            ...(this.logX ? ofLog : {}), ...(last ? {} : { ticks: { show: false } }) },
+          { ...axis, size: (width < 500 ? 46 : 60) * k, gap: 3 * k, space: 32 * k, values: ticks,
+            ...(this.log ? ofLog : {}) },
         ],
         series: [{}, { paths: () => null, points: { show: false } }],
         hooks: {
@@ -380,17 +390,17 @@
     }
 
     paint(u) {
-      const [X, Y, b] = this.transform(u), g = u.ctx, s = uPlot.pxRatio ?? devicePixelRatio;
+      const [X, Y, b] = this.transform(u), g = u.ctx, s = uPlot.pxRatio * this.k;
       g.save();
       g.beginPath();
       g.rect(b.left, b.top, b.right - b.left, b.bottom - b.top);
       g.clip();
       paint(g, this.axes.layers, this.view.hidden, X, Y, s, b);
-      if (this.number === 0) {
-        const named = (this.view.chart.shades ?? []).filter((shade) => shade.text);
-        texts(g, named.map((shade) => [shade.text, (X(shade.begin) + X(shade.end)) / 2, b.top + 9 * s]), s, b);
-      }
       g.restore();
+      if (this.number === 0 && this.named.length) { // the numbers of the lines, above the axes
+        const above = { left: b.left - 2, right: b.right + 12 * s, top: -99, bottom: b.top + 99 };
+        texts(g, this.named.map((shade) => [shade.text, (X(shade.begin) + X(shade.end)) / 2, b.top - 8 * s]), s, above);
+      }
     }
 
     /** The vertical range: what was asked for, else all that is drawn in the horizontal one. */
@@ -501,7 +511,8 @@
     values(x) {
       for (const { layer, value } of this.keys) {
         let text = "";
-        if (x !== null && (layer.kind === "line" || layer.kind === "points") && layer.x.length) {
+        const alone = this.axes.layers.filter((other) => other.name === layer.name).length === 1;
+        if (alone && x !== null && (layer.kind === "line" || layer.kind === "points") && layer.x.length) {
           const i = nearest(layer.x, x);
           const far = Math.abs(layer.x[i] - x) > 0.02 * (this.group.range[1] - this.group.range[0]);
           if (!far) text = layer.texts[i] ?? short(layer.y[i]);
@@ -544,6 +555,8 @@
     }
     return found;
   }
+
+  const ofLog = { splits: logSplits, filter: (u, splits) => splits };
 
   function zoomed([low, high], about, factor, log) {
     if (log) return [low, high].map((end) => about * (end / about) ** factor);
@@ -966,11 +979,11 @@
         { head: "flags", value: flagsOf, text: flagsOf },
       ];
       this.columns.forEach((column, k) => {
-        const cell = make("th", column.number ? "number" : ""), button = make("button", "", column.head);
-        button.type = "button";
-        if (column.title) button.title = column.title;
-        button.addEventListener("click", () => this.sort(k));
-        cell.append(button);
+        const cell = make("th", column.number ? "number" : "", column.head);
+        cell.tabIndex = 0;
+        if (column.title) cell.title = column.title;
+        cell.addEventListener("click", () => this.sort(k));
+        cell.addEventListener("keydown", (event) => { if (event.key === "Enter") this.sort(k); });
         column.cell = cell;
         top.append(cell);
       });
@@ -1049,7 +1062,7 @@
         const compare = new Intl.Collator("en", { numeric: true }).compare;
         this.rows.sort((a, b) => sign * (numeric ? value(a) - value(b) : compare(value(a), value(b))) || a - b);
         this.columns.forEach((column, at) => {
-          column.cell.firstChild.textContent = column.head + (at === key ? (down ? " ▾" : " ▴") : "");
+          column.cell.textContent = column.head + (at === key ? (down ? " ▾" : " ▴") : "");
           column.cell.setAttribute("aria-sort", at !== key ? "none" : down ? "descending" : "ascending");
         });
       }
@@ -1135,7 +1148,8 @@
     const figure = document.getElementById(chart.name);
     return figure ? [new (chart.map ? MapView : AxesView)(chart, figure)] : [];
   });
-  for (const group of groups.values()) {
+  for (const [name, group] of groups) {
+    if (name === "image") group.full = [group.full[0] - 0.7, group.full[1] + 0.7];
     if (!(group.full[1] > group.full[0])) group.full = Number.isFinite(group.full[0]) ? [group.full[0] - 1, group.full[0] + 1] : [0, 1];
     group.home ??= group.full;
     group.range = group.home.slice();

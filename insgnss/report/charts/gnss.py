@@ -13,7 +13,6 @@ by name; those that are not known are absent, and their panels with them:
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,20 +98,17 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
     if "time" not in series or not len(series["time"]):
         return
     start = float(series["time"][0])
-    label = f"minutes since {start:.1f} s of the week"
-    minutes: Minutes = lambda t: (np.asarray(t, dtype=np.float64) - start) / 60.0  # noqa: E731
-    shades = [
-        Shade(*ends, "outage") for ends in minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
-    ]
-    limits = None
+    label, limits = f"minutes since {start:.1f} s of the week", None
+    shades: list[Shade] = []
+
+    def minutes(t: Any) -> Array:
+        return (np.asarray(t, dtype=np.float64) - start) / 60.0
+
     if marks is not None:
-        minutes, label, limits = marks.minutes, marks.label, marks.span
-        shades = [
-            replace(shade, begin=begin, end=end)
-            for shade, (begin, end) in zip(
-                shades, minutes(np.reshape(series.get("gaps", ()), (-1, 2))), strict=True
-            )
-        ] + [shade for shade in marks.shades if shade.kind == "line"]
+        start, label, limits = marks.start, marks.label, marks.span
+        shades = [shade for shade in marks.shades if shade.kind == "line"]
+    gaps = minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
+    shades += [Shade(begin, end, "outage") for begin, end in gaps.tolist()]
     reading = _SOLUTION + (_RATE if "kind" in series else "")
     reading += _BASE if "distance_m" in series else ""
     reading += _SEPARATION if "separation_m" in series else ""
@@ -154,7 +150,8 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
         )
     for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
         if name in series:
-            yield Axes(label, (line(t, np.asarray(series[name], dtype=np.float64), label),))
+            y = np.asarray(series[name], dtype=np.float64)
+            yield Axes(label, list(_by_class(t, y, kind, known)))
     if "separation_m" in series:
         yield _separation(t, series)
     if "distance_m" in series:

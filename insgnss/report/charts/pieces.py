@@ -37,13 +37,9 @@ def rules(*y: float, ink: Ink = "ink", dashed: bool = False) -> Layer:
     return Layer("rules", np.zeros(0), np.array(y, dtype=np.float64), ink=ink, dashed=dashed)
 
 
-def over_time(
-    name: str, title: str, reading: str, panels: Sequence[Axes], marks: Marks
-) -> Chart:
+def over_time(name: str, title: str, reading: str, panels: Sequence[Axes], marks: Marks) -> Chart:
     """A chart over minutes since the first epoch, with the shades of the flight."""
-    return Chart(
-        name, title, reading, tuple(panels), marks.label, link="time", shades=marks.shades
-    )
+    return Chart(name, title, reading, tuple(panels), marks.label, link="time", shades=marks.shades)
 
 
 def middle_limits(x: Array, bound: Array) -> tuple[float, float] | None:

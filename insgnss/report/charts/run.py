@@ -94,9 +94,7 @@ def _charts(
         yield from gnss.charts(series, marks)
 
 
-def _map(
-    d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None
-) -> Chart:
+def _map(d: Diagnostics, eo: ExteriorOrientation | None, series: Mapping[str, Any] | None) -> Chart:
     north, east = d.position[:, 0], d.position[:, 1]
     rows = track_rows(d)
     layers = [Layer("line", east[rows], north[rows], "", "faint", width=1.2)]
@@ -215,9 +213,7 @@ def _motion(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Cha
         Axes("up, m", height),
         Axes("speed, m/s", (line(t, speed, "horizontal"),)),
         Axes("roll, pitch, deg", level),
-        Axes(
-            "heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)
-        ),
+        Axes("heading, deg", (Layer("points", t[some], heading[some], "heading", width=2.2),)),
     ]
     reading = ("Dots are exposures. " if eo is not None else "") + _MOTION
     return over_time("motion", "How it moved", reading, panels, marks)

@@ -40,7 +40,8 @@ _BIASES = (
     " flight did not determine the bias."
 )
 _CONSTANTS = (
-    "Constants that were estimated with the flight, within three standard deviations: dark, after"
+    "Constants that were estimated with the flight, lever arm and time offset as what has to be"
+    " added to those of the flight file, within three standard deviations: dark, after"
     " smoothing; pale, what the forward filter allowed at the time. The pale band narrows where"
     " the flight determines the constant, mostly in turns and speed changes; what never narrows is"
     " not observed."
@@ -66,7 +67,9 @@ def innovations(d: Diagnostics, marks: Marks) -> Chart:
         Axes(
             f"{name}, {unit}",
             (
-                band(t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"),
+                band(
+                    t, np.zeros_like(t), 3 * factor * d.innovation_sigma[:, k], "3 sigma", "faint"
+                ),
                 *_points(t, factor * d.innovation[:, k], d.used),
             ),
             limits=(-1.03 * factor * reach, 1.03 * factor * reach),

@@ -32,6 +32,18 @@ def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
     return np.unique(np.clip(np.concatenate([[0, y.size - 1], low, high]), 0, y.size - 1))
 
 
+def scatter(y: Array, limit: int = MOST_DOTS) -> NDArray[np.int64]:
+    """Return the rows of `y` (n,) that a cloud of points needs to look as all of it.
+
+    They are every so-manieth row, which keeps the density, and the extremes of intervals, which
+    keeps what lies far out.
+    """
+    if y.size <= limit:
+        return np.arange(y.size)
+    regular = np.arange(0, y.size, -(-y.size // (7 * limit // 8)))
+    return np.union1d(regular, thin(y, limit // 8))
+
+
 def thinned(layer: Layer, limit: int = MOST_POINTS) -> Layer:
     """Return a layer of at most about `limit` points that looks as all of it.
 
@@ -49,7 +61,7 @@ def thinned(layer: Layer, limit: int = MOST_POINTS) -> Layer:
     """
     if layer.x.size <= limit:
         return layer
-    keep = thin(layer.y, limit)
+    keep = (scatter if layer.kind == "points" else thin)(layer.y, limit)
     if layer.y2 is not None:
         keep = np.union1d(keep, thin(layer.y2, limit))
     return replace(
