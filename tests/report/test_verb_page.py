@@ -3,6 +3,8 @@
 import hashlib
 import re
 
+import numpy as np
+
 from insgnss.records import Check
 from insgnss.report.charts.chart import Axes, Chart, Layer
 from insgnss.report.verb_page import VerbPage, checks_table, listed, preformatted, tabulated
@@ -12,7 +14,7 @@ EVIL = "</script><b>&"
 
 def page(tmp_path, **options) -> str:
     (tmp_path / "in put.csv").write_text("1,2\n")
-    layer = Layer("points", [1.0], [2.0], EVIL, texts=[EVIL])
+    layer = Layer("points", np.ones(1), np.ones(1), EVIL, texts=[EVIL])
     chart = Chart("one", EVIL, EVIL, (Axes(EVIL, (layer,)),), EVIL)
     made = VerbPage(
         EVIL,
