@@ -39,8 +39,8 @@ def test_differences_lie_over_minutes_within_three_sigma():
 
 
 def test_the_distribution_is_a_density_of_normalised_differences():
-    """Oracle: it sums to one; noise as large as its sigma has a deviation of one; what lies 25 sigma
-    away stands in the outermost class.
+    """Oracle: it sums to one; noise as large as its sigma has a deviation of one, and what lies 25
+    sigma away stands in the outermost class.
     """
     _, chart = comparison_charts(panels(), (TIME, None))
     found = [layer(axes, "steps") for axes in chart.panels]
