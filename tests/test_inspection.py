@@ -24,6 +24,7 @@ from insgnss.inspection.tables.roles import Grid, gnss_roles, imu_roles
 from insgnss.prepare.axes import parse_axes
 from insgnss.processing.recording import read_recording
 from insgnss.records import ImuSamples
+from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -91,6 +92,17 @@ def test_picture_stands_beside_the_draft(drafted):
     assert len(png) > 20_000
 
 
+def test_page_stands_beside_the_draft(drafted):
+    """Oracle: the charts of a recording whose axes and clock are known; the axes that were
+    simulated are the best.
+    """
+    page, charts = charts_of(next(drafted.parent.glob("*inspect.html")))
+    assert [chart.name for chart in charts] == ["motion", "orientations", "clock"]
+    (found,) = (x for x in charts[1].panels[0].layers if x.name == "found")
+    assert list(found.texts) == ["right backward down"]
+    assert "right backward down" in page.read_text()
+
+
 def test_every_key_of_the_draft_has_its_evidence(drafted):
     """Oracle: the lines of the file: a key of [imu] that was recognised stands below a comment with
     a confidence.
@@ -111,7 +123,7 @@ def test_paths_below_the_flight_file_are_relative(flown):
         assert tree["imu"]["file"] == IMU
         assert tree["gnss"]["file"] == GNSS
     finally:
-        for name in ("drafted.toml", "drafted_recognition.png"):
+        for name in ("drafted.toml", "drafted_recognition.png", "drafted_inspect.html"):
             (flown / name).unlink(missing_ok=True)
 
 

@@ -1,4 +1,4 @@
-"""When, where and by which command a run was made, for its report."""
+"""When, where and by which command a run was made, for its page."""
 
 import os
 import platform

@@ -17,6 +17,7 @@ from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.processing.pipeline import process
 from insgnss.records.block import INTERIOR
+from insgnss.report.charts.files import charts_of
 
 BLOCK = "01_Observations/Camera/Block"
 EO = "02_Processed/GPS-INS/eo.json"
@@ -78,8 +79,12 @@ def test_products(flown, adjusted, tmp_path, capsys) -> None:
     f = document["cameras"][0]["parameters"]["f"]
     assert read_camera_toml(out / "camera.toml").of("f") == f["value"]
     page = (out / "adjust.html").read_text()
-    assert page.count("<figure") == 5
     assert adjusted.judgement.headline in page
+    _, charts = charts_of(out / "adjust.json")  # which says that the page is of the same run
+    assert [chart.name for chart in charts] == ["map", "precision", "format-ignCal2", "by-image"]
+    assert charts[-1].panels[0].layers[0].y == pytest.approx(
+        [image["rms_px"] for image in document["images"]], rel=1e-6
+    )
     words = ["export", str(out / "eo.json"), "metashape", "--out", str(tmp_path / "m.csv")]
     assert main(words) == 0
     rows = (out / "poses.csv").read_text().splitlines()[2:]

@@ -22,6 +22,7 @@ from insgnss.geodesy.frames import TangentPlane, ecef_to_geodetic
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.orient.frame import in_frame
+from insgnss.report.charts.files import charts_of
 
 EO_FILES = ("eo.json", "EO_local-plane.txt", "metashape.csv")
 
@@ -164,6 +165,27 @@ def test_answer_as_text_as_dict_and_as_picture(flight: Written) -> None:
     assert told["components"]["up"]["unit"] == "m"
     assert told["components"]["up"]["rms"] == c.components[2].statistics()["rms"]
     assert c.figure().startswith(b"\x89PNG")
+    assert c.figure("pdf").startswith(b"%PDF")
+
+
+def test_page_and_picture_show_the_same_differences(
+    flight: Written, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the differences that the comparison has, in the units of the screen."""
+    files = [str(flight[name]) for name in ("eo.json", "metashape.csv")]
+    page = tmp_path / "compare.html"
+    figure = tmp_path / "compare.svg"
+    assert main(["compare", *files, "--page", str(page), "--figure", str(figure), "-q"]) == 0
+    assert figure.read_bytes().startswith(b"<?xml")
+    _, charts = charts_of(page)
+    result = compare_files(*map(Path, files))
+    assert len(charts[0].panels) == len(result.components)
+    for panel, component in zip(charts[0].panels, result.components, strict=True):
+        shown = next(x for x in panel.layers if x.kind in ("line", "points")).y
+        expected = component.screen[0] * component.difference
+        assert_allclose(shown[np.isfinite(shown)], expected, atol=1e-3 * np.ptp(expected) + 1e-6)
+    assert "<b>Good</b>: no mismatch" in page.read_text()
+    capsys.readouterr()
 
 
 def test_names_without_directory_and_ending_are_matched(flight: Written, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.cli import main
 from insgnss.orient.mounting_file import MountingFile, read_mounting_file, write_mounting_file
+from insgnss.report.charts.files import charts_of
 
 BEFORE, AFTER, IN_FLIGHT = (  # Table 1 of paper 002, m
     np.array([0.086, -0.052, -0.082]),
@@ -119,9 +120,9 @@ def test_a_phase_centre_that_moves_with_the_attitude_is_told(tmp_path, capsys) -
     (most,) = re.findall(r"apart in the mean, ([\d.]+) mm at most", text)
     assert float(most) == pytest.approx(11.0, abs=3.0 * np.sqrt(2.0) * 1e3 * ANTENNA_M)
     assert "a phase centre that moves with the attitude" in text
-    page = (tmp_path / "mounting.html").read_text()
-    assert "Phase centre of each session" in page
-    assert page.count("data:image/png") == 2
+    _, charts = charts_of(tmp_path / "mounting.html")
+    assert [chart.name for chart in charts] == ["scatter-session", "scatter-target"]
+    assert charts[0].title.startswith("Phase centre of each session")
 
 
 WRONG = {

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from insgnss.cli import main
 from insgnss.mounting_calibration.flight_direction import flight_direction, neighbour_correlation
 from insgnss.orient.mounting_file import read_mounting_file
+from insgnss.report.charts.files import charts_of
 
 ARM = np.array([0.098, -0.070, -0.091])  # in-flight calibration of Table 1, paper 002
 NADIR = np.diag([1.0, -1.0, -1.0])
@@ -105,7 +106,11 @@ def test_opposite_strips_and_ground_points_determine_every_component(tmp_path, c
     assert (np.abs(got.antenna_m - ARM) < 4.0 * sigma).all()
     assert sigma[:2].max() < 2e-3
     assert sigma[2] < 8e-3
-    assert (tmp_path / "mounting.html").read_text().count("data:image/png") == 2
+    _, charts = charts_of(tmp_path / "mounting.html")
+    assert [chart.name for chart in charts] == ["residuals", "residuals-course", "map"]
+    residual = np.column_stack([panel.layers[-1].y for panel in charts[0].panels])
+    rms = 1e3 * np.array(document["residual_rms_m"])
+    assert np.sqrt((residual**2).mean(axis=0)) == pytest.approx(rms, rel=1e-4)
     along = document["along_flight_direction"]
     assert along["speed_mps"] == pytest.approx(10.0, rel=0.02)
     # ahead is minus y of the image: the lever arm along it is that of camera y, reversed

@@ -11,6 +11,7 @@ from matplotlib.image import imread
 from insgnss.gnss.quality.covariance import CLASSES, VALIDATED
 from insgnss.records import GnssFixes
 from insgnss.report.charts import gnss
+from insgnss.report.charts.drawn import draw_sheet
 from insgnss.report.charts.gnss import charts, fix_series
 
 
@@ -44,7 +45,7 @@ def test_all_rows_are_there(series):
     labels = [panel.label for chart in charts(series) for panel in chart.panels]
     for word in ("satellites", "fixed", "ratio", "backward", "km", "above", "dB-Hz", "satellite"):
         assert any(word in label for label in labels), word
-    image = imread(io.BytesIO(draw_quality(series)))
+    image = imread(io.BytesIO(draw_sheet([list(charts(series))])))
     assert image.shape[1] == 1000
     assert image[..., :3].std() > 0.05
 

@@ -22,6 +22,7 @@ from insgnss.flight import Flight, load_flight
 from insgnss.navigation.layout import state_layout
 from insgnss.navigation.solution import solve
 from insgnss.processing.pipeline import process
+from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.stochastic.model import NoiseModel, load_noise_model
@@ -132,7 +133,7 @@ def test_words_and_numbers_say_the_same(tuned):
     """Oracle: the result itself; JSON that Python's own module takes, and a summary with verdict,
     factors and advice.
     """
-    table, picture = tuned.files[1:]
+    table, _, picture = tuned.files[1:]
     told = json.loads(table.read_text(encoding="utf-8"))
     assert told == json.loads(json.dumps(tuned.as_dict()))
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -150,6 +151,22 @@ def test_words_and_numbers_say_the_same(tuned):
     ):
         assert part in words
     assert tuned.verdict in words
+
+
+def test_the_page_shows_the_spectrum(tuned):
+    """Oracle: the density that was measured, in deg/h and micro-g, and the static model's white
+    noise as a level line; the page is of the table's run.
+    """
+    _, charts = charts_of(next(file for file in tuned.files if file.suffix == ".json"))
+    assert [chart.name for chart in charts] == ["spectrum-gyro", "spectrum-accel"]
+    s = tuned.straight
+    for c, (chart, k) in enumerate((chart, k) for chart in charts for k in range(3)):
+        measured, static, *_ = chart.panels[k].layers
+        unit = (np.pi / 648000.0, 9.80665e-6)[c // 3]
+        inside = s.frequency_hz > 0.0
+        assert measured.y == pytest.approx(s.density[c][inside] / unit, rel=0.01)
+        white = getattr(tuned.static, ("gyro", "accel")[c // 3])[k % 3].white_noise
+        assert static.y == pytest.approx(white / unit, rel=1e-4)
 
 
 def test_the_spectrum_agrees(tuned):
@@ -185,7 +202,7 @@ def test_a_far_factor_is_found_but_not_accepted_where_it_stands_in_for_drifts(fo
     assert "gyro white noise would be" in tuned.verdict
     assert "name the noise model of a sensor of its kind" in tuned.verdict
     assert "gyro white noise cannot be" in tuned.summary()
-    assert (tuned.file, [file.suffix for file in tuned.files]) == (None, [".json", ".png"])
+    assert (tuned.file, [file.suffix for file in tuned.files]) == (None, [".json", ".html", ".png"])
     assert not (tuned.files[0].parent / "tactical_in_flight.toml").exists()
 
 
@@ -225,7 +242,7 @@ def test_a_true_model_is_kept_and_only_evidence_written(calm):
     """Oracle: a simulated IMU that is as its model says; the directory's listing."""
     assert not calm.accepted
     assert calm.file is None
-    assert [file.suffix for file in calm.files] == [".json", ".png"]
+    assert [file.suffix for file in calm.files] == [".json", ".html", ".png"]
     assert all(file.is_file() for file in calm.files)
     assert not list(calm.files[0].parent.glob("*noise.toml"))
     assert "keep the static model" in calm.summary()

@@ -122,7 +122,8 @@ def test_nothing_is_done_where_a_file_is_in_the_way(pair, tuned, capsys):
     """
     kept = Path(pair.path.parent / "in_flight_noise_2.toml")
     before = kept.read_bytes()
-    (pair.path.parent / "in_flight_noise.json").unlink()
+    for beside in ("in_flight_noise.json", "in_flight_noise.html"):
+        (pair.path.parent / beside).unlink()
     for picture in pair.path.parent.glob("in_flight_noise_spectrum.png"):
         picture.unlink()
     assert cli.main(["tune", "--flight", str(pair.path), "-q"]) == 2

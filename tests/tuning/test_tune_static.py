@@ -16,6 +16,7 @@ from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, UG, samples, s
 from insgnss import cli
 from insgnss.base.errors import DataError
 from insgnss.processing.recording import noise_misfit
+from insgnss.report.charts.files import charts_of
 from insgnss.stochastic.estimation.selection import rank
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
 from insgnss.stochastic.moments.wavelet import wavelet_variance
@@ -134,6 +135,27 @@ def test_the_table_for_machines(tuned, folder):
         picture = (folder / f"imu_{sensor}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
         assert picture.endswith(b"IEND\xaeB`\x82")
+
+
+def test_the_page_shows_the_deviations_of_the_table(tuned, folder):
+    """Oracle: the page is of the table's run; its dots are sqrt(2 nu) of the samples, in deg/h and
+    micro-g, its dark line the sum of the parts, and each axis has its row of parameters.
+    """
+    page, charts = charts_of(folder / "imu.json")
+    assert [chart.name for chart in charts] == ["noise-gyro", "noise-accel"]
+    for chart, unit, first in zip(charts, (np.pi / 648000.0, 9.80665e-6), (0, 3), strict=True):
+        for k, panel in enumerate(chart.panels):
+            dots = next(layer for layer in panel.layers if layer.kind == "points")
+            samples = np.load(folder / "rest1.npy")[:, first + k]
+            nu = wavelet_variance(samples, RATE).variance
+            shown = np.sqrt(2.0 * nu)[: dots.y.size] / unit
+            assert_allclose(dots.y, shown, rtol=1e-5)
+            (total,) = (layer for layer in panel.layers if layer.name.startswith("fitted sum"))
+            parts = [layer for layer in panel.layers if layer.dashed]
+            assert_allclose(total.y**2, sum(layer.y**2 for layer in parts), rtol=1e-4)
+    text = page.read_text()
+    assert text.count("<td>gyro x</td>") == 3
+    assert "<h2 id=" in text
 
 
 def test_joint_axes_are_tighter(tuned, folder, no_pictures):
