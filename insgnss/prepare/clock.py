@@ -112,7 +112,8 @@ def common_span(
 
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     """Return the fixes within [lo, hi], s."""
-    keep = (gnss.time >= lo) & (gnss.time <= hi)
+    first, last = np.searchsorted(gnss.time, lo), np.searchsorted(gnss.time, hi, side="right")
+    keep = slice(int(first), int(last))
     optional: dict[str, Any] = {
         name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep]
         for name in ("velocity_ned", "velocity_cov_ned", "quality")
