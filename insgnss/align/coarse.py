@@ -121,10 +121,11 @@ def _unsteadiness(time: Array, position: Array) -> float:
 
     The median keeps a few gross fixes out.
     """
-    A = np.column_stack([np.ones(time.size), time - time.mean()])
-    horizontal = position[:, :2]
-    rest = horizontal - A @ np.linalg.lstsq(A, horizontal, rcond=None)[0]
-    return float(np.median(np.abs(rest)))
+    t, horizontal = time - time.mean(), position[:, :2]  # a line fitted in closed form
+    rest = horizontal - horizontal.mean(axis=0)
+    rest -= t[:, None] * ((t @ rest) / (t @ t))
+    size = np.sort(np.abs(rest), axis=None)
+    return float(0.5 * (size[(size.size - 1) // 2] + size[size.size // 2]))
 
 
 def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitude:

@@ -72,7 +72,7 @@ def mean_residuals(solution: Solution) -> tuple[MeanResidual, ...]:
         if first == last:
             continue
         piece = slice(first, last)
-        some = np.arange(first, last)[:: -(-(last - first) // MOST_COVARIANCES)]
+        some = first + _some(solution, rows[first:last])
         variance = _antenna_variance(solution, rows[some], C[some], a[some])
         mean, sigma = weighted_mean(
             residual[piece], white[piece], correlated[:, piece], variance.mean(axis=0)
@@ -87,6 +87,14 @@ def mean_residuals(solution: Solution) -> tuple[MeanResidual, ...]:
             )
         )
     return tuple(pieces)
+
+
+def _some(solution: Solution, rows: np.ndarray) -> np.ndarray:
+    """Return which epochs of a piece give its mean covariance, of those where it is kept if any."""
+    kept = np.flatnonzero(np.isin(rows, solution.rows))
+    if not kept.size:
+        kept = np.array([rows.size // 2])
+    return kept[:: -(-kept.size // MOST_COVARIANCES)]
 
 
 def weighted_mean(

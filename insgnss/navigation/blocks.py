@@ -263,15 +263,17 @@ class BlockwisePasses:
         m, n = problem.epochs.stop.size, problem.layout.size
         events, chained = history.cross.shape[0], problem.event_chain
         room = SmootherRoom.of(m, n, self.rows, events, chained, self.separations, full)
-        inputs, state = forward_inputs(problem, self.closed_loop), last_state(n)
+        inputs = forward_inputs(problem, self.closed_loop)
+        state, unset = last_state(n), last_state(n)
         self.adjoints = []
         for b, first, last in reversed(list(self._blocks())):
             epochs, part, begin = self._part(b, first, last)
             if b < self.kept_from or not self.fresh:
                 forward(inputs, epochs, copied(self.checkpoints[b]), part, begin)
-            self.adjoints.insert(0, copied(state))
+            self.adjoints.append(_adjoint(state, unset))
             own = room.part(first - begin, last)
             run_backward(epochs.event, part, full, state, begin, *own)
+        self.adjoints.reverse()
         self.fresh = self.kept_from == 0
         return room.smoothed()
 
@@ -368,6 +370,13 @@ class BlockAgain:
         state = copied(self.adjoints[b])
         run_backward(own.event, room, True, state, first - front, *smoother)
         return smoother.kept
+
+
+def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
+    """Return a copy of a state; what is not set of it is that of `unset`, which all share."""
+    if state.within[0]:
+        return copied(state)
+    return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
 
 
 def forward(

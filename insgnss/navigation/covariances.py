@@ -10,9 +10,11 @@ import numpy as np
 
 from ..records import Array
 from .blocks import BlockAgain
-from .codes import POS
+from .codes import N_NAV, POS
 from .event_chain import SharedError
 from .triangles import diagonal, unpacked
+
+CHUNK = 4096  # covariances that are unpacked at a time
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,10 @@ class SmoothedCovariances:
         (k,) increasing epochs of the whole solution of which all of it is kept.
     kept : Array
         (k, n (n + 1) / 2) its lower triangles.
-    again : BlockAgain
-        Works out the others.
+    again : BlockAgain or None
+        Works out the others; None where the increments are gone.
+    size : int
+        Number of states.
     first : int
         Epoch of the whole solution with which a part begins.
     states : ndarray or None
@@ -40,7 +44,8 @@ class SmoothedCovariances:
     nav: Array
     rows: np.ndarray
     kept: Array
-    again: BlockAgain
+    again: BlockAgain | None
+    size: int
     first: int = 0
     states: np.ndarray | None = None
     shared: tuple[SharedError, ...] = ()
@@ -64,8 +69,12 @@ class SmoothedCovariances:
         Array
             (k, 9, 9) in l.
         """
-        out = unpacked(self.nav[index])
-        self._add_shared(out, np.arange(len(self.nav))[index])
+        epochs = np.arange(len(self.nav))[index]
+        out = np.empty((epochs.size, N_NAV, N_NAV))
+        for begin in range(0, epochs.size, CHUNK):
+            own = slice(begin, begin + CHUNK)
+            out[own] = unpacked(self.nav[epochs[own]])
+        self._add_shared(out, epochs)
         return out
 
     def whole(self, index: np.ndarray) -> Array:
@@ -117,7 +126,7 @@ class SmoothedCovariances:
         """Return those without some states, counted from the first of navigation."""
         here = self.states
         if here is None:
-            here = np.arange(self.again.problem.layout.size)
+            here = np.arange(self.size)
         return replace(self, states=np.delete(here, states))
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "SmoothedCovariances":
@@ -137,6 +146,8 @@ class SmoothedCovariances:
         there[inside] = self.rows[place[inside]] == wanted[inside]
         if there.all():
             return self.kept[place]
+        if self.again is None:
+            raise ValueError("the increments are gone: covariances are those of Solution.rows")
         out = np.empty((wanted.size, self.kept.shape[1]))
         out[there] = self.kept[place[there]]
         out[~there] = self.again.triangles(wanted[~there])

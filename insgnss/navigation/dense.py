@@ -19,7 +19,7 @@ from ..geodesy.rotation import (
 from ..records import Array, Trajectory
 from .codes import N_NAV, N_NOMINAL, POS, PSI, PSI0, QUAT, VEL
 from .kernels.strapdown import run_between
-from .solution import Solution, rotate_blocks
+from .solution import Solution, turn_own
 from .strapdown import kernel_earth, kernel_intervals
 
 CHUNK = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
@@ -86,13 +86,8 @@ def _between(
     cov = P[interval] + share[:, None, None] * (P[interval + 1] - P[interval])
     C_lb = rotation_from_quaternion(nav[:, QUAT])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
-    return Trajectory(
-        time[rows],
-        *(lat, lon, height, velocity),
-        C_nl @ C_lb,
-        rotate_blocks(C_nl, cov, C_nl),
-        gps_week,
-    )
+    turn_own(C_nl, cov)
+    return Trajectory(time[rows], lat, lon, height, velocity, C_nl @ C_lb, cov, gps_week)
 
 
 def _missed(smoothed: Array, propagated: Array) -> Array:

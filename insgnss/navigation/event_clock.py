@@ -170,12 +170,17 @@ def _means(solution: Solution, index: np.ndarray, d: Array) -> tuple[Array, Arra
     length = np.maximum(np.abs(d), inc.nominal_s)
     stamp = bounds[inc.stop[index]]
     begin = np.clip(np.where(d < 0.0, stamp - length, stamp), 0.0, bounds[-1] - length)
-    sums = np.vstack([np.zeros(6), np.cumsum(np.hstack([inc.dtheta, inc.dvel]), axis=0)])
-    moved = [
-        np.interp(begin + length, bounds, column) - np.interp(begin, bounds, column)
-        for column in sums.T
-    ]
-    mean = np.column_stack(moved) / length[:, None]
+    end = begin + length
+    first = np.searchsorted(bounds, begin, side="right") - 1
+    wide = int((np.searchsorted(bounds, end) - first).max(initial=0))
+    near = first[:, None] + np.arange(wide)
+    beyond = near >= inc.dt.size
+    near = np.where(beyond, 0, near)
+    within = np.minimum(end[:, None], bounds[near + 1]) - np.maximum(begin[:, None], bounds[near])
+    share = np.where(beyond, 0.0, np.maximum(within, 0.0)) / inc.dt[near] / length[:, None]
+    mean = np.hstack(
+        [np.einsum("kw,kwi->ki", share, values[near]) for values in (inc.dtheta, inc.dvel)]
+    )
     mean -= solution.x[index] @ solution.problem.layout.channel_sum().T
     return mean[:, :3], mean[:, 3:]
 

@@ -13,7 +13,7 @@ solution.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -149,6 +149,20 @@ class Solution:
         """
         return self.covariances.of_navigation(index)
 
+    def without_increments(self) -> "Solution":
+        """Return the solution without the increments of the IMU, for what only reads results.
+
+        Covariances of all states are those of `rows` then.
+
+        Returns
+        -------
+        Solution
+            The same otherwise.
+        """
+        inc, none = self.problem.inc, np.zeros((0, 3))
+        problem = replace(self.problem, inc=replace(inc, dt=none[:, 0], dtheta=none, dvel=none))
+        return replace(self, problem=problem, covariances=replace(self.covariances, again=None))
+
     def channel_bias(self, index: np.ndarray) -> tuple[Array, Array]:
         """Return the smoothed bias of the six channels at some epochs.
 
@@ -272,7 +286,11 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
     """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
     history = passes.history
     covariances = SmoothedCovariances(
-        smoothed.nav_cov, smoothed.rows, smoothed.kept, passes.again()
+        smoothed.nav_cov,
+        smoothed.rows,
+        smoothed.kept,
+        passes.again(),
+        passes.problem.layout.size,
     )
     _move(history.nav, history.x, smoothed.delta)
     return Solution(
@@ -372,7 +390,7 @@ def local_trajectory(
     nav : Array
         (k, 10) position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
     cov : Array
-        (k, 9, 9) covariances of their errors in l.
+        (k, 9, 9) covariances of their errors in l, which are turned in place.
     cross : Array or None
         (k - 1, 9, 9) covariances of the errors of neighbours in l.
     gps_week : int
@@ -387,16 +405,13 @@ def local_trajectory(
     lat, lon, height = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
     C_lb = rotation_from_quaternion(nav[:, QUAT])
-    cov = rotate_blocks(C_nl, cov, C_nl)
+    turn_own(C_nl, cov)
     cross = None if cross is None else rotate_blocks(C_nl[:-1], cross, C_nl[1:])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
     C_nb = C_nl @ C_lb
     acceleration = None
     if index.size > 1:
         acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
-    for begin in range(0, len(cov), CHUNK):
-        part = cov[begin : begin + CHUNK]
-        part[:] = 0.5 * (part + np.swapaxes(part, -1, -2))
     rate = _body_rate(solution, index, C_lb)
     return Trajectory(
         time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
@@ -428,10 +443,23 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
         (n, 3k, 3k) with every block B replaced by C_left B C_right'.
     """
     n, size = cov.shape[:2]
-    k, out = size // 3, np.empty_like(cov)
-    for begin in range(0, n, CHUNK):
+    k = size // 3
+    blocks = cov.reshape(n, k, 3, k, 3)
+    turned = np.einsum("nij,najbk,nlk->naibl", C_left, blocks, C_right, optimize=True)
+    return turned.reshape(n, size, size)
+
+
+def turn_own(C: Array, cov: Array) -> None:
+    """Take covariances to other axes in place, piece by piece, exactly symmetric.
+
+    Parameters
+    ----------
+    C : Array
+        (n, 3, 3) rotations into the wanted axes.
+    cov : Array
+        (n, 3k, 3k) covariances in blocks of three.
+    """
+    for begin in range(0, len(cov), CHUNK):
         own = slice(begin, begin + CHUNK)
-        blocks = cov[own].reshape(-1, k, 3, k, 3)
-        turned = np.einsum("nij,najbk,nlk->naibl", C_left[own], blocks, C_right[own], optimize=True)
-        out[own] = turned.reshape(-1, size, size)
-    return out
+        turned = rotate_blocks(C[own], cov[own], C[own])
+        cov[own] = 0.5 * (turned + np.swapaxes(turned, -1, -2))

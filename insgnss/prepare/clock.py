@@ -112,7 +112,8 @@ def common_span(
 
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     """Return the fixes within [lo, hi], s."""
-    return gnss[(gnss.time >= lo) & (gnss.time <= hi)]
+    first, last = np.searchsorted(gnss.time, lo), np.searchsorted(gnss.time, hi, side="right")
+    return gnss[int(first) : int(last)]
 
 
 def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:

@@ -22,8 +22,6 @@ from ..records import Array, Check, Diagnostics, Trajectory
 from ..records.series import ConstantSeries
 from .segment import Segment
 
-REPORT_ROWS = 4000  # of a segment that the report shows, exposures besides
-
 
 @dataclass(frozen=True)
 class ReportRows:
@@ -54,13 +52,12 @@ def report_rows(segments: Sequence[Segment], gps_week: int) -> list[ReportRows]:
     Returns
     -------
     list of ReportRows
-        One for each segment: some `REPORT_ROWS` epochs and all exposures.
+        One for each segment: the epochs of which all covariances are kept, some thousands
+        (`navigation.blocks.ROWS`) and all exposures.
     """
     rows = []
     for solution in (segment.solution for segment in segments):
-        stride = max(1, solution.time.size // REPORT_ROWS)
-        regular = np.arange(0, solution.time.size, stride)
-        epochs = np.unique(np.concatenate([regular, solution.event_epochs]))
+        epochs = solution.rows
         rows.append(ReportRows(epochs, trajectory(solution, epochs, gps_week)))
     return rows
 

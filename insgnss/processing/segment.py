@@ -1,7 +1,7 @@
 """A segment of a flight between gaps that are not bridged, solved."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,12 @@ class Segment:
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
+
+    def without_increments(self) -> "Segment":
+        """Return the segment without the increments of its IMU."""
+        made = replace(self, solution=self.solution.without_increments())
+        made.__dict__["residuals"] = self.residuals  # they may need covariances that are not kept
+        return made
 
     @cached_property
     def residuals(self) -> tuple[MeanResidual, ...]:

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.navigation import dense as module
 from insgnss.navigation.dense import _give_back, dense_trajectory
 from insgnss.navigation.solution import Solution, solve, trajectory
 from insgnss.records import Trajectory
@@ -47,6 +48,21 @@ def difference(flown: Flown, a: Trajectory, rows_a, b: Trajectory, rows_b) -> np
     """(k, 9) a minus b in l."""
     (pa, va, Ca), (pb, vb, Cb) = as_nav(flown, a, rows_a), as_nav(flown, b, rows_b)
     return np.hstack([pa - pb, va - vb, vector_from_rotation(Ca @ np.swapaxes(Cb, -1, -2))])
+
+
+def test_a_rate_takes_the_first_instant_at_or_after_each_step(solution, dense, monkeypatch):
+    """Oracle: all instants, of which the rows are looked up; whatever the epochs worked on at a
+    time. At the last instant ends what is wanted.
+    """
+    for hz in (1.0, 7.3, 60.0, 1000.0):
+        wanted = dense.time[0] + np.arange(int((dense.time[-1] - dense.time[0]) * hz) + 1) / hz
+        rows = np.unique(np.clip(np.searchsorted(dense.time, wanted - 1e-6), 0, len(dense) - 1))
+        for chunk in (1024, 5):
+            monkeypatch.setattr(module, "CHUNK", chunk)
+            some = dense_trajectory(solution, 2008, hz)
+            for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov"):
+                expected = getattr(dense, name)[rows]
+                assert_allclose(getattr(some, name), expected, rtol=1e-13, atol=1e-13)
 
 
 def test_there_is_a_row_for_every_sample_and_epoch(flown, dense):

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from written import image_positions
 
-from insgnss.base.errors import InputError
+from insgnss.base.errors import DataError, InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.orientation.eo_covariance import read_eo_covariance
@@ -100,6 +100,15 @@ def test_every_file_that_the_result_depends_on_is_an_input(flight):
     }
     directory = replace(flight.camera, match=replace(match, images=root))
     assert root not in input_files(replace(flight, camera=directory))
+
+
+def test_a_flight_that_memory_does_not_hold_is_refused_before_it_is_filtered(flight, monkeypatch):
+    """Oracle: the steps that were begun, and the sizes of the flight: 150 s at 100 Hz."""
+    monkeypatch.setattr("insgnss.processing.estimation_problem.available", lambda: 1_000_000)
+    steps = []
+    with pytest.raises(DataError, match=r"^some 0\.\d GB .* of 1\d{4} samples 0\.0, filter"):
+        process(flight, progress=steps.append)
+    assert steps == ["read", "prepare"]
 
 
 def test_the_solution_stands_where_the_published_tree_has_it(flight):
