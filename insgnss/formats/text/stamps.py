@@ -48,10 +48,10 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Check, ...]]:
     digit = _last_digit(time)
     if digit == 0.0:
         return time, ()
-    step = np.diff(time)
-    usual = float(np.median(step))
-    if (step <= 0.0).any() or not COARSE * usual < digit < TOO_COARSE * usual:
+    usual = float(np.median(np.diff(time), overwrite_input=True))
+    if (time[1:] <= time[:-1]).any() or not COARSE * usual < digit < TOO_COARSE * usual:
         return time, ()
+    step = np.diff(time)
     near = np.abs(step - usual) < 1.5 * digit
     interval = float(np.mean(step[near]))
     if near.mean() < EVEN or np.ptp(step[near]) < 0.5 * digit:  # uneven, or as even as can be
@@ -76,10 +76,10 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
 
     They stay as they are where more repeat than that explains.
     """
-    step = np.diff(time)
-    repeats = np.flatnonzero(step == 0.0)
+    repeats = np.flatnonzero(time[1:] == time[:-1])
     if time.size < LEAST or not repeats.size:
         return time, ()
+    step = np.diff(time)
     usual = float(np.median(step))
     skips = np.abs(np.pad(step, 1) - 2.0 * usual) < 0.5 * usual  # at i + 1 that of step i
     skip_before, skip_after = skips[repeats], skips[repeats + 2]
