@@ -273,10 +273,10 @@ def print_rows(table, row, decimals, before, after, out):
     row, length
         The row that it ended before: the number of rows, or one to be printed by others.
     """
-    at, n, m = 0, table.shape[0], table.shape[1]
+    end, n, m = 0, table.shape[0], table.shape[1]
     digits = np.empty(32, dtype=np.uint8)
     while row < n:
-        start = at
+        start = end
         for col in range(m):
             x, d = table[row, col], decimals[col]
             scaled = abs(x) * _TEN[_TEN_ZERO + max(d, 0)]
@@ -289,8 +289,8 @@ def print_rows(table, row, decimals, before, after, out):
                     return row, start
                 whole += rest > 0.5
             if math.copysign(1.0, x) < 0.0 and (d >= 0 or whole > 0):
-                out[at] = 45
-                at += 1
+                out[end] = 45
+                end += 1
             k = 0
             while k < d:
                 digits[k] = 48 + whole % 10
@@ -308,12 +308,12 @@ def print_rows(table, row, decimals, before, after, out):
                 k += 1
             while k > 0:
                 k -= 1
-                out[at] = digits[k]
-                at += 1
-            out[at] = before if col + 1 < m else after
-            at += 1
+                out[end] = digits[k]
+                end += 1
+            out[end] = before if col + 1 < m else after
+            end += 1
         row += 1
-    return row, at
+    return row, end
 
 
 @njit(cache=True)
