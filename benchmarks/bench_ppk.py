@@ -1,4 +1,4 @@
-"""PPK against its engine: CPU of RTKLIB's three runs, of each, and of all else that makes antenna
+"""PPK against its engine: CPU of RTKLIB's two runs, of each, and of all else that makes antenna
 positions of them.
 
     python benchmarks/bench_ppk.py ROVER BASE NAVIGATION... [--base-position X Y Z] [--repeats 3]
@@ -24,7 +24,7 @@ from insgnss.gnss.ppk import PpkInput, solve_ppk
 
 
 class Run(NamedTuple):
-    """Seconds: CPU of the whole, of the engine's three runs, and wall."""
+    """Seconds: CPU of the whole, of the engine's two runs, and wall."""
 
     cpu: float
     engine: float

@@ -64,6 +64,7 @@ TURNING, STRAIGHTER = (
     4.0,
 )  # rad/s at the exposures, and how many times less it must be at the other time
 ENOUGH_IMAGES = 20
+ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
 # whose clock stamps the exposures, in words
 CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
 
@@ -356,17 +357,43 @@ def _best_lag(
     """
     most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
     lags = np.arange(-most, most + 1)
-    value = np.zeros(lags.size)
-    for i, k in enumerate(lags.tolist()):
-        a = gyro[max(k, 0) : gyro.size + min(k, 0)]
-        b = course_rate[max(-k, 0) : gyro.size + min(-k, 0)]
-        use = moving[max(-k, 0) : gyro.size + min(-k, 0)]
-        if use.sum() > 50 and np.std(a[use]) > 0.0:
-            value[i] = np.corrcoef(a[use], b[use])[0, 1]
+    value = _correlations(gyro, course_rate, moving, lags)
     best = int(np.argmax(np.abs(value)))
     far = np.abs(lags - lags[best]) * STEP_S > RIVAL_S
     rival = float(np.abs(value[far]).max(initial=0.0))
     return float(lags[best] * STEP_S), float(value[best]), float(value[most]), rival
+
+
+def _correlations(a: Array, b: Array, use: np.ndarray, lags: np.ndarray) -> Array:
+    """Correlation coefficients of a at i + lag with b at i, over the i that are in use.
+
+    They are zero where there are 50 of these or fewer, or one of the two does not vary. Sums of
+    products over all lags at once come from fast Fourier transforms, padded so that nothing wraps.
+    """
+    if not use.any():
+        return np.zeros(lags.size)
+    size = 1 << int(2 * a.size - 1).bit_length()
+    a = a - a.mean()
+    b = np.where(use, b - b[use].mean(), 0.0)
+    first, end = np.maximum(-lags, 0), a.size - np.maximum(lags, 0)
+
+    def summed(x: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(x)])
+        return np.asarray(total[end] - total[first])
+
+    def products(x: Array, y: Array) -> Array:
+        spectrum = np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size))
+        return np.asarray(np.fft.irfft(spectrum, size)[lags])
+
+    mask = use.astype(np.float64)
+    count, b_sum, b_square = summed(mask), summed(b), summed(b * b)
+    a_sum, a_square = products(a, mask), products(a * a, mask)
+    n = np.maximum(count, 1.0)
+    of_a, of_b = a_square - a_sum**2 / n, b_square - b_sum**2 / n
+    varies = (of_a > ROUNDING * (a * a).sum()) & (of_b > ROUNDING * (b * b).sum())
+    enough = (count > 50) & varies
+    covariance = products(a, b) - a_sum * b_sum / n
+    return np.where(enough, covariance / np.sqrt(np.where(enough, of_a * of_b, 1.0)), 0.0)
 
 
 def _smooth(x: Array, width: int) -> Array:

@@ -59,9 +59,9 @@ def _where(record: Any, values: Array, row: int, column: list[int]) -> str:
 
 
 def increasing(record: Any, time: Array) -> None:
-    step = np.diff(time)
-    if (step <= 0).any():
-        row = int(np.argmax(step <= 0)) + 1
+    unordered = time[1:] <= time[:-1]
+    if unordered.any():
+        row = int(np.argmax(unordered)) + 1
         raise InputError(
             f"{type(record).__name__}.time: {time[row]:.6f} s in row {row} follows"
             f" {time[row - 1]:.6f} s; time must increase: sort by time, or leave the row out"

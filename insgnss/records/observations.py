@@ -330,8 +330,8 @@ class GnssFixes(Rows):
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
             sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
             columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
-        stated = ("quality", *OF_THE_SOLUTION)
-        return columns | {k: v for k in stated if (v := getattr(self, k)) is not None}
+        described = {name: getattr(self, name) for name in ("quality", *OF_THE_SOLUTION)}
+        return columns | {name: value for name, value in described.items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -99,7 +99,8 @@ def fixes_from_columns(
     if rows is not None:
         time, lines = time[rows], Picked(lines, rows)
         cols, described = (
-            {name: column[rows] for name, column in part.items()} for part in (cols, described)
+            {name: column[rows] for name, column in columns.items()}
+            for columns in (cols, described)
         )
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
@@ -147,10 +148,10 @@ def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
         most = UNKNOWN_DOP if name.endswith("dop") else np.inf
         possible = np.isfinite(column) & ((name == "age_s") | (column >= 0.0)) & (column < most)
         given[name] = np.where(possible, column, np.nan)
-    known = {name for name, column in given.items() if (np.nan_to_num(column) != 0.0).any()}
-    if known and "age_s" in given and np.isfinite(given["age_s"]).any():
-        known.add("age_s")
-    return {name: column for name, column in given.items() if name in known}
+    informative = {name for name, column in given.items() if (np.nan_to_num(column) != 0.0).any()}
+    if informative and "age_s" in given and np.isfinite(given["age_s"]).any():
+        informative.add("age_s")
+    return {name: column for name, column in given.items() if name in informative}
 
 
 def _apart(cols: Mapping[str, Array]) -> tuple[Mapping[str, Array], Mapping[str, Array]]:

@@ -176,12 +176,12 @@ def _described(table: Table, index: Mapping[str, int]) -> dict[str, int]:
 
     They weigh nothing, so that one with text in it is passed over, not refused.
     """
-    found: dict[str, int] = {}
+    index_of: dict[str, int] = {}
     for k, field in enumerate(table.layout.header_fields or ()):
         name = DESCRIBED.get(normalised(field)[0])
         if name is not None and k not in index.values() and k not in {*table.bad, *table.dates}:
-            found.setdefault(name, k)
-    return found
+            index_of.setdefault(name, k)
+    return index_of
 
 
 def fix_scales(

@@ -348,7 +348,7 @@ def imu_from_columns(
 
 
 def _samples(
-    clock: Mapping[str, Array],
+    clock: dict[str, Array],
     gyro: Array,
     accel: Array,
     lines: Lines,
@@ -358,7 +358,7 @@ def _samples(
     gps_week: int | None,
     notes: Notes,
 ) -> ImuSamples:
-    """Make samples of the columns of a clock and of triads (n, 3) in SI."""
+    """Make samples of the columns of a clock, which is emptied, and of triads (n, 3) in SI."""
     if scales.rate_hz is not None:
         if "tow" in clock:
             raise InputError(
@@ -368,11 +368,12 @@ def _samples(
         time = np.arange(len(gyro)) / scales.rate_hz
     else:
         time, gps_week = gps_time(lines, clock_of(clock), clock.get("week"), gps_week, scales.time)
+    clock.clear()  # so that one copy of the stamps lives
     time, repeat_notes = unrepeated(time)
     rows, order_notes = put_in_order(
         lines,
         time,
-        lambda i, k: all((part[i] == part[k]).all() for part in (*clock.values(), gyro, accel)),
+        lambda i, k: bool((gyro[i] == gyro[k]).all() and (accel[i] == accel[k]).all()),
         "IMU rows",
     )
     if rows is not None:

@@ -271,8 +271,10 @@ def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Ar
             if _is_array(image[key], shape):
                 continue
             size = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
-            found = "null" if image[key] is None else f"{image[key]!r:.60}"
-            raise ValueError(f"image {image['image']}: {key} is {found}, not {size}") from None
+            shown_value = "null" if image[key] is None else f"{image[key]!r:.60}"
+            raise ValueError(
+                f"image {image['image']}: {key} is {shown_value}, not {size}"
+            ) from None
         raise
 
 

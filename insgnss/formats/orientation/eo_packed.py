@@ -105,8 +105,8 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
         if name not in arrays and name not in OPTIONAL:
             raise InputError.at_line(path, None, f"no {name}; {AGAIN}")
         if name in arrays and (arrays[name].shape != expected or arrays[name].dtype != np.float64):
-            found = f"{name}: {arrays[name].dtype} of shape {arrays[name].shape}"
-            raise InputError.at_line(path, None, f"{found}, expected {expected}; {AGAIN}")
+            actual = f"{name}: {arrays[name].dtype} of shape {arrays[name].shape}"
+            raise InputError.at_line(path, None, f"{actual}, expected {expected}; {AGAIN}")
         if name in arrays and not np.isfinite(arrays[name]).all():
             raise InputError.at_line(path, None, f"{name}: a number is not finite; {AGAIN}")
     cov = np.empty((count, 6, 6))

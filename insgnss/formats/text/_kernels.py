@@ -10,6 +10,8 @@ is within one unit in the last place. At most 18 significant digits enter m; wha
 less than 1e-17 of x.
 """
 
+import math
+
 import numpy as np
 
 from ...base.compilation import njit
@@ -17,6 +19,7 @@ from ...base.compilation import njit
 EXPONENT_LIMIT = 280
 
 OK, BAD_NUMBER, TOO_FEW, TOO_MANY = 0, 1, 2, 3
+PRINTED = 32  # bytes that a number takes at most, its sign and what separates it among them
 WHITESPACE = 256  # as a delimiter: runs of blanks and tabs
 
 _NEWLINE, _BLANK = 10, 32
@@ -243,6 +246,74 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
         i += 1
         line += 1
     return row, OK, end, line
+
+
+@njit(cache=True)
+def print_rows(table, row, decimals, before, after, out):
+    """Print rows of numbers with fixed decimals into `out`, from `row` on, as printf does.
+
+    A decimal digit is rounded right where |x| 10^d, rounded once, is not nearer to a half than that
+    rounding; of a number for which it is, or that is too large, nothing is said.
+
+    Parameters
+    ----------
+    table
+        (n, m) numbers.
+    row
+        Where to begin.
+    decimals
+        (m,) decimals; -1 for a whole number, cut to it as %d does.
+    before, after
+        Bytes between the numbers of a row, a comma or the like, and behind the last one.
+    out
+        Bytes, enough for `PRINTED` a number.
+
+    Returns
+    -------
+    row, length
+        The row that it ended before: the number of rows, or one to be printed by others.
+    """
+    end, n, m = 0, table.shape[0], table.shape[1]
+    digits = np.empty(32, dtype=np.uint8)
+    while row < n:
+        start = end
+        for col in range(m):
+            x, d = table[row, col], decimals[col]
+            scaled = abs(x) * _TEN[_TEN_ZERO + max(d, 0)]
+            if not scaled < 4503599627370496.0:
+                return row, start
+            whole = np.int64(scaled)
+            rest = scaled - np.float64(whole)
+            if d >= 0:
+                if abs(rest - 0.5) <= 2.3e-16 * scaled:
+                    return row, start
+                whole += rest > 0.5
+            if math.copysign(1.0, x) < 0.0 and (d >= 0 or whole > 0):
+                out[end] = 45
+                end += 1
+            k = 0
+            while k < d:
+                digits[k] = 48 + whole % 10
+                whole //= 10
+                k += 1
+            if d > 0:
+                digits[k] = 46
+                k += 1
+            digits[k] = 48 + whole % 10
+            whole //= 10
+            k += 1
+            while whole > 0:
+                digits[k] = 48 + whole % 10
+                whole //= 10
+                k += 1
+            while k > 0:
+                k -= 1
+                out[end] = digits[k]
+                end += 1
+            out[end] = before if col + 1 < m else after
+            end += 1
+        row += 1
+    return row, end
 
 
 @njit(cache=True)

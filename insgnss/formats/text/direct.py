@@ -100,16 +100,16 @@ def read_columns(
             work.stopped.set()
             return
         rows[k] = len(table)
-        place = slice(int(first[k]), int(first[k]) + len(table))
+        block = slice(int(first[k]), int(first[k]) + len(table))
         for column, target in targets.items():
             np.multiply(
-                table[:, column], target.factor, out=arrays[target.array][place, target.index]
+                table[:, column], target.factor, out=arrays[target.array][block, target.index]
             )
 
     work.all(parse)
     if work.stopped.is_set():
         return None
-    return {name: _closed(array, first, rows) for name, array in arrays.items()}
+    return {name: _without_holes(array, first, rows) for name, array in arrays.items()}
 
 
 @dataclass
@@ -147,8 +147,8 @@ class _Work:
             return None
         return table[:rows]
 
-    def all(self, what: Callable[[int], None]) -> None:
-        """Do `what` for each piece; the first exception of a thread is raised here."""
+    def all(self, job: Callable[[int], None]) -> None:
+        """Do `job` for each piece; the first exception of a thread is raised here."""
         todo = iter(range(self.ends.size))
         lock, failed = threading.Lock(), list[BaseException]()
 
@@ -159,7 +159,7 @@ class _Work:
                 if k is None:
                     return
                 try:
-                    what(k)
+                    job(k)
                     self._give_back(k)
                 except BaseException as error:
                     failed.append(error)
@@ -205,7 +205,7 @@ def _ends(buf: Bytes, start: int) -> NDArray[np.int64]:
     return np.array(ends, dtype=np.int64)
 
 
-def _closed(array: Array, first: NDArray[np.int64], rows: NDArray[np.int64]) -> Array:
+def _without_holes(array: Array, first: NDArray[np.int64], rows: NDArray[np.int64]) -> Array:
     """The rows without the holes behind those of each piece, in the same memory."""
     if int(rows.sum()) == len(array):
         return array

@@ -105,7 +105,7 @@ def put_in_order(
     InputError
         The first row beyond the limits.
     """
-    if time.size < 2 or (np.diff(time) > 0.0).all():
+    if time.size < 2 or (time[1:] > time[:-1]).all():
         return None, ()
     order = np.argsort(time, kind="stable")
     keep, clashes, doubles, first = np.ones(time.size, dtype=bool), [], 0, int(order[0])

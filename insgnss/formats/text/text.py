@@ -6,6 +6,7 @@ The rules are those of `layout`.
 import math
 import mmap
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,8 @@ from .layout import (
 
 Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
+PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
+_PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
 MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -365,7 +368,28 @@ def read_text_table(path: Source) -> TextTable:
 
 
 def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
-    """Yield rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
+    """Yield rows of `table` (n, m) by the % format of one row (with its newline), in chunks.
+
+    Large tables of plain numbers, such as "%d,%.6f,%.3f", are printed by a kernel, to the same
+    bytes.
+    """
+    plain = _PLAIN.fullmatch(form)
+    if plain is None or table.size < PRINT_FROM or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        for first in range(0, len(table), chunk):
+            block = table[first : first + chunk]
+            yield form * len(block) % tuple(block.ravel().tolist())
+        return
+    from . import _kernels
+
+    sign = plain[1] or "\n"
+    wanted = form.removesuffix("\n").split(sign)
+    decimals = np.array([-1 if x == "%d" else int(x[2:-1]) for x in wanted], dtype=np.int64)
+    out = np.empty(chunk * decimals.size * _kernels.PRINTED, dtype=np.uint8)
     for first in range(0, len(table), chunk):
-        block = table[first : first + chunk]
-        yield form * len(block) % tuple(block.ravel().tolist())
+        block, row = np.ascontiguousarray(table[first : first + chunk], dtype=np.float64), 0
+        while row < len(block):
+            row, length = _kernels.print_rows(block, row, decimals, ord(sign), ord("\n"), out)
+            yield out[:length].tobytes().decode("ascii")
+            if row < len(block):
+                yield form % tuple(block[row].tolist())
+                row += 1

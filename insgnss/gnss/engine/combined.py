@@ -121,15 +121,17 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> list[bytes
     lat, lon, height = ecef_to_geodetic(position)
     C = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)
     roots = _roots(C @ cov @ C.swapaxes(1, 2))
-    place = np.column_stack([np.degrees(lat), np.degrees(lon), height])
-    at = {name: k for k, name in enumerate(f.columns)}
+    geodetic = np.column_stack([np.degrees(lat), np.degrees(lon), height])
+    column = {name: k for k, name in enumerate(f.columns)}
     rows = []
     for k, row in enumerate(i.tolist()):
         fields = f.lines[row].split()
-        fields[at["latitude"] : at["height"] + 1] = [b"%.11f %.11f %.5f" % tuple(place[k])]
-        first = at[ROOTS["latitude"][0]] - 2
+        fields[column["latitude"] : column["height"] + 1] = [
+            b"%.11f %.11f %.5f" % tuple(geodetic[k])
+        ]
+        first = column[ROOTS["latitude"][0]] - 2
         fields[first : first + 6] = [b"%.6f" % root for root in roots[k]]
-        fields[at["Q"] - 2] = b"%d" % quality[k]
+        fields[column["Q"] - 2] = b"%d" % quality[k]
         rows.append(b" ".join(fields) + b"\n")
     return rows
 
