@@ -84,7 +84,7 @@ def judge_flight(seed: int, minutes: float) -> tuple[float, float, np.ndarray]:
     run_filter(problem, start, history)
     filtered = error_of(history.nav[k], motion, time) - history.m[k, :9]
     solution = solve(problem, start)
-    smoothed, P = error_of(solution.nav[k], motion, time), solution.P[k, :9, :9]
+    smoothed, P = error_of(solution.nav[k], motion, time), solution.nav_covariance()[k]
     of_filter = filtered @ np.linalg.solve(history.P[k, :9, :9], filtered)
     return (
         float(of_filter),

@@ -139,4 +139,6 @@ def _difference(solution: Solution, e: int) -> tuple[np.ndarray, np.ndarray]:
         kernel_earth(problem.frame, problem.backward),
         triple,
     )
-    return triple.nu[:, 0].copy(), triple.H @ solution.P[e] @ triple.H.T + triple.R
+    return triple.nu[:, 0].copy(), triple.H @ solution.covariance(np.array([e]))[
+        0
+    ] @ triple.H.T + triple.R

@@ -104,9 +104,9 @@ def test_walk_predicts_ten_withheld_seconds_within_its_sigmas(walk, phase):
     J = np.concatenate([np.broadcast_to(np.eye(3), (place.size, 3, 3)), -skew(lever)], axis=2)
     pose = np.r_[0:3, 6:9]
     share = np.square(layout.white_scale) + layout.sigma0[layout.gm : layout.gm + 3] ** 2
-    cov = J @ solution.P[place][:, pose[:, None], pose] @ np.swapaxes(J, 1, 2) + gnss.cov_ned[
-        hidden
-    ] * np.diag(share)
+    cov = J @ solution.covariance(place)[:, pose[:, None], pose] @ np.swapaxes(
+        J, 1, 2
+    ) + gnss.cov_ned[hidden] * np.diag(share)
     normalised = np.mean(error**2 / np.diagonal(cov, axis1=1, axis2=2), axis=0)
     rms = np.sqrt(np.mean(error**2, axis=0))
     assert (rms < 0.05).all(), rms
@@ -137,7 +137,7 @@ def test_two_halves_of_the_walk_find_the_same_lever_arm(tmp_path):
         solution = navigate(flight, read_recording(flight)).solution
         first = solution.problem.layout.lever
         found.append(solution.problem.antenna_lever_b + solution.x[-1, first : first + 3])
-        sigma.append(np.sqrt(np.diag(solution.P[-1])[9 + first : 12 + first]))
+        sigma.append(np.sqrt(solution.variance(np.array([-1]))[0, 9 + first : 12 + first]))
     assert (np.abs(found[0] - found[1]) < 3.0 * np.hypot(*sigma)).all(), (found, sigma)
     assert (np.abs(np.mean(found, axis=0) - [0.0, 0.02, -0.06]) < 0.03).all(), found
 

@@ -108,8 +108,9 @@ def initial_state(problem: EstimationProblem) -> Alignment:
         Where the data do not give a heading.
     """
     first, solution = _aligned_window(problem)
-    heading_sigma = float(np.sqrt(solution.P[0, AZ, AZ]))
-    nav, x, P = solution.nav[0], solution.x[0], solution.P[0]
+    P = solution.covariance(np.array([0]))[0]
+    heading_sigma = float(np.sqrt(P[AZ, AZ]))
+    nav, x = solution.nav[0], solution.x[0]
     if first > 0:
         nav, x, P = _run_back(problem, first, nav, x, P)
     att = WIDEN**2 * P[PSI, PSI] + np.diag(FLOOR_RAD**2)
@@ -160,11 +161,11 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
         nis = float(np.nanmedian(solution.nis[:, POSITION]))
         if nis >= MISFIT_NIS:
             misfits.append(nis)
-        elif nis < MISFIT_NIS and np.isfinite(solution.P).all():
-            if solution.P[0, AZ, AZ] < GOOD_RAD**2:
+        elif nis < MISFIT_NIS and np.isfinite(solution.nav_covariance()).all():
+            if _heading_variance(solution) < GOOD_RAD**2:
                 return first, solution
             solved.append((first, solution))
-    hopeless = not solved or min(s.P[0, AZ, AZ] for _, s in solved) > HOPELESS_RAD**2
+    hopeless = not solved or min(_heading_variance(s) for _, s in solved) > HOPELESS_RAD**2
     if misfits and hopeless:
         raise DataError(
             f"no initial attitude: in no part of the recording do GNSS and inertial motion agree"
@@ -184,8 +185,8 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
             " or it has too few fixes; check axes, units, time scales, sigmas, lever arm and noise"
             " model with `insgnss inspect`, or give [initial] attitude"
         )
-    chosen = min(solved, key=lambda f: f[1].P[0, AZ, AZ])
-    sigma = float(np.sqrt(chosen[1].P[0, AZ, AZ]))
+    chosen = min(solved, key=lambda f: _heading_variance(f[1]))
+    sigma = float(np.sqrt(_heading_variance(chosen[1])))
     if not sigma < HOPELESS_RAD:
         raise DataError(
             "heading not observable: the best window of the recording gives it to"
@@ -196,6 +197,11 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     return chosen
 
 
+def _heading_variance(solution: Solution) -> float:
+    """Return the variance of the heading at the first epoch, rad^2."""
+    return float(solution.nav_covariance(slice(1))[0, AZ, AZ])
+
+
 def _estimated(window: EstimationProblem, start: InitialState) -> Solution | None:
     """Return the window's solution, robust where its fixes are rejected (K.11).
 
@@ -204,7 +210,7 @@ def _estimated(window: EstimationProblem, start: InitialState) -> Solution | Non
     """
     for variant in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
-            return solve(variant, start, "on", separations=0)
+            return solve(variant, start, "on", separations=0, rows=0)
         except DataError:
             continue
     return None

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -31,21 +31,31 @@ def atomic_write(
     path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
 ) -> None:
     """Write a file whole or not at all: into a temporary one beside it, which then replaces it."""
-    path = Path(path)
-    parts = [content] if isinstance(content, str | bytes) else content
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    atomic_writes({Path(path): content})
+
+
+def atomic_writes(contents: Mapping[Path, str | bytes | Iterable[str | bytes]]) -> None:
+    """Write files whole or none of them: all into temporary ones, which then replace them in order.
+
+    What may go wrong while writing, such as a full disk, leaves all of them as they were.
+    """
+    temporary = {path: path.with_name(f".{path.name}.{os.getpid()}.tmp") for path in contents}
+    path = next(iter(contents))
     try:
-        with temporary.open("wb") as stream:
-            for chunk in parts:
-                stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
-        os.replace(temporary, path)
+        for path, content in contents.items():
+            with temporary[path].open("wb") as stream:
+                for chunk in [content] if isinstance(content, str | bytes) else content:
+                    stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
+        for path in contents:
+            os.replace(temporary[path], path)
     except FileNotFoundError:
         raise UsageError(f"{path}: the directory does not exist; create it first") from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        with suppress(OSError):  # a path below a file has no temporary one, nor a directory
-            temporary.unlink()
+        for left in temporary.values():
+            with suppress(OSError):  # a path below a file has no temporary one, nor a directory
+                left.unlink()
 
 
 def json_ready(value: Any) -> Any:

@@ -262,9 +262,10 @@ def sub_solution(solution: Solution, first: int, last: int) -> Solution:
         x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
     arrays = {
         k: getattr(solution, k)[epochs]
-        for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
+        for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
-    return replace(solution, problem=problem, x=x, **arrays)
+    covariances = solution.covariances.part(first, last)
+    return replace(solution, problem=problem, x=x, covariances=covariances, **arrays)
 
 
 def without_correlated(solution: Solution) -> Solution:
@@ -294,12 +295,11 @@ def without_correlated(solution: Solution) -> Solution:
     bare: StateLayout = replace(
         layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
     )
-    P = np.delete(np.delete(solution.P, IMU0 + gone, axis=1), IMU0 + gone, axis=2)
     return replace(
         solution,
         problem=replace(solution.problem, layout=bare),
         x=np.delete(solution.x, gone, axis=1),
-        P=P,
+        covariances=solution.covariances.without(IMU0 + gone),
     )
 
 

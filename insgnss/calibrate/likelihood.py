@@ -273,7 +273,7 @@ def _start(solution: Solution) -> Array:
     spread = np.sqrt(np.trace(solution.problem.epochs.position_cov[0]))
     P[POS, POS] = np.eye(3) * max(WIDE_M, 10.0 * spread) ** 2
     P[VEL, VEL] = np.eye(3) * max(WIDE_MS, 2.0 * spread) ** 2
-    P[PSI, PSI] = WIDEN**2 * solution.P[0, PSI, PSI] + np.diag(FLOOR_RAD**2)
+    P[PSI, PSI] = WIDEN**2 * solution.nav_covariance(slice(1))[0, PSI, PSI] + np.diag(FLOOR_RAD**2)
     return P
 
 

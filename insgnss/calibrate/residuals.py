@@ -205,5 +205,5 @@ def _antenna_variance(solution: Solution, rows: np.ndarray, C: Array, a: Array) 
             blocks.append(solution.problem.epochs.time[rows, None, None] * velocity)
     H = np.concatenate(blocks, axis=2)
     of = np.array(columns)
-    P = solution.P[rows[:, None, None], of[None, :, None], of[None, None, :]]
+    P = solution.covariance(rows)[:, of[:, None], of]
     return np.maximum(np.einsum("kis,kst,kit->ki", H, P, H, optimize=True), 0.0)

@@ -173,7 +173,8 @@ class Output:
     )
     trajectory_hz: float | None = option(
         10.0,
-        'rate of trajectory.csv and the SBET; "imu" for every sample',
+        "rate of trajectory.csv and the SBET; a row within a quarter of its step of a fix stands"
+        ' at the fix; "imu" for every sample',
         kind="rate",
         form='number or "imu"',
         unit="Hz",

@@ -24,7 +24,7 @@ _SET_BY = {
     "out-": "the output has the form that is read again",
     "ant1-pos": "the rover moves",
     "pos1-posmode": "it is always kinematic",
-    "pos1-soltype": "forward, backward and combined are all run",
+    "pos1-soltype": "forward and backward are both run",
 }
 _SET_BY_KEY = {
     "file-": "gnss.antex",
@@ -147,7 +147,7 @@ class EngineSettings:
     )
     timeout_s: float = option(
         7200.0,
-        "longest time of one of the engine's three runs; a run that takes longer is ended",
+        "longest time of one of the engine's two runs; a run that takes longer is ended",
         unit="s",
         low=1.0,
         high=1e6,

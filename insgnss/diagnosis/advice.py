@@ -116,7 +116,9 @@ def unseen(
     """
     alone = constants.known_to()
     speed = rms_speed(solution)
-    of_position = np.sqrt(np.diagonal(solution.P[:, POS, POS], axis1=1, axis2=2)).max(axis=1)
+    of_position = np.sqrt(np.diagonal(solution.nav_covariance(), axis1=1, axis2=2)[:, POS]).max(
+        axis=1
+    )
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
     parts, hidden = [], []
     if not LEVER_ARM.startswith(constants.requested):

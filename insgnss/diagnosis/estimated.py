@@ -31,7 +31,7 @@ def constant(solution: Solution, state: int) -> tuple[float, float]:
         Value and standard deviation, SI.
     """
     row = NAV.stop + state
-    variance = max(float(solution.P[-1, row, row]), 0.0)
+    variance = max(float(solution.variance(np.array([-1]))[0, row]), 0.0)
     return float(solution.x[-1, state]), float(np.sqrt(variance))
 
 

@@ -42,7 +42,7 @@ def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialStat
         solution knows there, with three times its sigma and a metre and a metre a second more.
     """
     first, last = _liveliest(solution, WINDOW_FIXES)
-    P = 9.0 * solution.P[first]
+    P = 9.0 * solution.covariance(np.array([first]))[0]
     P[:6, :6] += np.eye(6)
     nav, x = solution.nav[first], solution.x[first].copy()
     layout = solution.problem.layout

@@ -248,7 +248,7 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
     Parameters
     ----------
     solution : Solution
-        The solved flight, whose covariances are changed in place.
+        The solved flight, whose covariances of neighbouring events are changed in place.
     spells : list of Spell
         The spells.
 
@@ -264,14 +264,14 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
         # the rejected fixes after its last one do not yet bring the solution to their level
         later = resets[resets > spell.last]
         last = int(later[0]) - 1 if later.size else spell.last
-        solution.P[spell.first : last + 1, POS, POS] += added
         inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= last)
         neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
         solution.event_cross[neighbours, POS, POS] += added
         shared.append(SharedError(spell.first, last, added))
+    enlarged = replace(solution, covariances=solution.covariances.enlarged(tuple(shared)))
     if (chain := solution.chain) is None:
-        return solution
-    return replace(solution, chain=replace(chain, shared=(*chain.shared, *shared)))
+        return enlarged
+    return replace(enlarged, chain=replace(chain, shared=(*chain.shared, *shared)))
 
 
 def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool) -> Check:

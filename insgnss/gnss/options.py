@@ -53,7 +53,7 @@ from .rinex.header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
 
-DIRECTIONS: tuple[Direction, ...] = ("combined", "forward", "backward")
+DIRECTIONS: tuple[Direction, ...] = ("forward", "backward")  # what is run; `engine.combined`
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
 KINEMATIC = 2
@@ -100,7 +100,7 @@ class EngineOptions(EngineSettings):
     max_age_s : float
         Longest time to the base's epoch, s.
     timeout_s : float
-        Longest time of one of the engine's three runs, s.
+        Longest time of one of the engine's two runs, s.
     acceleration_mps2 : tuple of float
         Process noise of the rover's acceleration, horizontal and vertical, m/s^2.
     rtklib_options : Mapping
@@ -242,7 +242,7 @@ def option_file(
     base : RinexHeader
         Header of the base's file.
     direction : str
-        Which of the three runs.
+        Which run; "combined" is RTKLIB's own combination, which is not needed.
     interval_s, base_interval_s : float
         Between epochs of rover and base, s.
     """

@@ -1,16 +1,16 @@
 """From RINEX of rover and base to antenna positions with honest covariances: the order of the
 steps.
 
-    read -> engine forward, backward, combined -> covariance and validation (`covariance`)
+    read -> engine forward, backward -> `combined` -> covariance and validation (`covariance`)
          -> wet delay (`troposphere`) -> ionosphere (`ionosphere`)
          -> velocity from phase (TDCP, `velocity`)
          -> camera events (`camera_events`, `exposures`), in GPST (`receiver_clock`)
          -> figures and verdict (`solution_quality`, `signal_quality`)
 
-The combined run gives the positions; the other two run for their difference alone. Wet delay and
-ionosphere are taken off after the validation, which they do not touch: forward and backward share
-them. Of the camera events those of the rover's file are taken, with the names of the images where a
-directory or a list of them is given.
+The combination of both runs gives the positions, their difference a measure of quality. Wet delay
+and ionosphere are taken off after the validation, which they do not touch: forward and backward
+share them. Of the camera events those of the rover's file are taken, with the names of the images
+where a directory or a list of them is given.
 
 An epoch without velocity from phase gets that of its neighbours' positions, with their covariance
 and `BETWEEN_MPS`.
@@ -137,7 +137,7 @@ class PpkResult:
     Parameters
     ----------
     fixes : GnssFixes
-        The combined solution, with covariances of `quality.covariance`; its notes are empty.
+        The combination of both runs, with covariances of `quality.covariance`; its notes are empty.
     events : CameraEvents, optional
         Camera events of the rover's file or of their own, None without any.
     checks : tuple of Check
@@ -183,8 +183,8 @@ def solve_ppk(
     given : PpkInput
         Files and options.
     directory : Path, optional
-        Gets the three `.pos` of the engine with their options, and `ppk.pos`, the result; None:
-        nothing is kept.
+        Gets the `.pos` of the engine with their options, their combination, and `ppk.pos`, the
+        result; None: nothing is kept.
     progress : callable, optional
         Is called with the name of each step.
 
@@ -200,7 +200,7 @@ def solve_ppk(
     say("reading observations")
     rover, base = read_observations(given.rover), read_observations(given.base)
     events, unasked = _events(given, rover)
-    say("engine: three solutions")
+    say("engine: forward and backward solutions")
     run = solve(
         given.rover, given.base, given.navigation, given.options, directory, say, (rover, base)
     )
@@ -253,7 +253,7 @@ def solve_ppk(
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """The engine's combined solution, its fixes with calibrated covariance and classes (n,), and
+    """The combined solution, its fixes with calibrated covariance and classes (n,), and
     the separation of the two others.
 
     from_base : distance (n,) m and height difference (n,) m.

@@ -17,14 +17,17 @@ from ..geodesy.rotation import (
     vector_from_rotation,
 )
 from ..records import Array, Trajectory
-from .codes import N_NAV, N_NOMINAL, NAV, POS, PSI, PSI0, QUAT, VEL
+from .codes import N_NAV, N_NOMINAL, POS, PSI, PSI0, QUAT, VEL
 from .kernels.strapdown import run_between
 from .solution import Solution, rotate_blocks
 from .strapdown import kernel_earth, kernel_intervals
 
+CHUNK = 1024  # epochs that are worked on at a time: a pose takes four kB on the way
+SAME_S = 1e-6  # s, rounding of instants
 
-def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
-    """Return the trajectory at every IMU sample and epoch, from the first epoch to the last.
+
+def dense_trajectory(solution: Solution, gps_week: int, hz: float | None = None) -> Trajectory:
+    """Return the trajectory at IMU samples and epochs, from the first epoch to the last.
 
     Parameters
     ----------
@@ -32,6 +35,8 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
         The smoothed flight.
     gps_week : int
         The week that its times belong to.
+    hz : float, optional
+        The first instant at or after each step of this rate is taken; without it every one.
 
     Returns
     -------
@@ -39,29 +44,54 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
         Latitude, longitude, height, velocity and attitude in axes north, east, down at the point;
         the covariances are interpolated between epochs.
     """
+    inc, m = solution.problem.inc, solution.time.size
+    parts, wanted = [], None
+    if hz is not None:
+        first, last = inc.marks[0] + inc.dt[inc.stop[0]], inc.marks[-1]
+        wanted = first + np.arange(int((last - first) * hz) + 1) / hz - SAME_S
+    for begin in range(0, m - 1, CHUNK):
+        end = min(begin + CHUNK, m - 1)
+        parts.append(_between(solution, begin, end, wanted, gps_week))
+    return Trajectory.joined(parts)
+
+
+def _between(
+    solution: Solution, begin: int, end: int, wanted: Array | None, gps_week: int
+) -> Trajectory:
+    """Return the trajectory after one epoch up to another, at what is wanted of it."""
     inc, frame = solution.problem.inc, solution.problem.frame
-    epochs = np.arange(solution.time.size)
-    bias = np.ascontiguousarray(solution.x @ solution.problem.layout.channel_sum().T)
-    nav = np.empty((int(inc.stop[-1] - inc.stop[0]), N_NOMINAL))
-    run_between(kernel_intervals(inc), inc.stop, solution.nav, bias, kernel_earth(frame), nav)
-    interval = np.repeat(epochs[:-1], np.diff(inc.stop))
-    elapsed = (
-        np.cumsum(inc.dt) - np.concatenate([[0.0], np.cumsum(inc.dt)])[inc.stop[:-1]][interval]
-    )
-    length = np.diff(inc.marks)[interval]
+    own, marks = slice(begin, end + 1), inc.marks[begin : end + 1]
+    stop, states = inc.stop[own], solution.nav[own]
+    bias = np.ascontiguousarray(solution.x[own] @ solution.problem.layout.channel_sum().T)
+    nav = np.empty((int(stop[-1] - stop[0]), N_NOMINAL))
+    run_between(kernel_intervals(inc), stop, states, bias, kernel_earth(frame), nav)
+    stop = stop - stop[0]
+    interval = np.repeat(np.arange(end - begin), np.diff(stop))
+    sums = np.concatenate([[0.0], np.cumsum(inc.dt[inc.stop[begin] : inc.stop[end]])])
+    elapsed = sums[1:] - sums[stop[:-1]][interval]
+    length = np.diff(marks)[interval]
     share = np.clip(elapsed / length, 0.0, 1.0)
-    missed = _missed(solution.nav[1:], nav[inc.stop[1:] - 1])
+    missed = _missed(states[1:], nav[stop[1:] - 1])
     _give_back(nav, missed[interval], share, length)
-    time = inc.marks[interval] + elapsed
-    time[inc.stop[1:] - 1] = inc.marks[1:]
+    time = marks[interval] + elapsed
+    time[stop[1:] - 1] = marks[1:]
+    rows: np.ndarray | slice = slice(None)
+    if wanted is not None:
+        here = wanted[(wanted > marks[0]) & (wanted <= marks[-1])]
+        rows = np.unique(np.searchsorted(time, here))
+    nav, interval, share = nav[rows], interval[rows], share[rows]
     lat, lon, height = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
-    P = solution.P[:, NAV, NAV]
+    P = solution.nav_covariance(own)
     cov = P[interval] + share[:, None, None] * (P[interval + 1] - P[interval])
     C_lb = rotation_from_quaternion(nav[:, QUAT])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
     return Trajectory(
-        time, lat, lon, height, velocity, C_nl @ C_lb, rotate_blocks(C_nl, cov, C_nl), gps_week
+        time[rows],
+        *(lat, lon, height, velocity),
+        C_nl @ C_lb,
+        rotate_blocks(C_nl, cov, C_nl),
+        gps_week,
     )
 
 

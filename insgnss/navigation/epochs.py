@@ -168,7 +168,8 @@ def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateL
     """
     constraint, cov = epochs.constraint.copy(), epochs.constraint_cov.copy()
     rate, variance = epochs.zaru_rate.copy(), epochs.zaru_variance.copy()
-    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(inc.dtheta, axis=0)])
+    between = np.add.reduceat(inc.dtheta, inc.stop[:-1])  # of each epoch to the next one
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(between, axis=0)])
     white = float(layout.white[:3].max())
     for begin, end in stationary:
         inside = np.flatnonzero((inc.marks >= begin) & (inc.marks <= end))
@@ -179,7 +180,7 @@ def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateL
             constraint[e], cov[e] = ZUPT, np.eye(3) * ZUPT_SIGMA_MPS**2
             if before >= 0:
                 length = inc.marks[e] - inc.marks[before]
-                rate[e] = (turned[inc.stop[e]] - turned[inc.stop[before]]) / length
+                rate[e] = (turned[e] - turned[before]) / length
                 variance[e] = white / length + ZARU_SIGMA_RAD_S**2
             before = e
     return epochs._replace(

@@ -39,6 +39,46 @@ class SharedError:
 
 
 @dataclass(frozen=True)
+class EventTransitions:
+    """M_k of (B.8), multiplied up along the forward pass, whose records do not stay.
+
+    Parameters
+    ----------
+    product : Array
+        (n, n) since the latest event.
+    begun : ndarray
+        (1,) int, whether there was one.
+    of_events : Array
+        (events, n, n) M_k.
+    """
+
+    product: Array
+    begun: np.ndarray
+    of_events: Array
+
+    @classmethod
+    def before(cls, events: int, n: int) -> "EventTransitions":
+        """Return those before the first epoch."""
+        return cls(np.eye(n), np.zeros(1, dtype=np.int64), np.empty((events, n, n)))
+
+    def through(self, event: np.ndarray, history: FilterHistory, begin: int) -> None:
+        """Multiply by the epochs of a block.
+
+        Parameters
+        ----------
+        event : ndarray
+            (k,) number of the event of each epoch, or ABSENT.
+        history : FilterHistory
+            What the forward pass left of these epochs.
+        begin : int
+            The first of them to be passed.
+        """
+        h = history
+        records = (h.F, h.D, h.H, h.K, h.S, h.used)
+        event_transitions(event, *records, begin, self.product, self.begun, self.of_events)
+
+
+@dataclass(frozen=True)
 class EventChain:
     """What ties the events of a solution.
 
@@ -78,11 +118,33 @@ class EventChain:
         EventChain
             The chain, of all events of the epochs.
         """
-        h, exposed = history, np.flatnonzero(epochs.event >= 0)
-        M = np.empty_like(smoothed.event_filter)
-        event_transitions(epochs.event, h.F, h.D, h.H, h.K, h.S, h.used, M)
+        product = EventTransitions.before(history.cross.shape[0], history.m.shape[1])
+        product.through(epochs.event, history, 0)
+        return cls.of(epochs, product, smoothed)
+
+    @classmethod
+    def of(
+        cls, epochs: Epochs, transitions: "EventTransitions", smoothed: Smoothed
+    ) -> "EventChain":
+        """Return the chain of passes that went block by block.
+
+        Parameters
+        ----------
+        epochs : Epochs
+            The m epochs.
+        transitions : EventTransitions
+            Those of the last forward pass, at its end.
+        smoothed : Smoothed
+            What the full backward pass gave.
+
+        Returns
+        -------
+        EventChain
+            The chain, of all events of the epochs.
+        """
+        exposed = np.flatnonzero(epochs.event >= 0)
         epoch = exposed[np.argsort(epochs.event[exposed])]
-        return cls(epoch, M, smoothed.event_filter, smoothed.event_gain)
+        return cls(epoch, transitions.of_events, smoothed.event_filter, smoothed.event_gain)
 
     def covariance(self, first: int, T: Array) -> Array:
         """Return the smoothed covariance of what is wanted of consecutive events.

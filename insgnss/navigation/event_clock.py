@@ -82,7 +82,7 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     nav, A, u = _moved(solution, index, d)
     U = u[:, :, None] * _of_constants(solution, index)[:, None, :]
     states = _states(solution)
-    P, own = solution.P[index], np.arange(N_NAV)
+    P, own = solution.covariance(index), np.arange(N_NAV)
     to_clock, of_clock = P[:, own[:, None], states], P[:, states[:, None], states]
     cov = _propagated(A, U, P[:, :N_NAV, :N_NAV], to_clock, to_clock, of_clock, A, U)
     cross = _propagated(
@@ -110,7 +110,7 @@ def event_derivatives(solution: Solution, of_receiver: bool) -> Array:
         `receiver_events` gives, by the errors of the n states in l.
     """
     frame, index = solution.problem.frame, solution.event_epochs
-    nav, T = solution.nav[index], np.zeros((index.size, N_NAV, solution.P.shape[1]))
+    nav, T = solution.nav[index], np.zeros((index.size, N_NAV, solution.problem.layout.size))
     T[:, :, :N_NAV] = np.eye(N_NAV)
     if of_receiver and solution.problem.layout.offset >= 0 and index.size:
         nav, A, u = _moved(solution, index, event_delay(solution))

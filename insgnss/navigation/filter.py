@@ -78,7 +78,15 @@ from .codes import (
     REJECTED,
 )
 from .kernels.forward import run_forward
-from .kernels.records import Epochs, FilterHistory, FilterOptions
+from .kernels.records import (
+    Earth,
+    Epochs,
+    FilterHistory,
+    FilterOptions,
+    FilterState,
+    IntegrationIntervals,
+    StateModel,
+)
 from .kernels.update import state_difference
 from .layout import StateLayout
 from .problem import EstimationProblem, InitialState
@@ -110,7 +118,9 @@ def gate_from_sigma(gate_sigma: float) -> float:
     return float(chdtri(3, 2.0 * ndtr(-gate_sigma)))
 
 
-def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> FilterHistory:
+def make_history(
+    epochs: Epochs, layout: StateLayout, smoothed: bool = True, records: int | None = None
+) -> FilterHistory:
     """Return room for the results of a forward pass; it is used again by every further pass.
 
     What the pass fills in any case is left unset: large unset arrays come in huge pages, which
@@ -125,28 +135,64 @@ def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> 
     smoothed : bool
         Whether a smoother is to follow; without it what only the smoother reads is kept of the last
         epoch alone. Touching new memory costs more than a pass of the filter.
+    records : int, optional
+        Of how many epochs it is kept else, where a smoother is to follow block by block.
 
     Returns
     -------
     FilterHistory
         Arrays of m epochs.
     """
-    m, n = epochs.stop.size, layout.size
-    rows = m if smoothed else min(m, 1)
-    ns = n - N_NAV
-    slot, used = _slots(epochs, layout)
-    nz = used.size
+    m = epochs.stop.size
+    rows = min(m, 1) if not smoothed else m if records is None else records
+    slot, used = measured_slots(epochs, layout)
+    outage = outages(epochs) if smoothed else np.full(m, ABSENT, dtype=np.int64)
+    noises = int(outage.max(initial=ABSENT)) + 1
+    if noises and records is not None:
+        noises = records
     events = int(epochs.event.max()) + 1 if m else 0
-    outage = _outages(epochs) if smoothed else np.full(m, ABSENT, dtype=np.int64)
-    long = np.count_nonzero(outage != ABSENT)
+    return history_room(m, layout.size, rows, slot, used, outage, noises, events)
+
+
+def history_room(
+    m: int,
+    n: int,
+    rows: int,
+    slot: np.ndarray,
+    used: np.ndarray,
+    outage: np.ndarray,
+    noises: int,
+    events: int,
+) -> FilterHistory:
+    """Return room for m epochs of n states.
+
+    Parameters
+    ----------
+    m, n : int
+        Epochs and states.
+    rows : int
+        Rows of the records that the smoother alone reads.
+    slot, used, outage : ndarray
+        As in `FilterHistory`.
+    noises : int
+        Slots of the process noise in outages.
+    events : int
+        Camera events.
+
+    Returns
+    -------
+    FilterHistory
+        The arrays.
+    """
+    nz, ns = used.size, n - N_NAV
     return FilterHistory(
         nav=np.empty((m, N_NOMINAL)),
         x=np.empty((m, ns)),
-        m=np.empty((m, n)),
+        m=np.empty((rows, n)),
         P=np.empty((rows, n, n)),
-        sigma=np.empty((m, n)),
+        sigma=np.empty((m, N_NAV)),
         F=np.empty((rows, N_NAV, n)),
-        D=np.empty((m, ns)),
+        D=np.empty((rows, ns)),
         H=np.empty((rows, nz, int(used.max()))),
         K=np.empty((rows, nz, n)),
         S=np.zeros((m, nz)),
@@ -159,13 +205,24 @@ def make_history(epochs: Epochs, layout: StateLayout, smoothed: bool = True) -> 
         used=used,
         cross=np.empty((events, N_NAV, n)),
         outage=outage,
-        W=np.empty((long, N_NAV, n)),
-        Qbb=np.empty((long, ns)),
+        W=np.empty((noises, N_NAV, n)),
+        Qbb=np.empty((noises, ns)),
     )
 
 
-def _outages(epochs: Epochs) -> np.ndarray:
-    """Number the intervals before epochs, (m,), that lie between two fixes far apart."""
+def outages(epochs: Epochs) -> np.ndarray:
+    """Number the intervals that lie between two fixes far apart.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The m epochs.
+
+    Returns
+    -------
+    ndarray
+        (m,) of the interval before each epoch, or ABSENT.
+    """
     m, fixes = epochs.stop.size, np.flatnonzero(epochs.has_position & ~epochs.withheld)
     number = np.full(m, ABSENT, dtype=np.int64)
     for k in np.flatnonzero(np.diff(epochs.time[fixes]) > OUTAGE_S):
@@ -204,8 +261,21 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
     return present, columns
 
 
-def _slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first row of each kind of triple, and the columns that each row uses."""
+def measured_slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the triples of each kind stand.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The epochs.
+    layout : StateLayout
+        The error states.
+
+    Returns
+    -------
+    slot, used : ndarray
+        (5,) first row of each kind, and (nz,) columns that each row uses.
+    """
     present, columns = measured_kinds(epochs, layout)
     slot = np.where(present, 3 * (np.cumsum(present) - 1), ABSENT).astype(np.int64)
     return slot, np.repeat(columns[present], 3).astype(np.int64)
@@ -235,42 +305,99 @@ def run_filter(
     DataError
         Where the solution does not follow the fixes.
     """
-    model = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
-    nav0, x0, m0 = start.nav.copy(), start.x.copy(), start.mean.copy()
-    if not closed_loop:
-        m0 = _difference(start, history)
-    options = FilterOptions(
-        closed_loop,
-        float(FEEDBACK_RAD),
-        float(problem.gate),
-        float(problem.huber_threshold),
-        float(max(RESET_S, RESET_FIXES * problem.aiding_interval_s)),
-    )
-    run_forward(
+    state = first_state(problem, start, history, closed_loop)
+    intervals, model, earth, lever, options = forward_inputs(problem, closed_loop)
+    run_forward(intervals, problem.epochs, model, earth, lever, state, options, history, 0)
+    refuse_divergence(problem, history)
+
+
+ForwardInputs = tuple[IntegrationIntervals, StateModel, Earth, Array, FilterOptions]
+
+
+def forward_inputs(problem: EstimationProblem, closed_loop: bool) -> ForwardInputs:
+    """Return what the kernel takes besides epochs, state and history.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What is measured, and how.
+    closed_loop : bool
+        Feed the error estimate back into the nominal state (K.5).
+
+    Returns
+    -------
+    tuple of IntegrationIntervals, StateModel, Earth, Array and FilterOptions
+        In the order of `kernels.forward.run_forward`; the array is the lever arm.
+    """
+    return (
         kernel_intervals(problem.inc),
-        problem.epochs,
-        model,
+        problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s),
         kernel_earth(problem.frame, problem.backward),
         np.array(problem.antenna_lever_b, dtype=np.float64),
-        nav0,
-        x0,
-        m0,
-        np.ascontiguousarray(start.P),
-        options,
-        history,
+        FilterOptions(
+            closed_loop,
+            float(FEEDBACK_RAD),
+            float(problem.gate),
+            float(problem.huber_threshold),
+            float(max(RESET_S, RESET_FIXES * problem.aiding_interval_s)),
+        ),
     )
-    _refuse_divergence(problem, history)
+
+
+def first_state(
+    problem: EstimationProblem, start: InitialState, history: FilterHistory, closed_loop: bool
+) -> FilterState:
+    """Return the filter before the first epoch.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What is measured, and how.
+    start : InitialState
+        The state at the first epoch.
+    history : FilterHistory
+        In open loop its nominal is linearised about.
+    closed_loop : bool
+        Feed the error estimate back into the nominal state (K.5).
+
+    Returns
+    -------
+    FilterState
+        Arrays of its own.
+    """
+    return FilterState(
+        start.nav.copy(),
+        start.x.copy(),
+        start.mean.copy() if closed_loop else _difference(start, history),
+        np.array(start.P, order="C"),
+        np.zeros((N_NAV, problem.layout.size)),
+        np.zeros(2, dtype=np.int64),
+        np.array([np.nan, -1.0]),
+    )
 
 
 def _difference(start: InitialState, history: FilterHistory) -> Array:
     """Return the a-priori mean about the nominal of the first epoch."""
-    out = np.zeros(history.m.shape[1])
+    out = np.zeros(start.mean.size)
     state_difference(start.nav, start.x, history.nav[0], history.x[0], out)
     return out + start.mean
 
 
-def _refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> None:
-    """Refuse a run that rejected most fixes, was reset again and again, or broke numerically."""
+def refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> None:
+    """Refuse a run that rejected most fixes, was reset again and again, or broke numerically.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was filtered.
+    history : FilterHistory
+        What the pass left.
+
+    Raises
+    ------
+    DataError
+        Where the solution does not follow the fixes.
+    """
     time = np.abs(problem.inc.marks)  # negative where the problem runs against time
     finite = np.isfinite(history.sigma).all(axis=1) & np.isfinite(history.nav).all(axis=1)
     if not finite[-1]:

@@ -47,13 +47,15 @@ the two-filter view.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..records import Array
 from .codes import ABSENT, N_NAV, NAV
 from .kernels.backward import run_backward
-from .kernels.records import Epochs, FilterHistory
+from .kernels.records import Epochs, FilterHistory, SmootherState
+from .triangles import unpacked
 
 TINY = 1e-300  # keeps a division by zero away
 DETERMINED = 1e-10  # relative eigenvalue of the information from which on a direction is determined
@@ -68,13 +70,19 @@ class Smoothed:
     ----------
     delta : Array
         (m, n) smoothed error estimate about the nominal of the history.
-    P : Array, optional
-        (m, n, n) smoothed covariance, of a full run only.
+    nav_cov : Array
+        (m, 45) lower triangle of the smoothed covariance of the navigation errors, of a full run
+        only (else without rows).
+    rows : ndarray
+        (k,) the epochs of which the whole covariance is kept.
+    kept : Array
+        (k, n (n + 1) / 2) its lower triangle.
     event_cross : Array
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one (of the first: zero).
     event_filter, event_gain : Array
-        (events, n, n) P_k of the filter and the last factor of (B.8).
+        (events, n, n) P_k of the filter and the last factor of (B.8); without rows where nobody
+        asked for them.
     separation_epoch : ndarray
         (s,) the epochs at which the forward/backward separation was worked out.
     separation, separation_sigma : Array
@@ -83,7 +91,9 @@ class Smoothed:
     """
 
     delta: Array
-    P: Array | None
+    nav_cov: Array
+    rows: np.ndarray
+    kept: Array
     event_cross: Array
     event_filter: Array
     event_gain: Array
@@ -91,20 +101,140 @@ class Smoothed:
     separation: Array
     separation_sigma: Array
 
+    @property
+    def P(self) -> Array | None:
+        """Smoothed covariance (k, n, n) at `rows`; None after a run without covariances."""
+        return unpacked(self.kept) if self.rows.size else None
+
+
+class SmootherRoom(NamedTuple):
+    """What `kernels.backward.run_backward` fills, in the order of its parameters."""
+
+    delta: Array
+    nav_cov: Array
+    slot: np.ndarray
+    kept: Array
+    event_cross: Array
+    event_filter: Array
+    event_gain: Array
+    keep: np.ndarray
+    information: Array
+    adjoint: Array
+
+    @classmethod
+    def of(
+        cls,
+        m: int,
+        n: int,
+        rows: np.ndarray,
+        events: int,
+        chained: bool = True,
+        separations: int = 100,
+        full: bool = True,
+    ) -> "SmootherRoom":
+        """Return room for m epochs of n states.
+
+        Parameters
+        ----------
+        m, n : int
+            Epochs and states.
+        rows : ndarray
+            (k,) epochs of which the whole covariance is wanted.
+        events : int
+            Camera events.
+        chained : bool
+            Whether the covariance between any two of them is wanted (B.8).
+        separations : int
+            Number of epochs at which the forward/backward separation is worked out.
+        full : bool
+            Whether there are covariances at all.
+
+        Returns
+        -------
+        SmootherRoom
+            Arrays.
+        """
+        rows = rows if full else rows[:0]
+        chosen = np.zeros(0, dtype=np.int64)
+        if full and separations:
+            chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
+        chain = (events if full and chained else 0, n, n)
+        return cls(
+            np.empty((m, n)),
+            np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
+            _numbered(m, rows),
+            np.empty((rows.size, n * (n + 1) // 2)),
+            np.zeros((events, N_NAV, N_NAV)),
+            np.zeros(chain),
+            np.zeros(chain),
+            _numbered(m, chosen),
+            np.zeros((chosen.size, n, n)),
+            np.zeros((chosen.size, n)),
+        )
+
+    def part(self, first: int, last: int) -> "SmootherRoom":
+        """Return the room of the epochs first..last - 1."""
+        own = slice(first, last)
+        return self._replace(
+            delta=self.delta[own],
+            nav_cov=self.nav_cov[own],
+            slot=self.slot[own],
+            keep=self.keep[own],
+        )
+
+    def smoothed(self) -> Smoothed:
+        """Return what the pass has filled in."""
+        separation, sigma = _separation(self.information, self.adjoint)
+        return Smoothed(
+            self.delta,
+            self.nav_cov,
+            np.flatnonzero(self.slot != ABSENT),
+            self.kept,
+            self.event_cross,
+            self.event_filter,
+            self.event_gain,
+            np.flatnonzero(self.keep != ABSENT),
+            separation,
+            sigma,
+        )
+
+
+def _numbered(m: int, rows: np.ndarray) -> np.ndarray:
+    """Return the number (m,) of each epoch among increasing rows, or ABSENT."""
+    out = np.full(m, ABSENT, dtype=np.int64)
+    out[rows] = np.arange(rows.size)
+    return out
+
+
+def last_state(n: int) -> SmootherState:
+    """Return the smoother of n states at the end of a flight, where no data are to come."""
+    ns = n - N_NAV
+    return SmootherState(
+        np.zeros(n),
+        np.zeros((n, n)),
+        np.zeros(1, dtype=np.int64),
+        np.zeros((n, n)),
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+    )
+
 
 def run_smoother(
     epochs: Epochs, history: FilterHistory, full: bool = True, separations: int = 100
 ) -> Smoothed:
-    """Run the backward pass.
+    """Run the backward pass over a flight whose records are all kept.
 
     Parameters
     ----------
     epochs : Epochs
         The m epochs.
     history : FilterHistory
-        What the forward pass left. With `full` its covariances are replaced by the smoothed ones.
+        What the forward pass left.
     full : bool
-        Whether covariances, cross-covariances of events and separations are wanted.
+        Whether covariances, of all states at all epochs, cross-covariances of events and
+        separations are wanted.
     separations : int
         Number of epochs at which the forward/backward separation is worked out.
 
@@ -114,39 +244,10 @@ def run_smoother(
         The smoothed errors.
     """
     m, n = history.m.shape
-    delta = np.empty((m, n))
-    event_cross = np.zeros((history.cross.shape[0], N_NAV, N_NAV))
-    of_events = (history.cross.shape[0] if full else 0, n, n)
-    event_filter, event_gain = np.zeros(of_events), np.zeros(of_events)
-    chosen = np.zeros(0, dtype=np.int64)
-    if full and separations:
-        chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
-    keep = np.full(m, ABSENT, dtype=np.int64)
-    keep[chosen] = np.arange(chosen.size)
-    information, adjoint = np.zeros((chosen.size, n, n)), np.zeros((chosen.size, n))
-    run_backward(
-        epochs,
-        history,
-        full,
-        delta,
-        event_cross,
-        event_filter,
-        event_gain,
-        keep,
-        information,
-        adjoint,
-    )
-    separation, sigma = _separation(information, adjoint)
-    return Smoothed(
-        delta,
-        history.P if full else None,
-        event_cross,
-        event_filter,
-        event_gain,
-        chosen,
-        separation,
-        sigma,
-    )
+    events = history.cross.shape[0]
+    room = SmootherRoom.of(m, n, np.arange(m), events, separations=separations, full=full)
+    run_backward(epochs.event, history, full, last_state(n), 0, *room)
+    return room.smoothed()
 
 
 def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:

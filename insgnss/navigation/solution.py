@@ -21,14 +21,16 @@ import numpy as np
 from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
-from .codes import AX, AY, AZ, IMU, NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
+from .blocks import ROWS, BlockwisePasses
+from .codes import AX, AY, AZ, IMU, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
+from .covariances import SmoothedCovariances
 from .event_chain import EventChain
-from .filter import make_history, run_filter
-from .kernels.records import FilterHistory
 from .problem import EstimationProblem, InitialState
-from .smoother import Smoothed, run_smoother
+from .smoother import Smoothed
+from .triangles import diagonal
 
 MAX_PASSES = 6
+CHUNK = 4096  # covariances that are turned at a time
 SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
 LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sigma, (N.1) met
 
@@ -45,10 +47,10 @@ class Solution:
         (m, 10) smoothed position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
     x : Array
         (m, ns) smoothed values of the other states.
-    P : Array
-        (m, n, n) smoothed covariance of the errors.
+    covariances : SmoothedCovariances
+        Smoothed covariances of the errors; `covariance`, `variance` and `nav_covariance` ask them.
     filter_sigma : Array
-        (m, n) standard deviations of the forward filter.
+        (m, 9) standard deviations of the navigation errors in the forward filter.
     innovation, innovation_sigma : Array
         (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
         axes.
@@ -71,7 +73,7 @@ class Solution:
     problem: EstimationProblem
     nav: Array
     x: Array
-    P: Array
+    covariances: SmoothedCovariances
     filter_sigma: Array
     innovation: Array
     innovation_sigma: Array
@@ -95,6 +97,58 @@ class Solution:
         at_event = np.flatnonzero(self.problem.epochs.event >= 0)
         return at_event[np.argsort(self.problem.epochs.event[at_event])]
 
+    @property
+    def rows(self) -> np.ndarray:
+        """The epochs of which the whole covariance is kept: camera events and regular ones."""
+        return self.covariances.own_rows
+
+    def covariance(self, index: np.ndarray) -> Array:
+        """Return the smoothed covariance of the errors of all states at some epochs.
+
+        At `rows` it is kept; at any other epoch it costs some ten milliseconds a block of epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n, n) in l, navigation first.
+        """
+        return self.covariances.whole(index)
+
+    def variance(self, index: np.ndarray) -> Array:
+        """Return the smoothed variances of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n), navigation first.
+        """
+        return self.covariances.variance(index)
+
+    def nav_covariance(self, index: np.ndarray | slice = slice(None)) -> Array:
+        """Return the smoothed covariance of the navigation errors at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray or slice
+            (k,) the epochs; all of them without it.
+
+        Returns
+        -------
+        Array
+            (k, 9, 9) of position, velocity and attitude errors in l.
+        """
+        return self.covariances.of_navigation(index)
+
     def channel_bias(self, index: np.ndarray) -> tuple[Array, Array]:
         """Return the smoothed bias of the six channels at some epochs.
 
@@ -109,7 +163,9 @@ class Solution:
             (k, 6) rad/s and m/s^2 in body axes, and its standard deviation.
         """
         M = self.problem.layout.channel_sum()
-        spread = np.einsum("cs,mst,ct->mc", M, self.P[:, IMU, IMU][index], M, optimize=True)
+        spread = np.einsum(
+            "cs,mst,ct->mc", M, self.covariance(index)[:, IMU, IMU], M, optimize=True
+        )
         return self.x[index] @ M.T, np.sqrt(np.maximum(spread, 0.0))
 
 
@@ -120,6 +176,7 @@ def solve(
     progress: Callable[[str], None] = lambda _: None,
     separations: int = 100,
     about: Solution | None = None,
+    rows: int = ROWS,
 ) -> Solution:
     """Filter and smooth a flight.
 
@@ -137,6 +194,9 @@ def solve(
         Number of epochs at which the forward/backward separation is worked out.
     about : Solution, optional
         A solution of the same epochs and states about which the first pass is linearised already.
+    rows : int
+        Number of regular epochs, at most, of which the whole covariance is kept, besides the first,
+        the last and the camera events.
 
     Returns
     -------
@@ -148,32 +208,57 @@ def solve(
     DataError
         Where the fixes and the inertial data contradict each other for long.
     """
-    history = make_history(problem.epochs, problem.layout)
+    passes = BlockwisePasses(problem, start, _kept_rows(problem, rows), separations)
+    history = passes.history
     progress("filter")
     if about is not None:
         history.nav[:], history.x[:] = about.nav, about.x
-    run_filter(problem, start, history, closed_loop=about is None)
-    passes = 1
-    if second_pass != "off":
-        estimate = run_smoother(problem.epochs, history, full=False)
-        while passes < MAX_PASSES and (
-            _nonlinear(estimate.delta, history.sigma) or (second_pass == "on" and passes == 1)
-        ):
-            _move(history.nav, history.x, estimate.delta)
-            passes += 1
-            progress(f"filter, pass {passes}, linearised about the smoothed flight")
-            run_filter(problem, start, history, closed_loop=False)
-            estimate = run_smoother(problem.epochs, history, full=False)
-    progress("smoother")
-    smoothed = run_smoother(problem.epochs, history, separations=separations)
-    _refuse_negative_variances(problem, history)
-    return _solution(problem, history, smoothed, passes)
+    passes.filter(closed_loop=about is None)
+    count = 1
+    while True:
+        another = second_pass == "on" and count == 1
+        if not another:
+            progress("smoother")
+        smoothed = passes.smooth(full=not another)
+        if second_pass == "off" or count == MAX_PASSES:
+            break
+        if not (another or _nonlinear(smoothed.delta, history.sigma)):
+            break
+        _move(history.nav, history.x, smoothed.delta)
+        count += 1
+        progress(f"filter, pass {count}, linearised about the smoothed flight")
+        passes.filter(closed_loop=False)
+    refuse_negative_variances(problem, smoothed.nav_cov)
+    return _solution(passes, smoothed, count)
 
 
-def _refuse_negative_variances(problem: EstimationProblem, history: FilterHistory) -> None:
-    """Raise DataError where rounding has used up a variance of the smoothed navigation states."""
-    variance = np.diagonal(history.P, axis1=1, axis2=2)[:, NAV]
-    odd = ~(variance >= 0.0).all(axis=1)
+def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:
+    """Return the epochs of which the whole covariance is kept."""
+    epochs = problem.epochs
+    m = epochs.stop.size
+    stride = -(-m // regular) if regular else m
+    ends = np.array([0, m - 1])
+    return np.unique(
+        np.concatenate([np.arange(0, m, stride), ends, np.flatnonzero(epochs.event >= 0)])
+    )
+
+
+def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> None:
+    """Refuse where rounding has used up a variance of the smoothed navigation states.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was solved.
+    nav_cov : Array
+        (m, 45) lower triangles of the smoothed covariance.
+
+    Raises
+    ------
+    DataError
+        With the first instant.
+    """
+    odd = ~(diagonal(nav_cov) >= 0.0).all(axis=1)
     if odd.any():
         first = float(np.abs(problem.inc.marks[int(np.argmax(odd))]))
         raise DataError(
@@ -183,16 +268,18 @@ def _refuse_negative_variances(problem: EstimationProblem, history: FilterHistor
         )
 
 
-def _solution(
-    problem: EstimationProblem, history: FilterHistory, smoothed: Smoothed, passes: int
-) -> Solution:
+def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Solution:
     """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
+    history = passes.history
+    covariances = SmoothedCovariances(
+        smoothed.nav_cov, smoothed.rows, smoothed.kept, passes.again()
+    )
     _move(history.nav, history.x, smoothed.delta)
     return Solution(
-        problem,
+        passes.problem,
         history.nav,
         history.x,
-        history.P,
+        covariances,
         history.sigma,
         history.innovation,
         history.innovation_sigma,
@@ -202,8 +289,8 @@ def _solution(
         smoothed.separation_epoch,
         smoothed.separation,
         smoothed.separation_sigma,
-        passes,
-        EventChain.of_passes(problem.epochs, history, smoothed) if problem.event_chain else None,
+        count,
+        passes.chain(smoothed),
     )
 
 
@@ -258,7 +345,7 @@ def trajectory(
         Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
         with covariances of the errors in the same axes.
     """
-    nav, cov = solution.nav[index], solution.P[:, NAV, NAV][index]
+    nav, cov = solution.nav[index], solution.nav_covariance(index)
     cross = solution.event_cross[1:] if events else None
     return local_trajectory(solution, index, solution.time[index], nav, cov, cross, gps_week)
 
@@ -307,7 +394,9 @@ def local_trajectory(
     acceleration = None
     if index.size > 1:
         acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
-    cov = 0.5 * (cov + np.swapaxes(cov, -1, -2))
+    for begin in range(0, len(cov), CHUNK):
+        part = cov[begin : begin + CHUNK]
+        part[:] = 0.5 * (part + np.swapaxes(part, -1, -2))
     rate = _body_rate(solution, index, C_lb)
     return Trajectory(
         time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
@@ -339,7 +428,10 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
         (n, 3k, 3k) with every block B replaced by C_left B C_right'.
     """
     n, size = cov.shape[:2]
-    k = size // 3
-    blocks = cov.reshape(n, k, 3, k, 3)
-    turned = np.einsum("nij,najbk,nlk->naibl", C_left, blocks, C_right, optimize=True)
-    return turned.reshape(n, size, size)
+    k, out = size // 3, np.empty_like(cov)
+    for begin in range(0, n, CHUNK):
+        own = slice(begin, begin + CHUNK)
+        blocks = cov[own].reshape(-1, k, 3, k, 3)
+        turned = np.einsum("nij,najbk,nlk->naibl", C_left[own], blocks, C_right[own], optimize=True)
+        out[own] = turned.reshape(-1, size, size)
+    return out

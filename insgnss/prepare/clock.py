@@ -1,7 +1,7 @@
 """One clock for all sensors: seconds of one GPS week, and the span that IMU and GNSS share."""
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -112,18 +112,7 @@ def common_span(
 
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     """Return the fixes within [lo, hi], s."""
-    keep = (gnss.time >= lo) & (gnss.time <= hi)
-    optional: dict[str, Any] = {
-        name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep]
-        for name in (
-            *("velocity_ned", "velocity_cov_ned", "quality"),
-            *("satellites", "ratio", "age_s", "pdop"),
-        )
-    }
-    cut: dict[str, Any] = {
-        name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")
-    }
-    return replace(gnss, **cut, **optional)
+    return gnss[(gnss.time >= lo) & (gnss.time <= hi)]
 
 
 def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:

@@ -109,7 +109,7 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         rpy=rpy_from_rotation(rows.trajectory.C_nb),
         event=np.searchsorted(epochs, solution.event_epochs),
         filter_sigma=solution.filter_sigma[epochs, NAV],
-        smoothed_sigma=np.sqrt(np.diagonal(solution.P[:, NAV, NAV][epochs], axis1=1, axis2=2)),
+        smoothed_sigma=np.sqrt(solution.variance(epochs)[:, NAV]),
         bias=bias,
         bias_sigma=bias_sigma,
         fix_time=time[fix],
@@ -149,7 +149,7 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
     value = solution.x[np.ix_(epochs, columns)]
     if layout.offset in states:
         value[:, states.index(layout.offset)] += segment.time_offset_s
-    variance = np.diagonal(solution.P[epochs], axis1=1, axis2=2)[:, rows]
+    variance = solution.variance(epochs)[:, rows]
     return ConstantSeries(
         tuple(layout.names[s] for s in states),
         value,

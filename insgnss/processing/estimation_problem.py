@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.errors import DataError
+from ..base.memory import available
 from ..config.flight_file import Flight
 from ..diagnosis.candidates import AS_STATED, CLOCK_RATE, ImuErrors, LayoutFactory
 from ..geodesy.frames import LocalFrame
+from ..navigation.blocks import Forecast, forecast
 from ..navigation.epochs import make_epochs, unfixed_solutions, with_barometer, with_nhc, with_zupt
 from ..navigation.filter import gate_from_sigma
 from ..navigation.layout import BarometerErrors, FixErrors, StateLayout, state_layout
@@ -22,6 +25,9 @@ from .recording import Recording
 EPOCH_HZ = (
     10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
 )
+FORECAST = 1.33  # of what is available, that a forecast of memory may say
+GB = 1e9
+SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix
 HUBER_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
 WHITE_OF_CORRELATED = 0.3  # white share, in sigmas, of a fix whose error stays for minutes
 
@@ -41,7 +47,7 @@ class PreparedSegment:
     fixes : GnssFixes
         The fixes of the segment.
     grid : ndarray, shape (k,)
-        The epochs of the problem that are those of the output grid.
+        The epochs of the problem that are those of the output grid (`output_grid`).
     at_event : ndarray, shape (e,)
         Which of the recording's exposures the segment holds.
     """
@@ -92,7 +98,7 @@ def prepare_segment(
         fixes.time,
         exposure[at_event],
         heights[:, 0],
-        _grid(lo, hi, flight.output.trajectory_hz),
+        output_grid(lo, hi, flight.output.trajectory_hz, fixes.time),
         edges(recording.imu.time, lo, hi),
     )
     increments = body_increments(recording.imu, recording.C_b_imu, marks)
@@ -222,7 +228,94 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     )
 
 
-def _grid(lo: float, hi: float, trajectory_hz: float | None) -> Array:
-    """Return the epochs of the output grid in [lo, hi], s."""
+def output_grid(lo: float, hi: float, trajectory_hz: float | None, fixes: Array) -> Array:
+    """Return the epochs of the output grid of a segment.
+
+    A row stands at a fix that lies within `SNAP` of a step of it. The stamps of PPK carry the clock
+    of the receiver, milliseconds off the grid: every row would be an epoch beside that of its fix.
+
+    Parameters
+    ----------
+    lo, hi : float
+        First and last instant of the segment, s.
+    trajectory_hz : float or None
+        Rate that the flight file asks for, Hz; None is that of the samples.
+    fixes : ndarray, shape (k,), s
+        Increasing times of the fixes.
+
+    Returns
+    -------
+    ndarray, shape (m,), s
+        Increasing, from `lo` on, at `EPOCH_HZ` at most.
+    """
     rate = min(trajectory_hz or EPOCH_HZ, EPOCH_HZ)
-    return lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    regular = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    after = np.clip(np.searchsorted(fixes, regular), 1, fixes.size - 1)
+    before = fixes[after - 1]
+    nearest = np.where(regular - before < fixes[after] - regular, before, fixes[after])
+    return np.where(np.abs(nearest - regular) <= SNAP / rate, nearest, regular)
+
+
+def forecast_of(flight: Flight, recording: Recording, lo: float, hi: float) -> Forecast:
+    """Forecast the memory of a flight file's recording.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    lo, hi : float
+        First and last instant, s.
+
+    Returns
+    -------
+    Forecast
+        Of all its segments together.
+    """
+    fixes, time = cut_fixes(recording.gnss, lo, hi), recording.imu.time
+    first, last = np.searchsorted(time, [lo, hi])
+    events = np.zeros(0) if recording.events is None else recording.events.time
+    rate = flight.output.trajectory_hz
+    grid = output_grid(lo, hi, rate, fixes.time)
+    epochs = merge_marks(fixes.time, events, grid)[0].size
+    layout = layout_factory(flight, recording.noise)(requested_errors(flight, fixes))
+    samples = int(last - first)
+    rows = samples if rate is None else grid.size
+    if rate is not None and rate > EPOCH_HZ:
+        rows = min(samples, int((hi - lo) * rate))
+    triples = 1 + (fixes.velocity_ned is not None) + 2 * bool(len(recording.stationary))
+    triples += flight.barometer is not None
+    return forecast(samples, epochs, layout.size, triples, events.size, rows)
+
+
+def refuse_beyond_memory(needed: Forecast, room: int | None = None) -> None:
+    """Refuse a flight that memory does not hold: a run that the system ends says nothing at all.
+
+    It passes where the need exceeds what is available by no more than the forecast may be off, and
+    where the system does not say what is available.
+
+    Parameters
+    ----------
+    needed : Forecast
+        What it will need.
+    room : int, optional
+        Bytes that are available; without it the system is asked.
+
+    Raises
+    ------
+    DataError
+        What is needed, what is available, and what to try.
+    """
+    room = available() if room is None else room
+    if room is None or needed.total <= FORECAST * room:
+        return
+    dense = needed.trajectory > needed.increments + needed.estimation
+    first, then = "output.trajectory_hz", "parts of the flight with start_tow and end_tow"
+    advice = f"lower {first}, or process {then}" if dense else f"process {then}"
+    raise DataError(
+        f"some {needed.total / GB:.1f} GB of memory needed, {room / GB:.1f} GB available:"
+        f" increments of {needed.samples} samples {needed.increments / GB:.1f}, filter and smoother"
+        f" at {needed.epochs} epochs {needed.estimation / GB:.1f}, trajectory of {needed.rows} rows"
+        f" {needed.trajectory / GB:.1f}; {advice}"
+    )

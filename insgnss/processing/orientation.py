@@ -260,20 +260,4 @@ def _on_grid(segment: Segment, hz: float | None, gps_week: int) -> Trajectory:
     """Return the poses of a segment at a rate, Hz; None is that of the samples."""
     if hz is not None and hz <= EPOCH_HZ:
         return trajectory(segment.solution, segment.grid, gps_week)
-    dense = dense_trajectory(segment.solution, gps_week)
-    if hz is None:
-        return dense
-    first, last = dense.time[0], dense.time[-1]
-    wanted = first + np.arange(int((last - first) * hz) + 1) / hz
-    nearest = np.searchsorted(dense.time, wanted - 1e-6)
-    nearest_rows = np.unique(np.clip(nearest, 0, dense.time.size - 1))
-    return Trajectory(
-        dense.time[nearest_rows],
-        dense.lat[nearest_rows],
-        dense.lon[nearest_rows],
-        dense.height[nearest_rows],
-        dense.velocity_ned[nearest_rows],
-        dense.C_nb[nearest_rows],
-        dense.cov[nearest_rows],
-        gps_week,
-    )
+    return dense_trajectory(segment.solution, gps_week, hz)

@@ -51,7 +51,7 @@ from .segment_checks import (
     check_motion,
     check_residuals,
 )
-from .solve_segments import solve_segments
+from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,7 +156,12 @@ def process(
     refuse_contradictions(flight, recording.checks)
     week = recording.gps_week
 
-    segments, checks = _solve(flight, recording, clock.step)  # prepare, align, filter, smooth
+    clock.step("prepare")
+    prepared = _prepared(flight, recording)
+    if not flight.filter.time_offset:  # else the fixes are moved, and prepared again
+        recording = recording.without_samples()
+    segments, checks = _solve(flight, recording, prepared, clock.step)  # align, filter, smooth
+    del prepared
 
     clock.step("orient")
     trajectory = output_trajectory(flight, segments, week)
@@ -188,14 +193,19 @@ def process(
     return ProcessResult(report, files, eo, trajectory, diagnostics, strips, common)
 
 
-def _solve(
-    flight: Flight, recording: Recording, step: Progress
-) -> tuple[list[Segment], tuple[Check, ...]]:
-    """Solve the segments of a flight; return them and all checks up to there."""
+def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
+    """Pose the estimation problems of a flight."""
     if recording.events is not None:
         span = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
         refuse_outside(recording.events, *span)
-    segments, gaps = solve_segments(flight, recording, step)
+    return prepare_segments(flight, recording)
+
+
+def _solve(
+    flight: Flight, recording: Recording, prepared: PreparedFlight, step: Progress
+) -> tuple[list[Segment], tuple[Check, ...]]:
+    """Solve the segments of a flight; return them and all checks up to there."""
+    segments, gaps = solve_segments(flight, recording, step, prepared)
     checks = [check for segment in segments for check in segment.checks]
     checks += check_residuals(flight, segments)
     checks += check_file_sigmas(flight, recording, segments)
@@ -228,7 +238,7 @@ def _report(
         versions,
         dict(clock.seconds),
         history,
-        imu_samples=recording.imu.time.size,
+        imu_samples=recording.sample_count,
         epochs=sum(segment.solution.time.size for segment in segments),
         series=recording.series,
         run=circumstances(),

@@ -39,6 +39,7 @@ PRODUCTS = (
     "report.html",
     "report.json",
 )
+OF_MANY_IMAGES = "eo_images.npz"  # numbers of eo.json, from 10 000 images on
 PPK_PRODUCTS = (SOLUTION, *ANTENNA_FILES)
 PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"  # directories of the published tree
 
@@ -101,7 +102,7 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     if out is not None:
         refusal, where = UsageError, "--out"
     exports = (EXPORTS[name].product for name in (*flight.output.formats, "eo_json"))
-    products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, *exports)}
+    products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, OF_MANY_IMAGES, *exports)}
     if flight.gnss.raw is not None:
         products[ppk_directory(directory)] = PPK_PRODUCTS
     for target in products:

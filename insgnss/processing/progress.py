@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..base.errors import OptionError
+from ..base.memory import give_back
 
 Progress = Callable[[str], None]
 """Receives the name of each step as it begins."""
@@ -47,5 +48,6 @@ class StepClock:
         if self._step:
             self.seconds[self._step] = self.seconds.get(self._step, 0.0) + now - self._since
         self._step, self._since = name, now
+        give_back()
         if name:
             self.progress(name)

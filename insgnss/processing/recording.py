@@ -57,6 +57,8 @@ class Recording:
         The heights of a barometer, where there is one.
     event_clock : {"imu", "receiver"}
         Whose clock stamps the exposures; the receiver's is that of the fixes.
+    sample_count : int
+        How many samples there were; without it those of `imu`.
     """
 
     imu: ImuSamples
@@ -72,6 +74,7 @@ class Recording:
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
     event_clock: Literal["imu", "receiver"] = "imu"
+    sample_count: int = 0
 
     @property
     def series(self) -> Mapping[str, Any]:
@@ -97,6 +100,20 @@ class Recording:
         if events is not None and self.event_clock == "receiver":
             events = replace(events, time=events.time + offset_s)
         return replace(self, gnss=gnss, events=events)
+
+    def without_samples(self) -> "Recording":
+        """Return the recording with the first and the last sample alone of its IMU.
+
+        Returns
+        -------
+        Recording
+            The same otherwise, for what comes after the increments: 8 hours at 500 Hz are 0.8 GB.
+        """
+        return replace(self, imu=self.imu[[0, -1]], sample_count=self.sample_count)
+
+    def __post_init__(self) -> None:
+        if not self.sample_count:
+            object.__setattr__(self, "sample_count", self.imu.time.size)
 
 
 def read_recording(flight: Flight) -> Recording:

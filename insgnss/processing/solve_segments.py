@@ -5,7 +5,7 @@ segment is solved on its own.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,8 +36,10 @@ from ..records import Check
 from .checks import check_segments, refusal
 from .estimation_problem import (
     PreparedSegment,
+    forecast_of,
     layout_factory,
     prepare_segment,
+    refuse_beyond_memory,
     stated_constants,
 )
 from .progress import Progress
@@ -48,8 +50,63 @@ OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
 OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
 
 
+@dataclass(frozen=True)
+class PreparedFlight:
+    """The segments of a flight, ready to be solved.
+
+    Parameters
+    ----------
+    frame : LocalFrame
+        The local frame of the flight.
+    spans : tuple of tuple of float
+        First and last instant of each segment, s.
+    segments : tuple of PreparedSegment or DataError
+        Each of them, or why it cannot be prepared.
+    """
+
+    frame: LocalFrame
+    spans: tuple[tuple[float, float], ...]
+    segments: tuple[PreparedSegment | DataError, ...]
+
+
+def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
+    """Pose the estimation problems of all segments; the samples are not needed afterwards.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+
+    Returns
+    -------
+    PreparedFlight
+        The segments between gaps that are not bridged.
+
+    Raises
+    ------
+    InputError, DataError
+        Where IMU and GNSS do not overlap, or memory does not hold the flight.
+    """
+    fixes = recording.gnss
+    lo, hi = common_span(recording.imu, fixes, flight.start_tow, flight.end_tow)
+    first = int(np.searchsorted(fixes.time, lo))
+    frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
+    refuse_beyond_memory(forecast_of(flight, recording, lo, hi))
+    spans = gaps.segments(recording.imu.time, lo, hi)
+    segments: list[PreparedSegment | DataError] = []
+    for span in spans:
+        try:
+            _refuse_short(recording, span)
+            segments.append(prepare_segment(flight, recording, span, frame))
+        except DataError as error:
+            segments.append(error)
+    return PreparedFlight(frame, tuple(spans), tuple(segments))
+
+
 def solve_segments(
-    flight: Flight, recording: Recording, step: Progress
+    flight: Flight, recording: Recording, step: Progress, prepared: PreparedFlight | None = None
 ) -> tuple[list[Segment], list[Check]]:
     """Solve every segment of a flight that can be solved.
 
@@ -61,6 +118,9 @@ def solve_segments(
         The recording.
     step : Progress
         Receives the name of each step.
+    prepared : PreparedFlight, optional
+        Its segments; without it they are prepared here. With it the recording may be one
+        `without_samples` where no time offset is estimated.
 
     Returns
     -------
@@ -73,19 +133,20 @@ def solve_segments(
     InputError, DataError
         As `solve_segment` does; where no segment can be solved, the error of the longest.
     """
-    fixes = recording.gnss
-    lo, hi = common_span(recording.imu, fixes, flight.start_tow, flight.end_tow)
-    first = int(np.searchsorted(fixes.time, lo))
-    frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
-    spans = gaps.segments(recording.imu.time, lo, hi)
+    if prepared is None:
+        step("prepare")
+        prepared = prepare_segments(flight, recording)
+    spans, frame = prepared.spans, prepared.frame
     solved: list[Segment] = []
     failures: list[tuple[tuple[float, float], DataError]] = []
-    for span in spans:
+    for span, segment in zip(spans, prepared.segments, strict=True):
         # a given attitude is that of the flight's first fix
         own = flight if span == spans[0] else replace(flight, initial=None)
+        if isinstance(segment, DataError):
+            failures.append((span, segment))
+            continue
         try:
-            _refuse_short(recording, span)
-            solved.append(solve_segment(own, recording, span, frame, step))
+            solved.append(solve_segment(own, recording, segment, span, frame, step))
         except DataError as error:
             failures.append((span, error))
     if not solved:
@@ -112,11 +173,12 @@ def _noted(checks: Iterable[Check]) -> str:
 def solve_segment(
     flight: Flight,
     recording: Recording,
+    prepared: PreparedSegment,
     span: tuple[float, float],
     frame: LocalFrame,
     step: Progress,
 ) -> Segment:
-    """Solve one segment, from the recording to the smoothed states.
+    """Solve one segment, from its estimation problem to the smoothed states.
 
     A large estimated time offset goes into the stamps of the fixes, and of camera events of their
     clock, and the segment is solved again.
@@ -127,6 +189,8 @@ def solve_segment(
         The flight file.
     recording : Recording
         The recording.
+    prepared : PreparedSegment
+        The segment.
     span : (float, float)
         First and last instant of the segment, s.
     frame : LocalFrame
@@ -144,7 +208,7 @@ def solve_segment(
     InputError, DataError
         Where the data contradict themselves or do not support the answer.
     """
-    moved_s, solved = 0.0, _solve(flight, recording, span, frame, step)
+    moved_s, solved = 0.0, _solve(flight, recording, prepared, step)
     # an offset that nobody asked for is a contradiction, and not taken in silence
     for _ in range(ROUNDS if flight.filter.time_offset else 0):
         offset = offset_to_apply(solved.solution)
@@ -152,7 +216,10 @@ def solve_segment(
             break
         moved_s += offset
         step(f"the fixes moved by {moved_s:+.4f} s")
-        solved = _solve(flight, recording.moved(moved_s), span, frame, step, -moved_s)
+        step("prepare")
+        moved = recording.moved(moved_s)
+        prepared = prepare_segment(flight, moved, span, frame)
+        solved = _solve(flight, moved, prepared, step, -moved_s)
         solved = replace(solved, time_offset_s=moved_s)
     return solved
 
@@ -160,14 +227,11 @@ def solve_segment(
 def _solve(
     flight: Flight,
     recording: Recording,
-    span: tuple[float, float],
-    frame: LocalFrame,
+    prepared: PreparedSegment,
     step: Progress,
     expected_offset: float = 0.0,
 ) -> Segment:
-    """Prepare, align, filter and smooth a segment, and look for its error model."""
-    step("prepare")
-    prepared = prepare_segment(flight, recording, span, frame)
+    """Align, filter and smooth a segment, and look for its error model."""
     search = ErrorModelSearch(
         prepared.requested_errors,
         prepared.layout_factory,

@@ -25,7 +25,7 @@ def float_array(who: str, value: Any) -> Array:
 def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
-    `shape` holds None for a length that may be any; where not `finite`, a value may be unknown.
+    `shape` holds None for a length that may be any; without `finite` any value may stand.
     """
     kind = type(record).__name__
     a = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))

@@ -7,6 +7,7 @@ is an error, as is an angle without unit: `lat_deg` or `lat_rad`, never `lat`.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,14 @@ from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
 from ._checked import Array, float_array
-from .observations import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
+from .observations import (
+    OF_THE_SOLUTION,
+    BarometerHeights,
+    CameraEvents,
+    GnssFixes,
+    ImuSamples,
+    Quantity,
+)
 from .verdicts import Check
 
 TIME = ("tow", "time", "time_s")
@@ -77,7 +85,8 @@ def gnss_fixes(
     given : `GnssFixes`, which are taken as they are; (m, 4) or (m, 7) array of time s, latitude
         deg, longitude deg, ellipsoidal height m, and standard deviations north, east, down m; or a
         table with columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m, and as far as they are
-        known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality.
+        known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality, satellites, ratio,
+        age_s, pdop, hdop.
     sigma_m, sigma_velocity_mps : (3,) standard deviations north, east, down where `given` has none.
     gps_week : of the times; of a record its own.
 
@@ -107,7 +116,7 @@ def gnss_fixes(
     speed_sigma = None
     if velocity is not None:
         speed_sigma = _sigma(columns, VELOCITY_SIGMA, sigma_velocity_mps, "sigma_velocity_mps")
-    return GnssFixes.from_degrees(
+    fixes = GnssFixes.from_degrees(
         _one_of("gnss", columns, TIME),
         _angle(columns, "lat"),
         _angle(columns, "lon"),
@@ -119,6 +128,8 @@ def gnss_fixes(
         gps_week=_week(given, gps_week),
         source="gnss",
     )
+    described = {name: columns[name] for name in OF_THE_SOLUTION if name in columns}
+    return replace(fixes, **described) if described else fixes
 
 
 def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:

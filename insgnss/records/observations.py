@@ -15,6 +15,8 @@ from .verdicts import Check
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
 
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
+# what describes the solution of a fix and weighs nothing; fields of `GnssFixes` by name
+OF_THE_SOLUTION = ("satellites", "ratio", "age_s", "pdop", "hdop")
 # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
 UNKNOWN_MPS = 1000.0
 
@@ -187,9 +189,11 @@ class GnssFixes(Rows):
     gps_week : GPS week of `time`, None where it is not known.
     source : where the fixes come from, for messages; the path of a file.
     notes : what the reader found odd and did about it.
-    satellites, ratio, age_s, pdop : (n,) number of satellites, ratio of the ambiguity test, age of
-        the base's observations (s) and PDOP, as the source states them; None where it does not.
-        They are reported and weigh nothing.
+    satellites : (n,) number of satellites used; this and what follows describes the solution and
+        weighs nothing. Each is None where the source has none, not-a-number where it is not known.
+    ratio : (n,) ratio of the ambiguity validation: the second best's sum of squares to the best's.
+    age_s : (n,) age of the base's observations or of the corrections, s.
+    pdop, hdop : (n,) dilution of precision of the position, of its horizontal part.
 
     Raises
     ------
@@ -199,8 +203,7 @@ class GnssFixes(Rows):
 
     _ROWS: ClassVar[tuple[str, ...]] = (
         *("time", "lat", "lon", "height", "cov_ned"),
-        *("velocity_ned", "velocity_cov_ned", "quality"),
-        *("satellites", "ratio", "age_s", "pdop"),
+        *("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION),
     )
     _NOUN: ClassVar[str] = "fixes"
 
@@ -219,6 +222,7 @@ class GnssFixes(Rows):
     ratio: Array | None = None
     age_s: Array | None = None
     pdop: Array | None = None
+    hdop: Array | None = None
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size
@@ -228,8 +232,8 @@ class GnssFixes(Rows):
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
             frozen(self, "velocity_cov_ned", (n, 3, 3))
-        for name in ("satellites", "ratio", "age_s", "pdop"):
-            if getattr(self, name) is not None:  # NaN where the source does not know it
+        for name in OF_THE_SOLUTION:
+            if getattr(self, name) is not None:
                 frozen(self, name, (n,), finite=False)
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix")
@@ -326,8 +330,8 @@ class GnssFixes(Rows):
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
             sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
             columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
-        said = ("quality", "satellites", "ratio", "age_s", "pdop")
-        return columns | {k: v for k in said if (v := getattr(self, k)) is not None}
+        stated = ("quality", *OF_THE_SOLUTION)
+        return columns | {k: v for k in stated if (v := getattr(self, k)) is not None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -142,9 +142,9 @@ class ConstantSeries:
         names = tuple(dict.fromkeys(name for segment in given for name in segment.names))
         if not names:
             return None
-        parts = [np.full((3, size, len(names)), np.nan) for size in sizes]
-        for part, segment in zip(parts, segments, strict=True):
+        pieces = [np.full((3, size, len(names)), np.nan) for size in sizes]
+        for piece, segment in zip(pieces, segments, strict=True):
             if segment is not None:
                 columns = [names.index(name) for name in segment.names]
-                part[:, :, columns] = segment.value, segment.sigma, segment.filter_sigma
-        return cls(names, *np.concatenate(parts, axis=1))
+                piece[:, :, columns] = segment.value, segment.sigma, segment.filter_sigma
+        return cls(names, *np.concatenate(pieces, axis=1))

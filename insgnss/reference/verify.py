@@ -244,11 +244,12 @@ def differences(core: "Solution", twin: "TwinSolution") -> tuple[Difference, ...
     )
     moved = [twin.nav[:, :6] - core.nav[:, :6], vector_from_rotation(turn), twin.x - core.x]
     error = np.hstack(moved)
-    sigmas = [np.sqrt(np.diagonal(P, axis1=1, axis2=2)) for P in (core.P, twin.smoothed.P)]
+    covariances = core.covariance(np.arange(core.time.size)), twin.smoothed.P
+    sigmas = [np.sqrt(np.diagonal(P, axis1=1, axis2=2)) for P in covariances]
     M = core.problem.layout.channel_sum()
     of_bias = [
         np.sqrt(np.maximum(np.einsum("cs,mst,ct->mc", M, P[:, 9:, 9:], M, optimize=True), 0.0))
-        for P in (core.P, twin.smoothed.P)
+        for P in covariances
     ]
     bias = (twin.x - core.x) @ M.T
     deg, gyro, accel = 180.0 / np.pi, slice(0, 3), slice(3, 6)

@@ -128,7 +128,7 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
     without = outages(d)
     gaps = np.array(d.gaps, dtype=np.float64).reshape(-1, 2)
     times = d.fix_time[d.used]
-    found = [
+    findings = [
         _within(eo.time, without[:, 0], without.sum(axis=1)),
         _beyond(eo.time, segments(d), times),
         _within(eo.time, gaps[:, 0], gaps.sum(axis=1)),
@@ -139,17 +139,17 @@ def flags(d: Diagnostics, eo: ExteriorOrientation, line: NDArray[np.int64]) -> N
         psi > FAR * np.median(psi),
     ]
     return sum(
-        (is_so.astype(np.int64) << bit for bit, is_so in enumerate(found)),
+        (is_so.astype(np.int64) << bit for bit, is_so in enumerate(findings)),
         start=np.zeros(line.size, dtype=np.int64),
     )
 
 
 def _within(time: Array, begin: Array, end: Array) -> NDArray[np.bool_]:
-    """Return which instants lie in one of the spans, which follow each other."""
+    """Return which instants lie inside one of the spans, which follow each other."""
     if not begin.size:
         return np.zeros(time.size, dtype=np.bool_)
-    k = np.searchsorted(begin, time, side="right") - 1
-    return (k >= 0) & (time <= end[np.maximum(k, 0)])
+    k = np.searchsorted(begin, time) - 1
+    return (k >= 0) & (time < end[np.maximum(k, 0)])
 
 
 def _beyond(time: Array, spans: Array, fixes: Array) -> NDArray[np.bool_]:

@@ -114,9 +114,9 @@ def with_contents(body: str, short: Mapping[str, str]) -> str:
     """
     entries = []
 
-    def placed(found: re.Match[str]) -> str:
-        figure, title = found.group(1), found.group(3)
-        name = found.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
+    def placed(match: re.Match[str]) -> str:
+        figure, title = match.group(1), match.group(3)
+        name = match.group(2) or "-".join(re.findall(r"[a-z0-9]+", title.lower()))
         if called := escape(short[name]) if name in short else title:
             entries.append(f'<a href="#{name}">{called}</a>')
         return f"{figure}<h2>{title}</h2>" if figure else f'<h2 id="{name}">{title}</h2>'

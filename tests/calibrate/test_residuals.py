@@ -67,7 +67,7 @@ def test_means_are_those_of_the_measurement_model():
             H[:, 9 + states.gm : 12 + states.gm] = 0.0
             r.append(z)
             white.append(np.diag(R))
-            own.append(np.diag(H @ solution.P[e] @ H.T))
+            own.append(np.diag(H @ solution.covariance(np.array([e]))[0] @ H.T))
         c = problem.epochs.sigma[rows] * errors.gm_sigma
         w = 1.0 / (np.array(white) + c**2)
         w /= w.sum(axis=0)

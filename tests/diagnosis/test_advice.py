@@ -118,7 +118,7 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     """At 10 m/s a flight that tells the stamps to 5 ms tells them to 50 mm along track, and would
     not show 200 mm; where the same clock stamps the exposures neither is said.
     """
-    flight: Any = SimpleNamespace(**vars(SOLUTION), P=np.eye(9)[None] * 1e-4)
+    flight: Any = SimpleNamespace(**vars(SOLUTION), nav_covariance=lambda: np.eye(9)[None] * 1e-4)
     names = (*LEVER, "GNSS time offset")
     wide = np.array([0.2, 0.2, 0.2, 0.05])
     known = np.array([1e-3, 1e-3, 1e-3, 5e-3])  # m, s
@@ -147,7 +147,7 @@ def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
     alone = dict(zip(LEVER, (forward_m, 0.003, 0.003), strict=True)) | {"GNSS time offset": 1e-4}
     constants: Any = SimpleNamespace(requested=(), known_to=lambda: alone)
     P = np.diag([position_m**2] * 3)[None]
-    solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, P=P)
+    solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, nav_covariance=lambda: P)
     check = unseen(solution, constants)
     assert check is not None
     if hidden is None:

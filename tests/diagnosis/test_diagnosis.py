@@ -53,7 +53,7 @@ def test_a_lever_arm_that_is_estimated_is_judged_by_its_sigma(clean):
     lever = np.array([0.2, 0.0, 0.15])
     estimated = solved(clean, EVERYTHING, lever)
     first = estimated.problem.layout.lever
-    sigma = np.sqrt(np.diag(estimated.P[-1])[9 + first : 12 + first])
+    sigma = np.sqrt(estimated.variance(np.array([-1]))[0, 9 + first : 12 + first])
     assert (np.abs(estimated.x[-1, first : first + 3] - lever) < 3.5 * sigma).all()
     verdicts = {v.name: v for v in state_verdicts(estimated)}
     assert verdicts["antenna lever arm forward"].observed == bool(sigma[0] < 0.1)
@@ -85,7 +85,7 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
     squares = [
         np.mean(
             error_of(s.nav, flown.true_nav())[:, :3] ** 2
-            / np.diagonal(s.P, axis1=1, axis2=2)[:, :3]
+            / np.diagonal(s.nav_covariance(), axis1=1, axis2=2)[:, :3]
         )
         for s in (plain, again)
     ]

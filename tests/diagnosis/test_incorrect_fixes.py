@@ -111,13 +111,13 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     """Oracle: (S.1) by hand; a spell of 40 of 120 s that is used."""
     problem = with_spells(flown, (40, 80))
     solution = solve(problem, start(flown))
-    before = solution.P[:, :3, :3].copy()
+    before = solution.nav_covariance()[:, :3, :3]
     spells = spells_apart(problem, solution)
     assert bounds(problem, spells) == [pytest.approx((40.1, 79.9), abs=0.25)]
     alone = solution.chain
     priced = with_steps(solution, spells)
     assert alone.shared == ()
-    added = priced.P[:, :3, :3] - before
+    added = priced.nav_covariance()[:, :3, :3] - before
     inside = (problem.epochs.time > 41) & (problem.epochs.time < 79)
     assert np.abs(added[inside] - np.outer(STEP, STEP)).max() < 0.15
     assert np.abs(added[problem.epochs.time < 39]).max() == 0.0
@@ -132,7 +132,7 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     assert 0.01**2 < least < 0.1**2
     # exposures within the spell share the step, others do not
     at = priced.event_epochs
-    T = np.tile(np.eye(9, solution.P.shape[1]), (at.size, 1, 1))
+    T = np.tile(np.eye(9, solution.problem.layout.size), (at.size, 1, 1))
     k = at.size
     with_step, without = (
         chain.covariance(0, T).reshape(k, 9, k, 9).transpose(0, 2, 1, 3)
@@ -141,7 +141,7 @@ def test_what_cannot_be_decided_is_in_the_covariance(flown):
     own = np.einsum("aaij->aij", with_step)
     sigma = np.sqrt(np.diagonal(own, axis1=1, axis2=2))
     of_own = sigma[:, :, None] * sigma[:, None, :]
-    assert np.abs((own - priced.P[at, :9, :9]) / of_own).max() < 1e-9
+    assert np.abs((own - priced.nav_covariance()[at]) / of_own).max() < 1e-9
     next_one = with_step[np.arange(k - 1), np.arange(1, k)]
     of_next = sigma[:-1, :, None] * sigma[1:, None, :]
     assert np.abs((next_one - priced.event_cross[1:]) / of_next).max() < 1e-9

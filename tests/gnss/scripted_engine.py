@@ -122,7 +122,7 @@ class Fake:
         """The plan: what each run does, on top of a solution that goes well."""
         well = {
             name: {"pos": pos([(392700.0, 53.29, -9.05, 75.0 + k)])}
-            for k, name in enumerate(("combined", "forward", "backward"))
+            for k, name in enumerate(("forward", "backward"))
         }
         self.plan.write_text(json.dumps({**well, "where_base": {"pos": standing()}, **more}))
 

@@ -120,10 +120,7 @@ def test_rare_epochs_of_the_rover_reach_the_engine_without_dynamics(fake):
     fake.base.write_text(observations(approx=BASE, step=5.0))
     (check,) = fake.solve().checks
     assert (check.name, check.verdict) == ("engine dynamics", "note")
-    assert all(
-        "pos1-dynamics=0\n" in fake.told()[name]["conf"]
-        for name in ("combined", "forward", "backward")
-    )
+    assert all("pos1-dynamics=0\n" in fake.told()[name]["conf"] for name in ("forward", "backward"))
 
 
 def header_of(directory, text):
@@ -181,8 +178,8 @@ def test_a_program_gets_the_same_options_and_plain_files(fake):
     """Oracle: what the script was given, word by word, and the files that it left."""
     run = fake.solve(rtklib_options={"pos2-arminfix": "7"})
     told = fake.told()
-    assert sorted(told) == ["backward", "combined", "forward", "where_base"]
-    for name, soltype in (("forward", 0), ("backward", 1), ("combined", 2)):
+    assert sorted(told) == ["backward", "forward", "where_base"]
+    for name, soltype in (("forward", 0), ("backward", 1)):
         assert told[name]["words"] == [
             "-k",
             f"{name}.conf",
@@ -214,7 +211,7 @@ def test_a_program_gets_the_same_options_and_plain_files(fake):
     assert run.cpu_s == pytest.approx(sum(run.cpu_of.values()))
     assert 0.0 < run.cpu_s < 60.0
     assert sorted(path.name for path in fake.out.iterdir()) == [
-        f"{a}.{b}" for a in ("backward", "combined", "forward") for b in ("conf", "pos")
+        *("backward.conf", "backward.pos", "combined.pos", "forward.conf", "forward.pos")
     ]
 
 
@@ -259,7 +256,7 @@ def test_packed_files_are_unpacked(fake):
     fake.rover.write_bytes(gzip.compress(text.encode()))
     pytest.importorskip("hatanaka", reason="packed files need hatanaka")
     fake.solve()
-    assert fake.told()["combined"]["files"][0] == text
+    assert fake.told()["forward"]["files"][0] == text
 
 
 def test_the_engine_gets_no_camera_events(fake):
@@ -270,12 +267,12 @@ def test_the_engine_gets_no_camera_events(fake):
     event = " 18 10  5 13  5  9.3000000  5  0\n"
     fake.rover.write_text(text + event)
     fake.solve()
-    assert fake.told()["combined"]["files"][0] == text
+    assert fake.told()["forward"]["files"][0] == text
 
 
 def test_an_old_version_is_told(fake):
     """Oracle: the version that rnx2rtkp of 2.4.3 b34 writes."""
-    fake.does(combined={"pos": pos([(392700.0, 53.29, -9.05, 75.0)], "2.4.3")})
+    fake.does(forward={"pos": pos([(392700.0, 53.29, -9.05, 75.0)], "2.4.3")})
     (check,) = fake.solve().checks
     assert (check.name, check.verdict) == ("engine", "note")
     assert "2.4.3" in check.found
@@ -312,8 +309,8 @@ def test_names_that_a_program_does_not_know_are_told(tmp_path):
 def test_a_choice_that_the_engine_refuses_is_told(fake):
     """Oracle: the words of RTKLIB 2.4.3 b34, which then goes on with what it does by itself."""
     progress = "processing : 2018/10/04 13:05:00 Q=0\r" * 2000
-    said = {"say": "\rinvalid option value pos2-gloarmode (combined.conf:11)\n" + progress}
-    fake.does(combined={"pos": pos([(392700.0, 53.29, -9.05, 75.0)]), **said})
+    said = {"say": "\rinvalid option value pos2-gloarmode (forward.conf:11)\n" + progress}
+    fake.does(forward={"pos": pos([(392700.0, 53.29, -9.05, 75.0)]), **said})
     (check,) = fake.solve().checks
     assert (check.name, check.verdict, check.found) == (
         "engine options",
@@ -357,7 +354,7 @@ def test_an_engine_that_hangs_is_ended_and_with_it_the_others(fake, options, say
     """Oracle: the processes are gone (signal 0); the message, which a thread makes, is in the words
     of who asks.
     """
-    fake.does(combined={"sleep": 60.0}, forward={"sleep": 60.0})
+    fake.does(backward={"sleep": 60.0}, forward={"sleep": 60.0})
     start = time.monotonic()
     with (
         spoken_as(options),

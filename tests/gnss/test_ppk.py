@@ -157,10 +157,12 @@ def test_events_have_the_names_of_the_images_and_their_times(flown):
 def test_progress_and_files_are_there(flown):
     """Oracle: the names that are promised."""
     result, _, steps, _ = flown
-    assert next(step for step in steps if step.startswith("engine")) == "engine: three solutions"
+    first = next(step for step in steps if step.startswith("engine"))
+    assert first == "engine: forward and backward solutions"
     assert {"reading observations", "wet delay", "velocity"} <= set(steps)
-    runs = ("combined", "forward", "backward")
-    assert set(result.files) == {*runs, "solution", *(f"options of {run}" for run in runs)}
+    runs = ("forward", "backward")
+    options = (f"options of {run}" for run in runs)
+    assert set(result.files) == {*runs, "combined", "solution", *options}
     assert all(
         path.stat().st_size > 1000 for path in result.files.values() if path.suffix == ".pos"
     )
@@ -179,7 +181,7 @@ def test_one_image_too_few_is_refused_before_the_engine_runs(flown, tmp_path):
 
 @pytest.fixture
 def again(flown, monkeypatch):
-    """Solve the simulated flight with other inputs from the engine's three solutions that are
+    """Solve the simulated flight with other inputs from the engine's solutions that are
     there.
     """
     result, _, _, given = flown
@@ -285,7 +287,7 @@ def test_events_of_a_file_are_held_against_those_of_the_rover(flown, again, tmp_
 
 
 def test_epochs_that_the_engine_leaves_out_are_told(flown, monkeypatch, tmp_path):
-    """Oracle: the engine's combined solution without its second half, by hand; the rover has 361
+    """Oracle: the combined solution without its second half, by hand; the rover has 361
     epochs, one a second.
     """
     result, _, _, given = flown
@@ -676,9 +678,7 @@ def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
     with pytest.raises(
         InputError, match=rf"^ppk: {option} .*{words[option][-1]} does not exist; check the path$"
     ):
-        verb.ppk(
-            parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None
-        )
+        verb.ppk(parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None)
     assert not (tmp_path / "out").exists()
 
 

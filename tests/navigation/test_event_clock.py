@@ -119,7 +119,7 @@ def test_the_covariances_are_those_of_small_errors(late):
         [(changed(s, h) - changed(s, -h)) / (2.0 * h) for s, h in enumerate(steps)], axis=2
     )
     rows = np.r_[0:9, 9 + layout.offset, 9 + layout.rate]
-    P = solution.P[at][:, rows[:, None], rows]
+    P = solution.covariance(at)[:, rows[:, None], rows]
     expected = J @ P @ np.swapaxes(J, 1, 2)
     sigma = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
     of_sigmas = sigma[:, :, None] * sigma[:, None, :]

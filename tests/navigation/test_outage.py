@@ -10,7 +10,7 @@ from insgnss.navigation.codes import ABSENT, COVARIANCE_RESET, POSITION
 from insgnss.navigation.event_chain import EventChain
 from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.smoother import run_smoother
-from insgnss.navigation.solution import _refuse_negative_variances, solve
+from insgnss.navigation.solution import refuse_negative_variances, solve
 from insgnss.simulation.scenario import GnssOptions
 
 WIDE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5, *np.radians([2.0, 2.0, 20.0])])
@@ -132,7 +132,7 @@ def test_events_around_and_within_an_outage_keep_theirs(flown, smoothed):
 def test_an_outage_of_minutes_is_within_its_sigmas(flown):
     """Oracle: the exact motion. Every variance is positive, every error below 5 sigma."""
     solution = solve(flown.problem, start_near(flown, WIDE))
-    variance = np.diagonal(solution.P, axis1=1, axis2=2)
+    variance = solution.variance(np.arange(solution.time.size))
     assert (variance > 0.0).all()
     error = error_of(solution.nav, flown.true_nav())
     assert (np.abs(error) < 5.0 * np.sqrt(variance[:, :9])).all()
@@ -143,9 +143,8 @@ def test_an_outage_of_minutes_is_within_its_sigmas(flown):
 
 def test_a_negative_variance_stops_the_run(flown, smoothed):
     """Oracle: one that is made negative by hand; it would be a sigma of NaN."""
-    forward = smoothed[0]
-    P = forward.P.copy()
-    P[100, 1, 1] = -1e-9
-    _refuse_negative_variances(flown.problem, forward)
+    nav_cov = smoothed[1].nav_cov.copy()
+    refuse_negative_variances(flown.problem, nav_cov)
+    nav_cov[100, 2] = -1e-9  # of the east component
     with pytest.raises(DataError, match=r"negative variances from \d+\.\d s on"):
-        _refuse_negative_variances(flown.problem, forward._replace(P=P))
+        refuse_negative_variances(flown.problem, nav_cov)

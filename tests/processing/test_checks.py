@@ -116,10 +116,11 @@ def test_a_time_offset_is_taken_into_the_stamps(
     offset_s: float, sigma_s: float, moved: bool
 ) -> None:
     """Oracle: more than 5 ms and two sigma (a d^2 / 2 of what is left is below 0.1 mm), signed."""
-    P = np.zeros((2, 11, 11))
-    P[-1, 10, 10] = sigma_s**2
+    variance = np.zeros((2, 11))
+    variance[-1, 10] = sigma_s**2
     problem = SimpleNamespace(layout=SimpleNamespace(offset=1))
-    solution: Any = SimpleNamespace(problem=problem, x=np.array([[0.0, 9.0], [0.0, offset_s]]), P=P)
+    x = np.array([[0.0, 9.0], [0.0, offset_s]])
+    solution: Any = SimpleNamespace(problem=problem, x=x, variance=variance.__getitem__)
     assert offset_to_apply(solution) == (offset_s if moved else 0.0)
     problem.layout.offset = -1
     assert offset_to_apply(solution) == 0.0

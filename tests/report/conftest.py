@@ -108,17 +108,17 @@ def summarise(
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def diagnostics() -> Callable[..., Diagnostics]:
     return make_diagnostics
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def eo() -> Callable[..., ExteriorOrientation]:
     return make_eo
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def summary() -> Callable[..., dict[str, Any]]:
     return summarise
 
@@ -197,6 +197,6 @@ def make_block(**changes: Any) -> Diagnostics:
     return make_diagnostics(**(fields | changes))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def block() -> Callable[..., Diagnostics]:
     return make_block

@@ -103,7 +103,7 @@ def test_colours_end_before_an_outlier() -> None:
 
 
 def test_a_band_is_shaded_between_its_edges() -> None:
-    """Oracle: by hand; blue between 2 and 4, paper above and below, and where an edge is not known."""
+    """Oracle: by hand; blue between 2 and 4, paper around, and where an edge is not known."""
     x = array(0, 4, 6, 10)
     drawn = Drawn(chart(Layer("band", x, array(2, 2, np.nan, 2), y2=array(4, 4, 4, 4))))
     row, column = drawn.at(2.0, 3.0)

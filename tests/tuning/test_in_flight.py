@@ -377,7 +377,7 @@ def errors_squared(seed: int, layout) -> float:
     solution = solve(flown.problem, start, separations=0)
     k = solution.time.size * 6 // 10
     error = error_of(solution.nav[k : k + 1], flown.true_nav(slice(k, k + 1)))[0]
-    return float(error @ np.linalg.solve(solution.P[k, :9, :9], error))
+    return float(error @ np.linalg.solve(solution.nav_covariance()[k], error))
 
 
 def test_each_doubt_keeps_the_static_model(tuned):

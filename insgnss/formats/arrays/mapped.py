@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...records import GnssFixes, ImuSamples, Quantity
+from ...records.observations import OF_THE_SOLUTION
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
 from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
@@ -54,7 +55,7 @@ def _taken(
 
 def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
-        if (bad := ~np.isfinite(column)).any():
+        if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
             raise lines.error_at(
                 int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
             )

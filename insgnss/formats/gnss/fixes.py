@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...records import Check, GnssFixes
-from ...records.observations import UNKNOWN_MPS
+from ...records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
 from ..text.columns import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order
 from .rounding import floor_of_zeros
@@ -30,6 +30,7 @@ VARIANCE = {"var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
+UNKNOWN_DOP = 99.0  # receivers write 99.9 or 99.99 for a dilution of precision they do not know
 LARGEST = 1e7  # m, m/s; beyond it no antenna is
 
 
@@ -61,7 +62,7 @@ def fixes_from_columns(
     Parameters
     ----------
     cols : mapping
-        Columns (n,) by canonical name.
+        Columns (n,) by canonical name; those of `OF_THE_SOLUTION` may hold what is no number.
     lines : Lines
         Where the rows stand, for refusals.
     source : str
@@ -87,6 +88,7 @@ def fixes_from_columns(
     InputError
         The first row with an impossible value, or no standard deviation at all.
     """
+    cols, described = _apart(cols)
     time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
     rows, order_notes = put_in_order(
         lines,
@@ -96,7 +98,9 @@ def fixes_from_columns(
     )
     if rows is not None:
         time, lines = time[rows], Picked(lines, rows)
-        cols = {name: column[rows] for name, column in cols.items()}
+        cols, described = (
+            {name: column[rows] for name, column in part.items()} for part in (cols, described)
+        )
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
         if (beyond := np.abs(value) > limit + 1e-12).any():
@@ -124,7 +128,35 @@ def fixes_from_columns(
         gps_week,
         source,
         (*notes, *order_notes, *floor_notes),
+        **of_the_solution(described),
     )
+
+
+def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return what describes the solutions of fixes, as fields of `GnssFixes`.
+
+    Parameters
+    ----------
+    columns : mapping
+        Columns (n,) by the names of `OF_THE_SOLUTION`. A number that cannot be, such as a negative
+        one of satellites, is not known: not-a-number. Of a program that does not know them there
+        are zeros alone: then the column is left out. An age may be zero throughout, or negative.
+    """
+    given = {}
+    for name, column in columns.items():
+        most = UNKNOWN_DOP if name.endswith("dop") else np.inf
+        possible = np.isfinite(column) & ((name == "age_s") | (column >= 0.0)) & (column < most)
+        given[name] = np.where(possible, column, np.nan)
+    known = {name for name, column in given.items() if (np.nan_to_num(column) != 0.0).any()}
+    if known and "age_s" in given and np.isfinite(given["age_s"]).any():
+        known.add("age_s")
+    return {name: column for name, column in given.items() if name in known}
+
+
+def _apart(cols: Mapping[str, Array]) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
+    """Return the columns that are needed, and those that describe the solution."""
+    needed = {name: column for name, column in cols.items() if name not in OF_THE_SOLUTION}
+    return needed, {name: column for name, column in cols.items() if name in OF_THE_SOLUTION}
 
 
 def with_floors_of_zeros(

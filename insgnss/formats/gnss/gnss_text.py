@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.files import atomic_write
 from ...records import Check, GnssFixes
+from ...records.observations import OF_THE_SOLUTION
 from ..orientation.exported import check_names
 from ..text.columns import (
     FINE,
@@ -25,9 +26,9 @@ from ..text.columns import (
     fields_of,
     sigma_aliases,
 )
-from ..text.headers import Kinds, settled_units
+from ..text.headers import Kinds, normalised, settled_units
 from ..text.order import open_end
-from ..text.text import Source, format_rows, read_table
+from ..text.text import Source, Table, format_rows, read_table
 from ..text.units import check_units
 from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 
@@ -75,6 +76,7 @@ ALIASES: Aliases = {
     "sd_u": sigma_aliases("u", "up", "d", "down", "h", "height", "alt", "u_m"),
     **dict.fromkeys(("sd_ne", "var_n", "var_e", "var_u"), ()),  # only `columns` can name these
     **FINE,
+    **dict.fromkeys(OF_THE_SOLUTION, ()),  # of a header: `_described`
     "q": ("q", "quality", "fix_quality"),
     "vn": ("vn", "v_n", "vel_n", "v_north", "north_velocity", "velocity_north", "vnorth"),
     "ve": ("ve", "v_e", "vel_e", "v_east", "east_velocity", "velocity_east", "veast"),
@@ -85,6 +87,13 @@ ALIASES: Aliases = {
     "sd_vd": sigma_aliases("vd", "v_d", "vel_d", "vu", "v_u", "vel_u"),
     "speed": ("speed", "spd", "ground_speed", "gndspd", "gnd_speed", "sog", "hspeed"),
     "course": ("course", "cog", "gcrs", "track", "course_over_ground", "ground_course"),
+}
+DESCRIBED = {
+    **dict.fromkeys(("ns", "nsat", "nsats", "n_sat", "num_sat", "num_sats", "nsv"), "satellites"),
+    **dict.fromkeys(("numsv", "num_sv", "satellites", "sats", "n_satellites"), "satellites"),
+    **dict.fromkeys(("ratio", "ar_ratio"), "ratio"),
+    **dict.fromkeys(("age", "age_s", "diff_age"), "age_s"),
+    **{"pdop": "pdop", "hdop": "hdop"},
 }
 
 
@@ -154,11 +163,25 @@ def read_gnss_text(
     units, date_notes = clock_of_dates(table, index, units, "GNSS rows")
     fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
     scales, unit_notes = fix_scales(str(path), table.layout.header_line, fields, units)
+    index = {**_described(table, index), **index}
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
     notes = (*open_end("GNSS rows", table.complete), *unit_notes, *date_notes)
     return fixes_from_columns(
         cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
     )
+
+
+def _described(table: Table, index: Mapping[str, int]) -> dict[str, int]:
+    """Return the first column of each of `OF_THE_SOLUTION` that the header names.
+
+    They weigh nothing, so that one with text in it is passed over, not refused.
+    """
+    found: dict[str, int] = {}
+    for k, field in enumerate(table.layout.header_fields or ()):
+        name = DESCRIBED.get(normalised(field)[0])
+        if name is not None and k not in index.values() and k not in {*table.bad, *table.dates}:
+            found.setdefault(name, k)
+    return found
 
 
 def fix_scales(

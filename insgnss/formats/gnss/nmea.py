@@ -18,7 +18,7 @@ from ...base.errors import InputError
 from ...geodesy.gpstime import WEEK_S, gps_from_unix_utc
 from ...records import Check, GnssFixes
 from ...records.observations import UNKNOWN_MPS
-from ..text.layout import shown
+from ..text.layout import NUMBER, shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
 from ..text.text import Source, number
@@ -29,7 +29,7 @@ Epoch = tuple[int, float]
 
 DAY_S = 86400.0
 KNOT = 1852.0 / 3600.0
-KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA")
+KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA", b"GSA")
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,10 @@ class _Log:
     ----------
     fixes
         Rows of epoch, line, latitude, longitude (deg), height, quality.
+    described
+        Satellites, HDOP and age of the corrections, s, of each fix; not-a-number where not given.
+    pdop
+        Of the last GSA behind an epoch's GGA or RMC.
     sigma
         Standard deviations.
     track
@@ -51,6 +55,8 @@ class _Log:
     """
 
     fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
+    described: list[tuple[float, float, float]] = field(default_factory=list)
+    pdop: dict[Epoch, float] = field(default_factory=dict)
     sigma: dict[Epoch, tuple[float, ...]] = field(default_factory=dict)
     track: dict[Epoch, tuple[float, float]] = field(default_factory=dict)
     dates: dict[Epoch, tuple[int, datetime]] = field(default_factory=dict)
@@ -111,7 +117,8 @@ def read_nmea(
         )
         raise InputError.at_line(path, missing[0][1], message)
     stand_in = None if sigma_m is None else tuple(np.asarray(sigma_m, dtype=np.float64).tolist())
-    fixes = [row for row in log.fixes if stand_in is not None or row[0] in log.sigma]
+    taken = [k for k, row in enumerate(log.fixes) if stand_in is not None or row[0] in log.sigma]
+    fixes = [log.fixes[k] for k in taken]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
     week, midnight = gps_from_unix_utc(day + DAY_S * np.array([row[0][0] for row in fixes]))
     time = midnight + np.array([row[0][1] for row in fixes])
@@ -134,6 +141,9 @@ def read_nmea(
         "q": table[:, 3],
     }
     cols |= {"sd_n": spread[:, 0], "sd_e": spread[:, 1], "sd_u": spread[:, 2]}
+    described = np.array([log.described[k] for k in taken]).reshape(-1, 3)
+    cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
+    cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
     if sigma_velocity is not None and log.track:
         cols |= _velocity(fixes, log, sigma_velocity)
@@ -177,6 +187,10 @@ def _collect(sentences: Sentences, undulation_m: float | None) -> _Log:
     log, days, before, epoch = _Log(), 0, 0.0, None
     for line, fields in sentences.fields(*KINDS):
         kind = fields[0][2:]
+        if kind == "GSA":
+            if epoch is not None and len(fields) > 15:
+                log.pdop[epoch] = _soft(fields[15])
+            continue
         if kind == "VTG":
             if (
                 epoch is not None
@@ -208,7 +222,14 @@ def _collect(sentences: Sentences, undulation_m: float | None) -> _Log:
             log.void.append(line)
         elif kind == "GGA":
             log.fixes.append((epoch, line, *_fix(fields, sentences.path, line, undulation_m)))
+            satellites, hdop = _soft(fields[7]), _soft(fields[8])
+            log.described.append((satellites, hdop, _soft(fields[13] if len(fields) > 13 else "")))
     return log
+
+
+def _soft(text: str) -> float:
+    """Return a number that weighs nothing: not-a-number where the field holds none."""
+    return float(text) if NUMBER.fullmatch(text) and "," not in text else float("nan")
 
 
 def _track(speed: str, course: str, path: str, line: int) -> tuple[float, float]:

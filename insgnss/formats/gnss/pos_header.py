@@ -27,6 +27,8 @@ ROOTS = {
     "x-ecef": ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"),
     "e-baseline": ("sde", "sdn", "sdu", "sden", "sdnu", "sdue"),
 }
+# RTKLIB's columns that describe a solution, and those of other programs in its layout
+SOLUTION = {"ns": "satellites", "ratio": "ratio", "age": "age_s", "pdop": "pdop", "hdop": "hdop"}
 VELOCITY = {
     "latitude": ("vn", "ve", "vu"),
     "x-ecef": ("vx", "vy", "vz"),

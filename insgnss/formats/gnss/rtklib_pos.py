@@ -26,10 +26,12 @@ from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import Source, Table, format_rows, load, parse
+from .fixes import of_the_solution
 from .pos_header import (
     DATE,
     POSITION,
     ROOTS,
+    SOLUTION,
     VELOCITY,
     VELOCITY_ROOTS,
     Header,
@@ -186,13 +188,10 @@ def read_rtklib_pos(
         read.gps_week,
         str(path),
         (*notes, *read.notes),
-        *(_stated(cols, name) for name in ("ns", "ratio", "age")),
+        **of_the_solution(
+            {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
+        ),
     )
-
-
-def _stated(cols: dict[str, Array], name: str) -> Array | None:
-    """Return a column of the quality of each epoch; zeros throughout say that nobody knows it."""
-    return cols[name] if name in cols and cols[name].any() else None
 
 
 def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -529,7 +528,7 @@ def write_rtklib_pos(
         The file.
     satellites, age_s, ratio : ndarray, optional
         (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
-        position; 0 where not given.
+        position; those of the fixes where not given, 0 where these have none.
 
     Raises
     ------
@@ -542,8 +541,13 @@ def write_rtklib_pos(
         )
     n = fixes.time.size
     quality, ns, age, ratios = (
-        np.zeros(n) if column is None else column
-        for column in (fixes.quality, satellites, age_s, ratio)
+        np.zeros(n) if column is None else np.nan_to_num(column)
+        for column in (
+            fixes.quality,
+            fixes.satellites if satellites is None else satellites,
+            fixes.age_s if age_s is None else age_s,
+            fixes.ratio if ratio is None else ratio,
+        )
     )
     beyond = np.floor(fixes.time / WEEK_S)
     parts = [

@@ -6,6 +6,7 @@ column of time has the caller's rate, and its time starts at zero.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,14 +27,17 @@ from ..text.columns import (
     gps_time,
     reversed_names,
 )
+from ..text.direct import Rows, Target, read_columns
 from ..text.headers import Kinds, kinds_like, settled_units
+from ..text.layout import Layout, sniff
 from ..text.order import Lines, note, open_end, put_in_order
 from ..text.stamps import spread_evenly, unrepeated
-from ..text.text import Source, read_table
+from ..text.text import Source, Table, load, parse
 from ..text.units import check_units, imu_kinds, usual_unit
 from .apart import joined
 
 Array = NDArray[np.float64]
+Notes = tuple[Check, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 COLUMNS = ("tow", *GYRO, *ACCEL)
@@ -176,25 +180,37 @@ def _read(
     required: tuple[str, ...],
 ) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
-    table = read_table(path, whole=False)
-    index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
-    index = {name: i for name, i in index.items() if name in (*required, *CLOCK)}
-    units, date_notes = clock_of_dates(table, index, units, "IMU rows")
-    unit_fields = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
-    scales, unit_notes = scales_of(
-        str(path), table.layout.header_line, unit_fields, units, quantity, rate_hz
-    )
-    cols = {name: table.values[:, i] for name, i in index.items()}
-    nothing = np.zeros(len(table.values))
-    cols |= {name: nothing for name in (*GYRO, *ACCEL) if name not in required}
-    notes = (*open_end("IMU rows", table.complete), *unit_notes, *date_notes)
-    if backward := [
-        name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)
-    ]:
-        cols |= {name: -cols[name] for name in backward}
-        fields = ", ".join(
-            str((table.layout.header_fields or ())[index[name]]) for name in backward
-        )
+    buf, complete = load(path)
+    layout = sniff(path, buf)
+
+    def named(table: Table) -> dict[str, int]:
+        index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
+        return {name: i for name, i in index.items() if name in (*required, *CLOCK)}
+
+    def settled(index: Mapping[str, int], units: Mapping[str, str]) -> tuple[Scales, Notes]:
+        fields = {key: fields_of(layout, index, names) for key, names in TRIADS.items()}
+        return scales_of(str(path), layout.header_line, fields, units, quantity, rate_hz)
+
+    direct = None
+    if complete:
+        # what is wrong in a line is said before what is wrong with the columns: `parse` does
+        with suppress(InputError, UsageError):
+            index = named(Table(str(path), layout, np.empty((0, 0)), np.empty(0, dtype=np.int64)))
+            scales, unit_notes = settled(index, units)
+            direct = _direct(buf, layout, index, scales)
+    lines: Lines = Rows(str(path), layout)
+    date_notes: Notes = ()
+    if direct is None:
+        table = parse(path, buf, complete, layout, whole=False)
+        index, lines = named(table), table
+        units, date_notes = clock_of_dates(table, index, units, "IMU rows")
+        scales, unit_notes = settled(index, units)
+        direct = _of_table(table, index, scales)
+    clock, gyro, accel = direct
+    del buf, direct
+    notes = (*open_end("IMU rows", complete), *unit_notes, *date_notes)
+    if backward := _backward(layout, index):
+        fields = ", ".join(str((layout.header_fields or ())[index[name]]) for name in backward)
         advice = (
             f"rename {'it' if len(backward) == 1 else 'them'} in the header if the values are not"
             " reversed"
@@ -208,7 +224,57 @@ def _read(
                 advice,
             ),
         )
-    return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, notes)
+    return _samples(clock, gyro, accel, lines, str(path), scales, quantity, gps_week, notes)
+
+
+def _backward(layout: Layout, index: Mapping[str, int]) -> list[str]:
+    """Return the columns of the sensors that hold the reverse of their axis."""
+    return [name for name in reversed_names(layout, index) if name in (*GYRO, *ACCEL)]
+
+
+def _factors(layout: Layout, index: Mapping[str, int], scales: Scales) -> dict[str, float]:
+    """Return the factor of each column of the sensors, negative for one that is reversed."""
+    backward = _backward(layout, index)
+    return {
+        name: -factor if name in backward else factor
+        for names, factor in ((GYRO, scales.gyro), (ACCEL, scales.accel))
+        for name in names
+    }
+
+
+def _direct(
+    buf: NDArray[np.uint8], layout: Layout, index: Mapping[str, int], scales: Scales
+) -> tuple[dict[str, Array], Array, Array] | None:
+    """Return columns of the clock, and both triads, as `direct` reads them."""
+    factors = _factors(layout, index, scales)
+    targets, widths = {}, {"gyro": 3, "accel": 3}
+    for name, i in index.items():
+        if name in factors:
+            sensor, names = ("gyro", GYRO) if name in GYRO else ("accel", ACCEL)
+            targets[i] = Target(sensor, names.index(name), factors[name])
+        else:
+            targets[i], widths[name] = Target(name, 0), 1
+    arrays = read_columns(buf, layout, targets, widths)
+    if arrays is None:
+        return None
+    gyro, accel = arrays.pop("gyro"), arrays.pop("accel")
+    for triad, names in ((gyro, GYRO), (accel, ACCEL)):
+        triad[:, [k for k, name in enumerate(names) if name not in index]] = 0.0
+    return {name: array[:, 0] for name, array in arrays.items()}, gyro, accel
+
+
+def _of_table(
+    table: Table, index: Mapping[str, int], scales: Scales
+) -> tuple[dict[str, Array], Array, Array]:
+    """Return columns of the clock, and both triads, of a table as it was parsed."""
+    factors = _factors(table.layout, index, scales)
+    gyro, accel = np.zeros((2, len(table.values), 3))
+    for triad, names in ((gyro, GYRO), (accel, ACCEL)):
+        for k, name in enumerate(names):
+            if name in index:
+                np.multiply(table.values[:, index[name]], factors[name], out=triad[:, k])
+    clock = {name: table.values[:, i] for name, i in index.items() if name not in factors}
+    return clock, gyro, accel
 
 
 def scales_of(
@@ -276,24 +342,39 @@ def imu_from_columns(
 
     `notes` come before those of the order.
     """
-    n = cols["gx"].size
+    gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
+    clock = {name: column for name, column in cols.items() if name not in (*GYRO, *ACCEL)}
+    return _samples(clock, gyro, accel, lines, source, scales, quantity, gps_week, notes)
+
+
+def _samples(
+    clock: Mapping[str, Array],
+    gyro: Array,
+    accel: Array,
+    lines: Lines,
+    source: str,
+    scales: Scales,
+    quantity: Quantity,
+    gps_week: int | None,
+    notes: Notes,
+) -> ImuSamples:
+    """Make samples of the columns of a clock and of triads (n, 3) in SI."""
     if scales.rate_hz is not None:
-        if "tow" in cols:
+        if "tow" in clock:
             raise InputError(
                 f"{source}: rate_hz is given, but there is a column of time; leave rate_hz out, or"
                 " leave the column out of columns"
             )
-        time = np.arange(n) / scales.rate_hz
+        time = np.arange(len(gyro)) / scales.rate_hz
     else:
-        time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+        time, gps_week = gps_time(lines, clock_of(clock), clock.get("week"), gps_week, scales.time)
     time, repeat_notes = unrepeated(time)
     rows, order_notes = put_in_order(
         lines,
         time,
-        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        lambda i, k: all((part[i] == part[k]).all() for part in (*clock.values(), gyro, accel)),
         "IMU rows",
     )
-    gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
     time, stamp_notes = spread_evenly(time)

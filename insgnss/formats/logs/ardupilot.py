@@ -446,6 +446,11 @@ def read_gnss_ardupilot(
     else:
         cols = {label: column for label, column in cols.items() if not label.startswith("sd_v")}
     _finite(log, name, cols)
+    cols |= {
+        short: np.asarray(table[label], dtype=np.float64)
+        for short, label in (("satellites", "NSats"), ("hdop", "HDop"))
+        if label in table
+    }
     above = undulation_m if undulation_m is not None and (geoid is None or not geoid.any()) else 0.0
     scales = FixScales(angle=DEG, course=DEG)
     return fixes_from_columns(

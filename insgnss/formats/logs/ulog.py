@@ -295,6 +295,13 @@ def read_gnss_ulog(
     notes = list(_notes(odd, "GNSS rows"))
     if left := tables[name]["fix_type"].size - seconds.size:
         notes.append(note("GNSS rows", f"{left} messages without a fix left out", "a fix each", ""))
+    if "satellites_used" in table:
+        cols["satellites"] = np.asarray(table["satellites_used"], dtype=np.float64)
+    if "hdop" in table and "vdop" in table:
+        horizontal, vertical = (
+            np.asarray(table[key], dtype=np.float64) for key in ("hdop", "vdop")
+        )
+        cols |= {"hdop": horizontal, "pdop": np.hypot(horizontal, vertical)}
     scales = FixScales(angle=np.pi / 180.0)
     return fixes_from_columns(
         cols,

@@ -1,5 +1,8 @@
 """eo.json: the master exterior orientation, source of every other export, data_specs/eo_json.md.
 
+From `eo_packed.FROM_IMAGES` images on their numbers stand in a numpy archive beside it, whose hash
+it holds, and the text keeps the head and the names.
+
 Numbers are written so that they read back bit by bit. Attitude stands three times: as the matrix
 C_mc, which is what is read back, as its quaternion in the tangent plane, which must agree with it,
 and as the quaternion in ECEF.
@@ -15,18 +18,20 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...base.errors import InputError
-from ...base.files import atomic_write
+from ...base.files import atomic_write, atomic_writes
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
 from ...records.relative import RelativeControl
 from ..text.text import Source
+from . import eo_packed
 from .relative_csv import relative_member
 
 Array = NDArray[np.float64]
 
 FORMAT = "insgnss exterior orientation"
 FORMAT_VERSION = 1
+PACKED_VERSION = 2
 WGS84 = "WGS84 (EPSG:4979)"
 AGREEMENT = 1e-9  # rad
 CONVENTIONS = {
@@ -59,7 +64,7 @@ CONVENTIONS = {
 def write_eo_json(
     eo: ExteriorOrientation, path: Source, relative: RelativeControl | None = None
 ) -> None:
-    """Write the master file.
+    """Write the master file, and of many images their numbers beside it: both or neither.
 
     Parameters
     ----------
@@ -68,11 +73,13 @@ def write_eo_json(
     path : path
         The file.
     relative : RelativeControl, optional
-        Relative control of neighbours in the tangent plane, for the member of that name.
+        Relative control of neighbours in the tangent plane, for the member of that name; of many
+        images it is left out, as it follows from the file.
     """
-    content = {
+    many = len(eo) >= eo_packed.FROM_IMAGES
+    content: dict[str, Any] = {
         "format": FORMAT,
-        "format_version": FORMAT_VERSION,
+        "format_version": PACKED_VERSION if many else FORMAT_VERSION,
         "software": f"insgnss {__version__}",
         "gps_week": eo.gps_week,
         "time_scale": "GPST",
@@ -92,11 +99,23 @@ def write_eo_json(
         },
         "history": list(eo.history),
     }
+    if many:
+        numbers, digest = eo_packed.packed(eo)
+        beside = eo_packed.side_file(path)
+        content["packed"] = {
+            "file": beside.name,
+            "sha256": digest,
+            "arrays": {name: words for name, (_, words) in eo_packed.ARRAYS.items()},
+        }
+        content["images"] = list(eo.images)
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+        atomic_writes({beside: numbers, Path(path): f"{text}\n"})
+        return
     if relative is not None:
         content["relative"] = relative_member(relative)
     # the head is for people; one line an image
     head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
-    images = ",\n  ".join(_images(eo))
+    images = ",\n  ".join(_image_texts(eo))
     atomic_write(path, f'{head},\n "images": [\n  {images}\n ]\n}}\n')
 
 
@@ -122,8 +141,8 @@ def _image_up(camera_from_body: Array) -> str:
     )
 
 
-def _images(eo: ExteriorOrientation) -> Iterator[str]:
-    """Yield each image as JSON, by a compiled encoder: 100 000 images have 15 million numbers."""
+def _image_texts(eo: ExteriorOrientation) -> Iterator[str]:
+    """Yield each image as JSON, by a compiled encoder: an image has 150 numbers."""
     import orjson
 
     plane = TangentPlane(*eo.origin)
@@ -151,37 +170,29 @@ def _images(eo: ExteriorOrientation) -> Iterator[str]:
 
 
 def read_eo_json(path: Source) -> ExteriorOrientation:
-    """Read the master file back, bit by bit.
+    """Read the master file back, bit by bit; of packed images the attitude as its quaternion is.
 
     Raises
     ------
     InputError
-        Another format or version, a missing key, or attitudes that disagree.
+        Another format or version, a missing key, attitudes that disagree, or a file beside it that
+        is missing or of another run.
     """
     content = _content(path)
     try:
-        images = content["images"]
-        quaternion = np.array(
-            [image["quaternion_wxyz"] for image in images], dtype=np.float64
-        ).reshape(-1, 4)
+        names, numbers, quaternion = _images(path, content)
         eo = ExteriorOrientation(
-            images=tuple(str(image["image"]) for image in images),
-            time=_array(images, "time_s", ()),
+            images=names,
+            **numbers,
             gps_week=int(content["gps_week"]),
             origin=np.array(
                 content["tangent_plane"]["origin_lat_lon_rad_height_m"], dtype=np.float64
             ),
-            position_m=_array(images, "position_m", (3,)),
-            C_mc=_array(images, "C_mc", (3, 3)),
-            cov=_array(images, "cov6", (6, 6)),
-            cross=_cross(images),
             boresight=np.array(content["applied"]["boresight"], dtype=np.float64),
             camera_from_body=np.array(content["applied"]["camera_from_body"], dtype=np.float64),
             history=tuple(content["history"]),
             datum=_datum(content["tangent_plane"]),
             epoch=_epoch(content["tangent_plane"]),
-            velocity_mps=_optional(images, "velocity_mps"),
-            rate_radps=_optional(images, "rate_radps"),
         )
     except KeyError as error:
         raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None
@@ -206,6 +217,28 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
     return eo
 
 
+def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dict[str, Any], Array]:
+    """Return the names of the images, their numbers, and their quaternions in the tangent plane."""
+    images = content["images"]
+    if content["format_version"] == PACKED_VERSION:
+        file, digest = str(content["packed"]["file"]), str(content["packed"]["sha256"])
+        if Path(file).name != file:
+            raise ValueError(f"packed.file {file!r} is no name of a file beside it")
+        packed = eo_packed.unpacked(Path(path).with_name(file), digest, len(images))
+        return tuple(map(str, images)), packed, quaternion_from_rotation(packed["C_mc"])
+    numbers = {
+        "time": _array(images, "time_s", ()),
+        "position_m": _array(images, "position_m", (3,)),
+        "C_mc": _array(images, "C_mc", (3, 3)),
+        "cov": _array(images, "cov6", (6, 6)),
+        "cross": _cross(images),
+        "velocity_mps": _optional(images, "velocity_mps"),
+        "rate_radps": _optional(images, "rate_radps"),
+    }
+    names = tuple(str(image["image"]) for image in images)
+    return names, numbers, _array(images, "quaternion_wxyz", (4,))
+
+
 def _unsound(eo: ExteriorOrientation) -> str:
     """Return what is wrong with times or covariances; an empty text where nothing is."""
     if (np.diff(eo.time) <= 0.0).any():
@@ -228,7 +261,27 @@ def _unsound(eo: ExteriorOrientation) -> str:
 
 
 def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:
-    return np.array([image[key] for image in images], dtype=np.float64).reshape(-1, *shape)
+    try:
+        values = [image[key] for image in images]
+        if any(value is None for value in values):
+            raise TypeError
+        return np.array(values, dtype=np.float64).reshape(-1, *shape)
+    except (TypeError, ValueError):
+        for image in images:
+            if _is_array(image[key], shape):
+                continue
+            size = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
+            found = "null" if image[key] is None else f"{image[key]!r:.60}"
+            raise ValueError(f"image {image['image']}: {key} is {found}, not {size}") from None
+        raise
+
+
+def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
+    """Tell whether a value of a JSON is an array of numbers of that shape."""
+    try:
+        return np.array(value, dtype=np.float64).shape == shape and value is not None
+    except (TypeError, ValueError):
+        return False
 
 
 def _optional(images: list[dict[str, Any]], key: str) -> Array | None:
@@ -263,11 +316,11 @@ def _content(path: Source) -> dict[str, Any]:
         raise InputError.at_line(
             path, None, "is no master EO of insgnss; give the eo.json of an output directory"
         )
-    if content.get("format_version") != FORMAT_VERSION:
+    if content.get("format_version") not in (FORMAT_VERSION, PACKED_VERSION):
         raise InputError.at_line(
             path,
             None,
             f"format_version {content.get('format_version')!r}, this version reads"
-            f" {FORMAT_VERSION}; export it again",
+            f" {FORMAT_VERSION} and {PACKED_VERSION}; export it again",
         )
     return content

@@ -143,7 +143,7 @@ def _number(buf, i, decimal):
     return (-x if negative else x), i, True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def count_newlines(buf):
     """Return the number of newlines in `buf`."""
     n = 0
@@ -169,7 +169,7 @@ def _field_end(buf, i, delimiter):
     return i
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
     """Parse data lines of `buf` into `values` and their `lines`.
 

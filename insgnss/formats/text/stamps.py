@@ -93,6 +93,9 @@ def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
 def _last_digit(time: Array) -> float:
     """Unit of the last printed digit, s; 0 where it is finer than any that matters."""
     for digit in DIGITS_S:
+        ticks = time[:LEAST] / digit
+        if (np.abs(ticks - np.round(ticks)) >= 2e-3).any():
+            continue  # one that the first stamps do not have, all of them have not
         ticks = time / digit
         if (np.abs(ticks - np.round(ticks)) < 2e-3).all():
             return digit

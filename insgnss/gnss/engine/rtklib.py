@@ -1,5 +1,5 @@
-"""RTKLIB in processes of its own: combined, forward and backward solutions of a rover against a
-base.
+"""RTKLIB in processes of its own: forward and backward solutions of a rover against a base, and
+their combination (`combined`).
 
 RTKLIB is global state without threads; two processes run at a time. The engine is the wheel
 pyrtklib5 (RTKLIB EX 2.5.0; extra [ppk]) or, where it is not installed, any rnx2rtkp on PATH with
@@ -39,6 +39,7 @@ from ...records import Check, GnssFixes
 from ..options import (
     ANTENNAS,
     DIRECTIONS,
+    KINEMATIC,
     EngineOptions,
     check_dynamics,
     option_file,
@@ -47,6 +48,7 @@ from ..options import (
 from ..rinex.header import load_rinex
 from ..rinex.navigation_message import read_navigation
 from ..rinex.observations import Observations, read_observations, without_events
+from .combined import combined
 from .preflight import (
     Whereabouts,
     absolute,
@@ -86,11 +88,12 @@ class EngineRun:
     Parameters
     ----------
     combined, forward, backward : Path
-        The .pos files (week, time of week, degrees, ellipsoidal heights).
+        The .pos files (week, time of week, degrees, ellipsoidal heights); the first is ours, of
+        the two others.
     engine : str
         The engine with its version as it writes it.
     cpu_s : float
-        CPU time of the three runs, s, NaN where the system does not report it.
+        CPU time of the two runs, s, NaN where the system does not report it.
     cpu_of : mapping
         CPU time of each run, s, by direction.
     option_files : mapping
@@ -118,10 +121,10 @@ def solve(
     progress: Progress | None = None,
     observations: tuple[Observations, Observations] | None = None,
 ) -> EngineRun:
-    """Solve the positions of the rover's antenna by three runs of the engine.
+    """Solve the positions of the rover's antenna by two runs of the engine, and combine them.
 
-    They are written to combined.pos, forward.pos and backward.pos of `directory`, with their option
-    files, all in order of time.
+    They are written to combined.pos, forward.pos and backward.pos of `directory`, with the option
+    files of the runs, all in order of time.
 
     Parameters
     ----------
@@ -167,7 +170,7 @@ def solve(
         direction: option_file(options, standing.header, direction, *pace)
         for direction in DIRECTIONS
     }
-    checks += check_names(command, texts["combined"], options)
+    checks += check_names(command, texts["forward"], options)
     target = _made(Path(directory))
     with tempfile.TemporaryDirectory(dir=target, prefix=".engine-") as scratch:
         runs = _Runs(command, Path(scratch), options)
@@ -180,13 +183,15 @@ def solve(
             )
 
         checks += check_base_place(moving, standing, options, whereabouts)
-        ends = runs.three(texts, names, say)
+        ends = runs.both(texts, names, say)
         cpu = {direction: end.cpu_s for direction, end in ends.items()}
-        engine = _version(runs.scratch / "combined.pos", command)
+        engine = _version(runs.scratch / "forward.pos", command)
         for direction, text in texts.items():
             atomic_write(target / f"{direction}.conf", text)
             atomic_write(target / f"{direction}.pos", _in_order(runs.scratch / f"{direction}.pos"))
-    pos = {direction: target / f"{direction}.pos" for direction in DIRECTIONS}
+    pos = {name: target / f"{name}.pos" for name in ("combined", *DIRECTIONS)}
+    moves = f"pos1-posmode={KINEMATIC}" in texts["forward"].splitlines()
+    atomic_write(pos["combined"], combined(pos["forward"], pos["backward"], moves))
     conf: dict[str, Path] = {direction: target / f"{direction}.conf" for direction in DIRECTIONS}
     checks += [*_check_refused(ends), *_check_version(engine)]
     return EngineRun(
@@ -396,7 +401,7 @@ class _Runs:
             message = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
             raise OptionError("gnss.engine", f"{message} {statement}", self.command[0])
 
-    def three(
+    def both(
         self, texts: Mapping[str, str], names: Sequence[str], say: Progress
     ) -> dict[str, _End]:
         """The end of each run; the first error ends the others."""

@@ -179,7 +179,7 @@ def solution_numbers(
     Parameters
     ----------
     solution : Solution
-        The engine's combined solution.
+        The combined solution.
     calibrated : GnssFixes
         Its fixes with the covariances of `quality.covariance`.
     kind : ndarray of int, shape (n,)

@@ -11,10 +11,15 @@ CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digi
 
 @njit(cache=True)
 def run_backward(
-    epochs,
+    event,
     history,
     full,
+    state,
+    begin,
     delta,
+    nav_cov,
+    slot,
+    kept,
     event_cross,
     event_filter,
     event_gain,
@@ -24,85 +29,123 @@ def run_backward(
 ):
     """Run the modified Bryson-Frazier smoother (B.1-B.8) from the last epoch to the first.
 
+    Of most epochs the navigation block of the covariance is all that anybody asks for, a quarter of
+    the work; the whole of it where `slot` says so, and within outages.
+
     Parameters
     ----------
-    epochs : Epochs
-        The m epochs of the filter.
+    event : ndarray
+        (m,) number of the camera event of each epoch, or ABSENT.
     history : FilterHistory
-        What the forward pass left; with `full` its P is replaced by the smoothed covariance.
+        What the forward pass left.
     full : bool
         Whether covariances and cross-covariances of events are smoothed as well.
+    state : SmootherState
+        The smoother before the last epoch, zero at the end of the flight; taken on in place to the
+        epoch before `begin`.
+    begin : int
+        The epoch to end with, as of `run_forward`.
     delta : ndarray
         (m, n) smoothed errors of the nominal, filled in place.
+    nav_cov : ndarray
+        (m, 45) lower triangle of the smoothed covariance of the navigation errors, row by row,
+        filled in place with `full`.
+    slot : ndarray
+        (m,) the slot that takes the whole covariance of an epoch, or ABSENT.
+    kept : ndarray
+        (slots, n (n + 1) / 2) its lower triangle, row by row, filled in place with `full`.
     event_cross : ndarray
         (events, 9, 9) covariance of the navigation errors of the event before with those of this
         one, filled in place with `full`.
     event_filter, event_gain : ndarray
         (events, n, n) covariance of the filter, post, and what later data make of it on its right,
-        1 - Lambda P or P^-1 P_s (B.8), at each event, filled in place with `full`.
+        1 - Lambda P or P^-1 P_s (B.8), at each event, filled in place with `full`; without rows
+        where nobody asks for them.
     keep : ndarray
         (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
     keep_information, keep_adjoint : ndarray
         (slots, n, n) Lambda and (slots, n) lambda, filled in place.
     """
-    count = epochs.stop.size
     nz, n = history.H.shape[1], history.m.shape[1]
     ns = n - N_NAV
-    lam = np.zeros(n)
+    lam, Lam, smoothed_later = state.adjoint, state.information, state.later
+    chained = event_gain.shape[0] > 0
     new = np.zeros(n)
-    Lam = np.zeros((n, n))
-    A = np.zeros((n, n))
-    B = np.zeros((n, n))
-    M = np.zeros((N_NAV, n))
-    G = np.zeros((N_NAV, n))
+    A, B, smoothed, gain = (
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+    )
+    M, G, AN = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros((N_NAV, n))
+    BN, nav = np.zeros((N_NAV, N_NAV)), np.zeros((N_NAV, N_NAV))
     g = np.zeros(n)
-    forward, smoothed = np.zeros((n, n)), np.zeros((n, n))
-    for e in range(count - 1, -1, -1):
+    for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
         if keep[e] != ABSENT:
             keep_information[keep[e]] = Lam
             keep_adjoint[keep[e]] = lam
-        for r in range(n):
-            t = history.m[e, r]
-            for c in range(n):
-                t += P[r, c] * lam[c]
-            delta[e, r] = t
+        estimate = delta[e]
+        estimate[:] = history.m[e]
+        for c in range(n):  # P is symmetric
+            t, row = lam[c], P[c]
+            for r in range(n):
+                estimate[r] += t * row[r]
         if full:
-            np.dot(Lam, P, A)
-            if epochs.event[e] != ABSENT:
-                cross = history.cross[epochs.event[e]]
-                np.dot(cross, A, M)
-                for r in range(N_NAV):
-                    for c in range(N_NAV):
-                        event_cross[epochs.event[e], r, c] = cross[r, c] - M[r, c]
-                event_filter[epochs.event[e]] = P
-                gain = event_gain[epochs.event[e]]
+            within, outage, j = state.within[0] != 0, history.outage[e], event[e]
+            np.dot(P[:N_NAV], Lam, AN)
+            np.dot(AN, P[:N_NAV].T, BN)
+            cancelled = False
+            for r in range(N_NAV):
+                for c in range(N_NAV):
+                    nav[r, c] = P[r, c] - 0.5 * (BN[r, c] + BN[c, r])
+                cancelled = cancelled or (within and not nav[r, r] > CANCELLED * P[r, r])
+            whole = slot[e] != ABSENT or outage != ABSENT or cancelled
+            if whole or (chained and j != ABSENT):
+                np.dot(Lam, P, A)
+            if whole:
+                np.dot(P, A, B)
                 for r in range(n):
                     for c in range(n):
-                        gain[r, c] = -A[r, c]
-                    gain[r, r] += 1.0
-            np.dot(P, A, B)
-            within = e + 1 < count and history.outage[e + 1] != ABSENT
-            if within:
-                forward[:] = P
-            for r in range(n):
-                for c in range(n):
-                    P[r, c] -= 0.5 * (B[r, c] + B[c, r])
-            cancelled = False
-            if within:
+                        smoothed[r, c] = P[r, c] - 0.5 * (B[r, c] + B[c, r])
+                smoothed[:N_NAV, :N_NAV] = nav
+            if j != ABSENT:
+                cross = history.cross[j]
+                np.dot(AN, cross.T, BN)
                 for r in range(N_NAV):
-                    cancelled = cancelled or not P[r, r] > CANCELLED * forward[r, r]
+                    for c in range(N_NAV):
+                        event_cross[j, r, c] = cross[r, c] - BN[c, r]
+                if chained:
+                    event_filter[j] = P
+                    for r in range(n):
+                        for c in range(n):
+                            event_gain[j, r, c] = -A[r, c]
+                        event_gain[j, r, r] += 1.0
             if cancelled:
-                o = history.outage[e + 1]
-                F, D = history.F[e + 1], history.D[e + 1]
-                W, Qbb = history.W[o], history.Qbb[o]
-                if smooth_across(forward, F, D, W, Qbb, history.P[e + 1], smoothed):
-                    P[:] = smoothed
-                    if epochs.event[e] != ABSENT:
-                        j = epochs.event[e]
-                        if gain_within(forward, P, event_gain[j]):
-                            np.dot(history.cross[j], event_gain[j], M)
-                            event_cross[j] = M[:, :N_NAV]
+                F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
+                if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
+                    nav[:] = smoothed[:N_NAV, :N_NAV]
+                    if j != ABSENT and gain_within(P, smoothed, gain):
+                        np.dot(history.cross[j], gain, M)
+                        event_cross[j] = M[:, :N_NAV]
+                        if chained:
+                            event_gain[j] = gain
+            t = 0
+            for r in range(N_NAV):
+                for c in range(r + 1):
+                    nav_cov[e, t] = nav[r, c]
+                    t += 1
+            if slot[e] != ABSENT:
+                t = 0
+                for r in range(n):
+                    for c in range(r + 1):
+                        kept[slot[e], t] = smoothed[r, c]
+                        t += 1
+            state.within[0] = outage != ABSENT
+            if outage != ABSENT:
+                smoothed_later[:] = smoothed
+                state.F[:], state.D[:] = history.F[e], history.D[e]
+                state.W[:], state.Qbb[:] = history.W[outage], history.Qbb[outage]
         for i in range(nz - 1, -1, -1):
             S = history.S[e, i]
             if S <= 0.0:
@@ -116,22 +159,26 @@ def run_backward(
             for r in range(used):
                 lam[r] += h[r] * t
             if full:
+                # Lambda - h' g' - g h + t h' h with g = Lambda k, as a sum of two products
+                g[:] = 0.0
+                for c in range(n):
+                    t, row = k[c], Lam[c]
+                    for r in range(n):
+                        g[r] += t * row[r]
                 t = 1.0 / S
                 for r in range(n):
-                    a = 0.0
-                    for c in range(n):
-                        a += Lam[r, c] * k[c]
-                    g[r] = a
-                    t += a * k[r]
+                    t += g[r] * k[r]
                 for r in range(used):
-                    for c in range(n):
-                        Lam[r, c] -= h[r] * g[c]
+                    g[r] -= 0.5 * t * h[r]
+                for r in range(used):
+                    t, row = h[r], Lam[r]
+                    if t != 0.0:
+                        for c in range(n):
+                            row[c] -= t * g[c]
                 for r in range(n):
+                    t, row = g[r], Lam[r]
                     for c in range(used):
-                        Lam[r, c] -= g[r] * h[c]
-                for r in range(used):
-                    for c in range(used):
-                        Lam[r, c] += t * h[r] * h[c]
+                        row[c] -= t * h[c]
         if e == 0:
             break
         F = history.F[e]
@@ -147,20 +194,18 @@ def run_backward(
         if full:
             # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose
             for r in range(N_NAV):
-                row = G[r]
-                for c in range(n):
-                    row[c] = 0.0
-                for k in range(N_NAV):
-                    t = 0.5 * Lam[r, k]
-                    for c in range(n):
-                        row[c] += t * F[k, c]
+                for c in range(N_NAV):
+                    nav[r, c] = 0.5 * Lam[r, c]
+            np.dot(nav, F, G)
+            for r in range(N_NAV):
+                to, row = G[r, IMU0:], Lam[r, IMU0:]
                 for s in range(ns):
-                    row[IMU0 + s] += Lam[r, IMU0 + s] * D[s]
+                    to[s] += row[s] * D[s]
             np.dot(F.T, G, A)
-            for r in range(n):
-                if r >= IMU0:
-                    for c in range(IMU0, n):
-                        A[r, c] += 0.5 * Lam[r, c] * (D[r - IMU0] * D[c - IMU0])
+            for r in range(ns):
+                t, to, row = 0.5 * D[r], A[IMU0 + r, IMU0:], Lam[IMU0 + r, IMU0:]
+                for c in range(ns):
+                    to[c] += t * D[c] * row[c]
             for r in range(n):
                 for c in range(n):
                     Lam[r, c] = A[r, c] + A[c, r]

@@ -231,6 +231,26 @@ def step_covariance(W, Qbb, B, model, work, side, o):
 
 
 @njit(cache=True)
+def set_decay(model, B, work):
+    """Work out decay and mean of each state over a block.
+
+    Parameters
+    ----------
+    model : StateModel
+        The error states behind those of navigation.
+    B : float
+        Length of the block, s.
+    work : IntervalWork
+        Takes decay, mean and the length that they hold for.
+    """
+    for s in range(model.channel.size):
+        b = model.beta[s] * B
+        work.decay[s] = np.exp(-b)
+        work.mean[s] = -np.expm1(-b) / b if b > 1e-6 else 1.0 - 0.5 * b
+    work.last_block[0] = B
+
+
+@njit(cache=True)
 def block_states(intervals, i0, i1, B, elapsed, x, model, work):
     """Compute decay, mean and weight of each state over the block, and the biases at its ends.
 
@@ -258,11 +278,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
     """
     ns = model.channel.size
     if abs(B - work.last_block[0]) > 1e-10:
-        for s in range(ns):
-            b = model.beta[s] * B
-            work.decay[s] = np.exp(-b)
-            work.mean[s] = -np.expm1(-b) / b if b > 1e-6 else 1.0 - 0.5 * b
-        work.last_block[0] = B
+        set_decay(model, B, work)
     work.bias[:] = 0.0
     has_scale = False
     for s in range(ns):
@@ -419,11 +435,11 @@ def predict_covariance(P, F, D, W, Qbb, X, nine):
             t = X[r, c] * D[c - IMU0] + W[r, c]
             P[r, c] = t
             P[c, r] = t
-    for r in range(N_NAV, n):
-        d = D[r - IMU0]
-        for c in range(N_NAV, n):
-            P[r, c] *= d * D[c - IMU0]
-        P[r, r] += Qbb[r - IMU0]
+    for s in range(D.size):
+        d, row = D[s], P[IMU0 + s, IMU0:]
+        for k in range(D.size):
+            row[k] *= d * D[k]
+        row[s] += Qbb[s]
 
 
 @njit(cache=True)

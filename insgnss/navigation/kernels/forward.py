@@ -19,7 +19,13 @@ from ..codes import (
     USED,
     VEL0,
 )
-from .error_model import add_gap_noise, linearise, predict_covariance, propagate_mean
+from .error_model import (
+    add_gap_noise,
+    linearise,
+    predict_covariance,
+    propagate_mean,
+    set_decay,
+)
 from .measurements import measured_triple
 from .records import make_interval_work, make_triple
 from .update import (
@@ -34,8 +40,8 @@ from .update import (
 
 
 @njit(cache=True)
-def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, options, history):
-    """Run the extended Kalman filter over the whole flight.
+def run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin):
+    """Run the extended Kalman filter over the whole flight, or over a block of its epochs.
 
     In closed loop the error estimate is fed back after every update, once psi is known better than
     the feedback threshold, and the nominal is what the strapdown makes of it. Else the nominal at
@@ -57,18 +63,16 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
         The local frame l.
     lever_b : ndarray
         (3,) from the IMU to the antenna's phase centre, body axes, m.
-    nav0 : ndarray
-        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb, at the first epoch.
-    x0 : ndarray
-        (ns,) nominal values of the other states there.
-    m0 : ndarray
-        (n,) a-priori mean of the errors about the nominal.
-    P0 : ndarray
-        (n, n) a-priori covariance of the errors.
+    state : FilterState
+        The filter after the epoch before `begin`, or a priori at the first epoch; taken on in place
+        to the last epoch.
     options : FilterOptions
         What the pass decides by.
     history : FilterHistory
         What the forward pass leaves, filled in place.
+    begin : int
+        0 for the first epoch of the flight, which nothing is predicted to; else the first epoch of
+        a block, one at least, with the last of the block before in front of it.
     """
     closed_loop, threshold, reset_after = (
         options.closed_loop,
@@ -79,12 +83,12 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     n = N_NAV + ns
     wide = history.H.shape[2]
     last_row = history.P.shape[0] - 1  # of what only the smoother reads
-    nav, x, m, P = nav0.copy(), x0.copy(), m0.copy(), P0.copy()
-    cross = np.zeros((N_NAV, n))  # of the latest event's navigation error with the errors now
-    fed_back = False
-    track_cross = False
-    rejected_since = ABSENT
+    nav, x, m, P, cross = state.nav, state.x, state.m, state.P, state.cross
+    fed_back, track_cross = state.flags[0] != 0, state.flags[1] != 0
+    rejected_since = state.times[0]
     work, triple = make_interval_work(ns), make_triple(ns)
+    if state.times[1] > 0.0:
+        set_decay(model, state.times[1], work)
     H, nu, R = triple.H, triple.nu, triple.R
     X, W, Qbb, nine = (
         np.zeros((N_NAV, n)),
@@ -94,14 +98,14 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     )
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
-    for e in range(epochs.stop.size):
+    for e in range(begin, epochs.stop.size):
         row = min(e, last_row)
         if e > 0:  # predict nominal, covariance, mean, cross-covariance
             if not closed_loop:
                 nav[:] = history.nav[e - 1]
                 x[:] = history.x[e - 1]
             F = history.F[row]
-            D = history.D[e]
+            D = history.D[row]
             first, last, begin = epochs.stop[e - 1], epochs.stop[e], epochs.time[e - 1]
             for i in range(3):
                 acceleration[i] = nav[VEL0 + i]
@@ -144,7 +148,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             used = history.used[b]
             for i in range(3):
                 history.S[e, b + i] = 0.0
-            nis = innovation_test(P, H, nu, m, R, used, S3, L, innovation)
+            nis = innovation_test(P, H, nu, m, R, used, S3, L, scratch, innovation)
             history.nis[e, kind] = nis
             for i in range(3):
                 history.innovation[e, b + i] = innovation[0, i]
@@ -154,9 +158,9 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
                 history.verdict[e, kind] = REJECTED
                 if kind != POSITION or withheld:
                     continue
-                if rejected_since == ABSENT:
-                    rejected_since = e
-                if epochs.time[e] - epochs.time[rejected_since] < reset_after or nis == np.inf:
+                if np.isnan(rejected_since):
+                    rejected_since = epochs.time[e]
+                if epochs.time[e] - rejected_since < reset_after or nis == np.inf:
                     continue
                 reset_covariance(P, innovation[0], reset_after)
                 history.verdict[e, kind] = COVARIANCE_RESET
@@ -165,7 +169,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
                 if nis > options.huber_threshold:
                     R *= nis / options.huber_threshold
             if kind == POSITION:
-                rejected_since = ABSENT
+                rejected_since = np.nan
             cholesky(R, L)
             forward_solve3(L, H)
             forward_solve3(L, nu)
@@ -181,11 +185,13 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             feed_back(nav, x, m)
         history.nav[e] = nav
         history.x[e] = x
-        history.m[e] = m
+        history.m[row] = m
         history.P[row] = P
-        for k in range(n):
+        for k in range(N_NAV):
             history.sigma[e, k] = np.sqrt(P[k, k])
         if epochs.event[e] != ABSENT:
             history.cross[epochs.event[e]] = cross
             cross[:] = P[NAV]
             track_cross = True
+    state.flags[0], state.flags[1] = fed_back, track_cross
+    state.times[0], state.times[1] = rejected_since, work.last_block[0]

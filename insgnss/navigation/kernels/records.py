@@ -278,11 +278,71 @@ class Triple(NamedTuple):
     gain: np.ndarray
 
 
+class FilterState(NamedTuple):
+    """The filter between two epochs: where a pass stands, and from where it may be run again.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb.
+    x : ndarray
+        (ns,) nominal values of the other states.
+    m : ndarray
+        (n,) error estimate about the nominal.
+    P : ndarray
+        (n, n) covariance of the errors.
+    cross : ndarray
+        (9, n) covariance of the latest event's navigation error with the errors now.
+    flags : ndarray
+        (2,) int, whether the estimate is fed back already, and whether `cross` is followed.
+    times : ndarray
+        (2,) s: since when fixes are rejected, or NaN, and the length of block that the decay of the
+        states was worked out for, negative for none.
+    """
+
+    nav: np.ndarray
+    x: np.ndarray
+    m: np.ndarray
+    P: np.ndarray
+    cross: np.ndarray
+    flags: np.ndarray
+    times: np.ndarray
+
+
+class SmootherState(NamedTuple):
+    """The smoother between two epochs.
+
+    Parameters
+    ----------
+    adjoint : ndarray
+        (n,) lambda of (B.1).
+    information : ndarray
+        (n, n) Lambda.
+    within : ndarray
+        (1,) int, whether the interval up to the epoch after lies within an outage; only then the
+        rest is set.
+    later : ndarray
+        (n, n) smoothed covariance at the epoch after.
+    F, D, W, Qbb : ndarray
+        Transition and process noise up to it, as in `FilterHistory`.
+    """
+
+    adjoint: np.ndarray
+    information: np.ndarray
+    within: np.ndarray
+    later: np.ndarray
+    F: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    Qbb: np.ndarray
+
+
 class FilterHistory(NamedTuple):
     """What the forward pass leaves at each epoch; post: after the update at that epoch.
 
-    P, F, H and K are large, and the smoother alone reads them: where nothing is smoothed they have
-    one row, that of the last epoch.
+    m, P, F, D, H and K are the records that the smoother alone reads: where nothing is smoothed
+    they have one row, that of the last epoch, and where the pass goes block by block
+    (`navigation.blocks`) the rows of some blocks.
 
     Parameters
     ----------
@@ -293,9 +353,9 @@ class FilterHistory(NamedTuple):
     m : ndarray
         (m, n) error estimate about the nominal, post (zero after feedback).
     P : ndarray
-        (m, n, n) post; the smoother writes its own covariance over it.
+        (m, n, n) post.
     sigma : ndarray
-        (m, n) of the filter, post.
+        (m, 9) of the navigation states in the filter, post.
     F : ndarray
         (m, 9, n) navigation rows of the transition from the previous epoch to this one.
     D : ndarray

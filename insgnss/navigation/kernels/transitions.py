@@ -7,7 +7,7 @@ from ..codes import ABSENT, IMU0, N_NAV
 
 
 @njit(cache=True)
-def event_transitions(event, F, D, H, K, S, used, out):
+def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
     """Multiply transitions and updates between events, from the first event to the last.
 
     Parameters
@@ -16,15 +16,20 @@ def event_transitions(event, F, D, H, K, S, used, out):
         (m,) number of the event of each epoch, or ABSENT.
     F, D, H, K, S, used : ndarray
         As in `FilterHistory`.
+    begin : int
+        The first epoch to be passed.
+    M : ndarray
+        (n, n) product so far, taken on in place; before the first event the unit matrix.
+    begun : ndarray
+        (1,) int, whether there was an event before, set in place.
     out : ndarray
         (events, n, n) filled in place: takes the error after the event before to that after this
         one; of the first the unit matrix.
     """
     n = K.shape[2]
-    M, top, row = np.eye(n), np.zeros((N_NAV, n)), np.zeros(n)
-    begun = False
-    for e in range(event.size):
-        if begun:
+    top, row = np.zeros((N_NAV, n)), np.zeros(n)
+    for e in range(begin, event.size):
+        if begun[0] != 0:
             np.dot(F[e], M, top)
             M[:N_NAV] = top
             for s in range(IMU0, n):
@@ -48,4 +53,4 @@ def event_transitions(event, F, D, H, K, S, used, out):
             M[:] = 0.0
             for r in range(n):
                 M[r, r] = 1.0
-            begun = True
+            begun[0] = 1

@@ -61,7 +61,7 @@ def forward_solve3(L, A):
 
 
 @njit(cache=True)
-def innovation_test(P, H, nu, m, R, used, S, L, out):
+def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
     """Compute the normalised innovation squared (NIS) of a triple.
 
     Parameters
@@ -80,6 +80,8 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
         Number of leading columns of H that may differ from zero.
     S, L : ndarray
         (3, 3) innovation covariance and its Cholesky factor, filled in place.
+    PH : ndarray
+        (n,) scratch.
     out : ndarray
         (2, 3) innovation and its standard deviation, filled in place.
 
@@ -93,15 +95,19 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
         for k in range(used):
             t -= H[r, k] * m[k]
         out[0, r] = t
-    for r in range(3):
-        for c in range(r + 1):
+    for c in range(3):
+        PH[:] = 0.0
+        for k in range(used):  # P is symmetric, and most of H is zero
+            t = H[c, k]
+            if t != 0.0:
+                row = P[k]
+                for i in range(PH.size):
+                    PH[i] += t * row[i]
+        for r in range(c, 3):
             t = R[r, c]
             for i in range(used):
                 if H[r, i] != 0.0:
-                    a = 0.0
-                    for k in range(used):
-                        a += P[i, k] * H[c, k]
-                    t += H[r, i] * a
+                    t += H[r, i] * PH[i]
             S[r, c] = t
             S[c, r] = t
     if not cholesky(S, L):
@@ -169,11 +175,13 @@ def scalar_update(P, m, h, nu, used, K, cross, track_cross):
     """
     n = P.shape[0]
     S = 1.0
-    for r in range(n):
-        t = 0.0
-        for k in range(used):
-            t += P[r, k] * h[k]
-        K[r] = t
+    K[:] = 0.0
+    for k in range(used):  # P is symmetric, and most of h is zero
+        t = h[k]
+        if t != 0.0:
+            row = P[k]
+            for c in range(n):
+                K[c] += t * row[c]
     y = nu
     for k in range(used):
         S += h[k] * K[k]

@@ -112,10 +112,10 @@ def in_page(page: str) -> tuple[tuple[Chart, ...], str]:
     InputError
         Where it holds no charts.
     """
-    found = re.search(rf'<script type="application/json" id="{BLOCK}">(.*?)</script>', page, re.S)
-    if found is None:
+    match = re.search(rf'<script type="application/json" id="{BLOCK}">(.*?)</script>', page, re.S)
+    if match is None:
         raise InputError("the page holds no charts; process the flight again")
-    text = found.group(1)
+    text = match.group(1)
     return decoded(text), str(json.loads(text)["report_sha256"])
 
 
@@ -130,10 +130,10 @@ def _bytes(x: Array) -> bytes:
 
 def _short(x: Array) -> dict[str, Any] | None:
     """Return an array in steps of uint16; None where it is short or they are too coarse."""
-    known = x[np.isfinite(x)]
-    if known.size < LONG or np.isinf(x).any():
+    finite = x[np.isfinite(x)]
+    if finite.size < LONG or np.isinf(x).any():
         return None
-    low, quarter, three, high = np.percentile(known, (0.0, 25.0, 75.0, 100.0))
+    low, quarter, three, high = np.percentile(finite, (0.0, 25.0, 75.0, 100.0))
     step = float(high - low) / (UNKNOWN - 1)
     fine = step <= FINE * (three - quarter) and (low <= 0.0 or step <= FINE_SHARE * low)
     if not fine or step == 0.0:

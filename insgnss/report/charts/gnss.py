@@ -78,8 +78,8 @@ def fix_series(fixes: GnssFixes) -> dict[str, Any]:
     """
     series: dict[str, Any] = {}
     if fixes.quality is not None:
-        known = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
-        series["kind"] = np.asarray(KIND_OF_QUALITY)[known]
+        classified = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
+        series["kind"] = np.asarray(KIND_OF_QUALITY)[classified]
     for name in ("satellites", "ratio", "age_s", "pdop"):
         value = getattr(fixes, name)
         if value is not None:
@@ -130,28 +130,28 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
 def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
     t = minutes(series["time"])
     kind = np.asarray(series.get("kind", np.zeros(t.size)), dtype=np.int64)
-    known = "kind" in series
+    classified = "kind" in series
     if "satellites" in series:
         count = np.asarray(series["satellites"], dtype=np.float64)
         yield Axes(
             "satellites",
-            list(_by_class(t, count, kind, known)),
+            list(_by_class(t, count, kind, classified)),
             limits=(0.0, 1.15 * float(np.nanmax(count, initial=1.0))),
         )
-    if known:
+    if classified:
         yield Axes("fixed, %", (line(t, _rate(t, kind), "fixed", "ok"),), limits=(-3.0, 103.0))
     if "ratio" in series:
         ratio = np.clip(np.asarray(series["ratio"], dtype=np.float64), LEAST_RATIO, MOST_RATIO)
         yield Axes(
             "ratio",
-            (*_by_class(t, ratio, kind, known), rules(3.0, dashed=True)),
+            (*_by_class(t, ratio, kind, classified), rules(3.0, dashed=True)),
             scale="log",
             limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
         )
     for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
         if name in series:
             y = np.asarray(series[name], dtype=np.float64)
-            yield Axes(label, list(_by_class(t, y, kind, known)))
+            yield Axes(label, list(_by_class(t, y, kind, classified)))
     if "separation_m" in series:
         yield _separation(t, series)
     if "distance_m" in series:
@@ -162,11 +162,15 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
         yield Axes("above the base, m", (line(t, above, "height"),))
 
 
-def _by_class(t: Array, y: Array, kind: NDArray[np.int64], known: bool) -> Iterator[Layer]:
+def _by_class(t: Array, y: Array, kind: NDArray[np.int64], classified: bool) -> Iterator[Layer]:
     for k in np.unique(kind):
         rows = kind == k
         yield dots(
-            t[rows], y[rows], NAMES[k] if known else "fix", INKS[k] if known else "first", width=2.6
+            t[rows],
+            y[rows],
+            NAMES[k] if classified else "fix",
+            INKS[k] if classified else "first",
+            width=2.6,
         )
 
 

@@ -200,8 +200,8 @@ def _motion(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Cha
     t, up = marks.minutes(d.time), marks.broken(marks.minutes(d.time), -d.position[:, 2])
     height = [line(t, up, "trajectory", "faint")]
     if eo is not None:
-        at = np.interp(eo.time, d.time, -d.position[:, 2])
-        height.append(dots(marks.exposures, at, "exposures"))
+        exposed = np.interp(eo.time, d.time, -d.position[:, 2])
+        height.append(dots(marks.exposures, exposed, "exposures"))
     speed = marks.broken(t, np.hypot(d.velocity[:, 0], d.velocity[:, 1]))
     level = [
         line(t, marks.broken(t, np.degrees(d.rpy[:, k])), name, AXES_INKS[k], width=1.0)

@@ -1,0 +1,109 @@
+"""Memory: how much of it this process may still take, and giving back what it no longer uses."""
+
+import ctypes
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+GROUPS = Path("/sys/fs/cgroup")
+UNLIMITED = 1 << 60  # bytes; what version 1 of control groups writes for no limit is beyond it
+
+
+def available(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int | None:
+    """Return how many bytes this process may still take.
+
+    The least of what the machine has left with its swap, of the limits of the control groups that a
+    container or a batch system sets, and of the limits of the process (`ulimit`).
+
+    Parameters
+    ----------
+    proc, groups : Path
+        Where Linux tells of processes and of control groups.
+
+    Returns
+    -------
+    int or None
+        None where the system does not say.
+    """
+    machine = _machine(proc)
+    rooms = [] if machine is None else [machine]
+    rooms += [*_of_groups(proc, groups), *_of_process(proc)]
+    return max(min(rooms), 0) if rooms else None
+
+
+def give_back() -> None:
+    """Return freed memory to the system, where the C library keeps it for itself (glibc)."""
+    trim = _trim()
+    if trim is not None:
+        trim(0)
+
+
+@cache
+def _trim() -> Any:
+    """Return glibc's malloc_trim, None elsewhere."""
+    if not sys.platform.startswith("linux"):
+        return None
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (OSError, AttributeError):
+        return None
+
+
+def _table(path: Path) -> dict[str, int]:
+    """Return the numbers of a file of names and values, those in kB in bytes; empty without it."""
+    out = {}
+    for line in _text(path).splitlines():
+        name, *rest = line.replace(":", " ").split()
+        if rest and rest[0].isdigit():
+            out[name] = int(rest[0]) * (1024 if rest[1:] == ["kB"] else 1)
+    return out
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file, nothing where it cannot be read."""
+    try:
+        return path.read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return ""
+
+
+def _machine(proc: Path) -> int | None:
+    """Return what the machine has left, with its swap."""
+    table = _table(proc / "meminfo")
+    if "MemAvailable" not in table:
+        return None
+    return table["MemAvailable"] + table.get("SwapFree", 0)
+
+
+def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
+    """Yield what the control groups of this process leave it, of both versions."""
+    for line in _text(proc / "self" / "cgroup").splitlines():
+        number, controllers, own = (*line.split(":", 2), "", "")[:3]
+        if number == "0":
+            root, limit, used, cached = groups, "memory.max", "memory.current", "inactive_file"
+        elif "memory" in controllers.split(","):
+            root, limit = groups / "memory", "memory.limit_in_bytes"
+            used, cached = "memory.usage_in_bytes", "total_inactive_file"
+        else:
+            continue
+        path = PurePosixPath(own)
+        for group in (path, *path.parents):
+            here = root / str(group).lstrip("/")
+            most, now = _text(here / limit).strip(), _text(here / used).strip()
+            if most.isdigit() and now.isdigit() and int(most) < UNLIMITED:
+                yield int(most) - int(now) + _table(here / "memory.stat").get(cached, 0)
+
+
+def _of_process(proc: Path) -> Iterator[int]:
+    """Yield what the limits of this process leave it."""
+    try:
+        import resource
+    except ImportError:  # no such limits on Windows
+        return
+    now = _table(proc / "self" / "status")
+    for name, size in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
+        most = resource.getrlimit(getattr(resource, name))[0]
+        if most != resource.RLIM_INFINITY and size in now:
+            yield most - now[size]

@@ -1,0 +1,158 @@
+"""IMU tables straight into the record: the same numbers and refusals as row by row, at any cut."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from insgnss.base.errors import InputError
+from insgnss.formats import read_imu
+from insgnss.formats.text import direct, text
+from insgnss.records import ImuSamples
+
+HEAD = "tow[s],gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2],temp"
+
+
+def lines_of(seed: int, count: int = 120) -> list[str]:
+    """Lines of very different lengths."""
+    rng = np.random.default_rng(seed)
+    digits = rng.integers(1, 12, count)
+    return [
+        ",".join([f"{200000 + 0.002 * k:.6f}", *(f"{x:.{digits[k]}f}" for x in rng.normal(size=7))])
+        for k in range(count)
+    ]
+
+
+def row_by_row(path: Path, monkeypatch: pytest.MonkeyPatch) -> ImuSamples | str:
+    """What comes out where nothing is read directly; of a refusal its text."""
+    with monkeypatch.context() as patch:
+        patch.setattr("insgnss.formats.imu.imu_csv.read_columns", lambda *_: None)
+        return outcome(path)
+
+
+def outcome(path: Path) -> ImuSamples | str:
+    try:
+        return read_imu(path)
+    except InputError as refusal:
+        return str(refusal)
+
+
+def check_same(path: Path, monkeypatch: pytest.MonkeyPatch) -> ImuSamples | str:
+    expected = row_by_row(path, monkeypatch)
+    for piece in (1, 37, 100, 1000, 10**6):
+        monkeypatch.setattr(direct, "PIECE", piece)
+        got = outcome(path)
+        if isinstance(expected, str) or isinstance(got, str):
+            assert got == expected
+            continue
+        assert_array_equal(got.time, expected.time)
+        assert_array_equal(got.gyro, expected.gyro)
+        assert_array_equal(got.accel, expected.accel)
+        assert got.notes == expected.notes
+    return expected
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_same_numbers_at_any_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, newline: str
+) -> None:
+    """Oracles: Python's float, and the reader of rows; pieces of 1 byte end behind each line."""
+    lines = lines_of(seed)
+    (tmp_path / "a.csv").write_bytes((newline.join([HEAD, *lines]) + newline).encode())
+    got = check_same(tmp_path / "a.csv", monkeypatch)
+    assert isinstance(got, ImuSamples)
+    numbers = np.array([[float(field) for field in line.split(",")] for line in lines])
+    assert_array_equal(np.column_stack([got.time, got.gyro, got.accel]), numbers[:, :7])
+
+
+def test_holes_of_comments_and_blank_lines_are_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: the file without them; and the line of a fault behind them."""
+    lines = lines_of(4)
+    mixed = [part for k, line in enumerate(lines) for part in (*["# x", "", " "][: k % 4], line)]
+    (tmp_path / "plain.csv").write_text("\n".join([HEAD, *lines]) + "\n")
+    (tmp_path / "mixed.csv").write_text("\n".join([HEAD, *mixed]) + "\n")
+    got = check_same(tmp_path / "mixed.csv", monkeypatch)
+    assert isinstance(got, ImuSamples)
+    assert_array_equal(got.gyro, read_imu(tmp_path / "plain.csv").gyro)
+    late = mixed.index(lines[100])
+    mixed[late] = "100000.0" + lines[100][lines[100].index(",") :]
+    (tmp_path / "mixed.csv").write_text("\n".join([HEAD, *mixed]) + "\n")
+    refused = check_same(tmp_path / "mixed.csv", monkeypatch)
+    assert isinstance(refused, str)
+    assert f"mixed.csv:{late + 2}: time 100000.000000 s follows" in refused
+
+
+FAULTS = {
+    "a number": ("200000.5,1,,3,4,5,6,7", "nothing in field 3 where a finite number must stand"),
+    "too few": ("1,2,3", "3 fields, expected 8"),
+    "too many": ("200000.5,1,2,3,4,5,6,7,8", "9 fields, expected 8"),
+    "a quote": ('200000.5,"1",2,3,4,5,6,7', "where a finite number must stand"),
+    "binary": ("200000.5,1,\x00,3,4,5,6,7", "the file is binary, packed or damaged"),
+    "not finite": ("200000.5,nan,2,3,4,5,6,7", "where a finite number must stand"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("place", [1, 60, 119])
+def test_same_refusal_wherever_the_fault_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, place: int
+) -> None:
+    """Oracle: the reader of rows, and the line of the fault; of two faults the first is told."""
+    lines = lines_of(5)
+    lines[-1] = "200001,x,2,3,4,5,6,7"
+    lines[place] = FAULTS[fault][0]
+    (tmp_path / "a.csv").write_text("\n".join([HEAD, *lines]) + "\n")
+    refused = check_same(tmp_path / "a.csv", monkeypatch)
+    assert isinstance(refused, str)
+    assert f"a.csv:{place + 2}: " in refused
+    assert FAULTS[fault][1] in refused
+
+
+def test_other_files_are_read_as_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the reader of rows: no newline at the end, dates, text in a column that nobody wants,
+    a header that does not name the columns beside a bad line, reversed axes, a double row.
+    """
+    path, lines = tmp_path / "a.csv", lines_of(6)
+    for content in (
+        "\n".join([HEAD, *lines]),
+        "\n".join([HEAD, *lines[:-1], lines[-1][:-4]]),
+        "\n".join([HEAD, *(line.rsplit(",", 1)[0] + ",warm" for line in lines)]) + "\n",
+        "\n".join([HEAD.replace("gx", "foo"), *lines[:90], "1,2", *lines[90:]]) + "\n",
+        "\n".join([HEAD.replace("gx", "foo"), *lines]) + "\n",
+        "\n".join([HEAD.replace("gx[rad/s]", "-gx[deg/s]"), *lines]) + "\n",
+        "\n".join([HEAD, *lines[:50], lines[49], *lines[50:]]) + "\n",
+        "\n".join(
+            [HEAD]
+            + [
+                f"2018-07-03T10:00:{k // 5:02d}.{2 * (k % 5)}00Z" + line[line.index(",") :]
+                for k, line in enumerate(lines)
+            ]
+        )
+        + "\n",
+    ):
+        path.write_text(content)
+        check_same(path, monkeypatch)
+
+
+def test_a_mapped_file_is_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the smaps of the system: of a mapped file of megabytes a piece stays at most."""
+    monkeypatch.setattr(text, "MAP_FROM", 1)
+    path = tmp_path / "big.csv"
+    path.write_text("\n".join([HEAD, *(lines_of(7) * 500)]) + "\n")
+    buf, _ = text.load(path)
+    table = direct.read_columns(buf, direct_layout(path, buf), {1: direct.Target("g", 0)}, {"g": 1})
+    assert table is not None
+    assert len(table["g"]) == 120 * 500
+    if not Path("/proc/self/smaps").exists():
+        pytest.skip("the system has no /proc/self/smaps")
+    parts = Path("/proc/self/smaps").read_text().split(str(path))
+    held = int(parts[1].split("Rss:")[1].split()[0])
+    assert held <= 3 * direct.PIECE / 1024 < 0.5 * buf.size / 1024
+
+
+def direct_layout(path: Path, buf: np.ndarray) -> text.Layout:
+    return text.sniff(path, buf)
