@@ -10,7 +10,7 @@ import pytest
 from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, read_imu
 from insgnss.inspection.sources import as_long_as
-from insgnss.inspection.tables.clocks import seconds_and_nanoseconds
+from insgnss.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
 from insgnss.inspection.tables.grids import Table, tables_of_file
 from insgnss.inspection.tables.names import Grid
 from insgnss.inspection.tables.roles import gnss_roles, imu_roles
@@ -69,6 +69,16 @@ def test_a_clock_since_1970_comes_before_one_since_the_start():
     """
     grid = table(seconds_elapsed=0.01 * np.arange(N), time=1.53e18 + 1e7 * np.arange(N), **SIX).grid
     assert next(iter(imu_roles(grid).clocks)) == 1
+
+
+def test_a_column_that_ends_in_nothing_is_no_clock():
+    """Oracle: by hand; a second column of ticks is one, one whose last row is not known is none."""
+    ticks = 1e3 * np.arange(N, dtype=float)
+    broken = ticks.copy()
+    broken[-1] = np.nan
+    grid = table(time=np.arange(N), ms=ticks, broken=broken).grid
+    assert is_clock_of(grid, 1, 0)
+    assert not is_clock_of(grid, 2, 0)
 
 
 def test_seconds_and_nanoseconds_are_one_clock(tmp_path):

@@ -142,10 +142,10 @@ def _write_report(run: PpkRun, figure: Path, document: Path, page: Path) -> None
 
     result, given = run.result, run.given
     atomic_write(figure, draw_sheet([ppk_charts(result.series)]))
-    what = json_ready(run.as_dict())
-    twin = json.dumps(what, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    document_data = json_ready(run.as_dict())
+    twin = json.dumps(document_data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     files = [given.rover, given.base, *given.navigation]
-    atomic_write(page, ppk_page(what, result.checks, result.series, files, twin).html())
+    atomic_write(page, ppk_page(document_data, result.checks, result.series, files, twin).html())
     atomic_write(document, twin)
 
 

@@ -37,14 +37,14 @@ def comparison_page(result: "Comparison") -> VerbPage:
         )
     ]
     without = f"without partner: {result.left_a} of a, {result.left_b} of b"
-    found = [f.sentence() for f in result.findings]
+    mismatches = [f.sentence() for f in result.findings]
     return VerbPage(
         f"{Path(result.a).name} and {Path(result.b).name}: comparison",
         f"{result.n} poses matched by {result.matched_by}; rms of b minus a: {sizes}",
         mood,
         why,
         result.charts(),
-        (listed("Recognised", found),),
+        (listed("Recognised", mismatches),),
         (
             _table("b minus a, axes east, north, up at the point", result.components),
             _table("What remains after the recognised is taken off", result.remaining),

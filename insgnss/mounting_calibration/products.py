@@ -275,14 +275,14 @@ def page_of(result: CalibratedMounting) -> VerbPage:
     """
     mood, why = _mood(result)
     rows = [(escape(a), escape(b), escape(c)) for a, b, c in result.components]
-    found = "<h2>What was determined</h2>\n" + table(rows, ("component", "verdict", "value"))
+    verdicts = "<h2>What was determined</h2>\n" + table(rows, ("component", "verdict", "value"))
     return VerbPage(
         result.title,
         result.headline,
         mood,
         why,
         result.charts(),
-        (found,),
+        (verdicts,),
         (listed("Notes", result.details),),
         result.document.get("inputs", ()),
     )

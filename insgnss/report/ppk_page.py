@@ -74,10 +74,10 @@ def _is_plain(value: object) -> bool:
 
 def _flat(of: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
     """Return options with dotted names, those that are empty left out."""
-    found: dict[str, object] = {}
+    options: dict[str, object] = {}
     for name, value in of.items():
         if isinstance(value, Mapping):
-            found |= _flat(value, f"{prefix}{name}.")
+            options |= _flat(value, f"{prefix}{name}.")
         elif value is not None and value != () and value != "":
-            found[f"{prefix}{name}"] = value
-    return found
+            options[f"{prefix}{name}"] = value
+    return options

@@ -5,7 +5,6 @@ import io
 
 import numpy as np
 import pytest
-from insgnss.report.figures.gnss import draw_quality
 from matplotlib.image import imread
 
 from insgnss.gnss.quality.covariance import CLASSES, VALIDATED

@@ -20,7 +20,7 @@ def page(tmp_path, **options) -> str:
         EVIL,
         "3 of 4 fit",
         "doubtful",
-        "one does not",
+        f"one does not{EVIL}",
         [chart],
         (listed("First", [EVIL]),),
         (tabulated("Table", [(EVIL, "1")]), checks_table([CHECK]), preformatted("Text", [EVIL])),
@@ -37,7 +37,7 @@ CHECK = Check("units", "rad/s", "deg/s", "note", EVIL)
 def test_headline_reason_charts_tables_provenance_in_this_order(tmp_path) -> None:
     """Oracle: the order of the questions."""
     text = page(tmp_path)
-    order = ["3 of 4 fit.", "<b>Doubtful</b>: one does not.", ">First</h2>", '<figure id="one"']
+    order = ["3 of 4 fit.", "<b>Doubtful</b>: one does not", ">First</h2>", '<figure id="one"']
     titles = ("Table", "Checks", "Text", "Settings", "Inputs (SHA-256)", "The run", "Versions")
     places = [text.index(words) for words in [*order, *(f">{title}</h2>" for title in titles)]]
     assert places == sorted(places)

@@ -236,11 +236,11 @@ def number_shades(ax: Any, shades: Sequence[Shade], size: float) -> None:
         low, high = ax.get_xlim()
         if not shade.text or not min(low, high) <= middle <= max(low, high):
             continue
-        place = float(ax.transData.transform((middle, 1.0))[0])
+        position = float(ax.transData.transform((middle, 1.0))[0])
         room = 0.5 * (len(shade.text) + 1.0) * 0.62 * size * ax.figure.dpi / 72.0
-        if place - room < written:
+        if position - room < written:
             continue
-        written = place + room
+        written = position + room
         ax.text(
             middle,
             0.985,

@@ -155,17 +155,17 @@ def figure_of(
     width = paper.width_mm / INCH_MM
     head = _wrapped(title, subtitle, width, paper.letters)
     titled = sum(map(len, columns)) > 1
-    places = [[_Place(chart, width / len(columns), paper, titled) for chart in c] for c in columns]
+    places = [[_Block(chart, width / len(columns), paper, titled) for chart in c] for c in columns]
     height = head.height + max(
-        (sum(place.height for place in column) for column in places), default=0.1
+        (sum(block.height for block in column) for column in places), default=0.1
     )
     figure = Figure(figsize=(width, height), dpi=paper.dpi, facecolor="white")
     head.write(figure, height)
     for k, column in enumerate(places):
         top = height - head.height
-        for place in column:
-            place.draw(figure, k * width / len(columns), top)
-            top -= place.height
+        for block in column:
+            block.draw(figure, k * width / len(columns), top)
+            top -= block.height
     return figure
 
 
@@ -201,7 +201,7 @@ def _wrapped(title: str, subtitle: str, width: float, letters: float) -> _Head:
     return _Head(textwrap.wrap(title, int(fits / 1.4)), textwrap.wrap(subtitle, int(fits)), letters)
 
 
-class _Place:
+class _Block:
     """Where on the sheet a chart and its panels stand, in inches.
 
     Parameters
@@ -266,8 +266,8 @@ class _Place:
         """Draw the chart with its upper left corner there."""
         width, height = figure.get_size_inches()
         if self.title:
-            at = (left + 0.15) / width, (top - 0.06) / height
-            text = figure.text(*at, "\n".join(self.title), size=self.letters, weight="bold")
+            corner = (left + 0.15) / width, (top - 0.06) / height
+            text = figure.text(*corner, "\n".join(self.title), size=self.letters, weight="bold")
             text.set_va("top")
             text.set_parse_math(False)
         y = top - self.head
@@ -322,8 +322,8 @@ class _Place:
             ax.set_ylabel(label, size=self.letters, parse_math=False)
             ax.yaxis.set_label_coords(-3.9 * self.letters / 72.0 / self.panel_width, 0.5)
             return
-        at = (0.0, 1.0 + 0.3 * self.letters / 72.0 / self.panel_height)
-        text = ax.text(*at, label, transform=ax.transAxes, size=self.letters, va="bottom")
+        corner = (0.0, 1.0 + 0.3 * self.letters / 72.0 / self.panel_height)
+        text = ax.text(*corner, label, transform=ax.transAxes, size=self.letters, va="bottom")
         text.set_parse_math(False)
 
     def _along(self, label: str) -> bool:
@@ -338,10 +338,10 @@ class _Place:
     def _bar(self, figure: Any, ax: Any, artist: Any, layer: Layer) -> None:
         """Put the bar of colours beside the axes."""
         box, width = ax.get_position(), figure.get_size_inches()[0]
-        place = (box.x1 + 0.08 / width, box.y0 + 0.1 * box.height, 0.1 / width, 0.8 * box.height)
+        position = (box.x1 + 0.08 / width, box.y0 + 0.1 * box.height, 0.1 / width, 0.8 * box.height)
         beyond = _finite([layer.value if layer.value is not None else np.zeros(0)])
         extend = "max" if (beyond > artist.norm.vmax).any() else "neither"
-        bar = figure.colorbar(artist, cax=figure.add_axes(place), extend=extend)
+        bar = figure.colorbar(artist, cax=figure.add_axes(position), extend=extend)
         bar.set_label(layer.value_name.rstrip(": "), size=self.letters)
         bar.ax.tick_params(labelsize=0.9 * self.letters, length=2, color=FRAME)
         bar.outline.set_visible(False)

@@ -176,8 +176,8 @@ def _of_panel(panel: Axes) -> str:
 
 def _of_layer(layer: Layer) -> str:
     """Return what is wrong with a layer."""
-    for word, known in ((layer.kind, Kind), (layer.ink, Ink), (layer.mark, Mark)):
-        if word not in get_args(known):
+    for word, words in ((layer.kind, Kind), (layer.ink, Ink), (layer.mark, Mark)):
+        if word not in get_args(words):
             return f"{word!r} is unknown"
     if layer.kind == "rules":
         return ""

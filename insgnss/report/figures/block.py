@@ -117,18 +117,18 @@ def _map(figures: Mapping[str, Any], ground: Ground) -> Chart:
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Surveyed points of one kind: names, places (n, 3) and surveyed minus adjusted (n, 3), m."""
+    """Surveyed points of one kind: positions and surveyed minus adjusted (n, 3), m."""
 
     kind: str
     names: Sequence[str]
-    place: Array
+    position: Array
     off: Array
     ink: Ink
     mark: Mark
 
     def layers(self, factor: float, above: float) -> Iterator[Layer]:
         """Yield marks, arrows that are so many times enlarged, and names so many m above."""
-        x, y = self.place[:, 0], self.place[:, 1]
+        x, y = self.position[:, 0], self.position[:, 1]
         east, north, up = (factor * self.off).T
         texts = [
             f"{name}: " + " / ".join(f"{1e3 * value:+.1f}" for value in off) + " mm E N U"
@@ -148,8 +148,8 @@ def _surveyed(figures: Mapping[str, Any]) -> Iterator[_Points]:
     )
     for kind, group, key, ink, mark in kinds:
         if points := [p for p in figures[group] if key in p]:
-            place, off = (np.array([p[name] for p in points]) for name in ("position_m", key))
-            yield _Points(kind, [p["point"] for p in points], place, off, ink, mark)
+            position, off = (np.array([p[name] for p in points]) for name in ("position_m", key))
+            yield _Points(kind, [p["point"] for p in points], position, off, ink, mark)
 
 
 def precision_map(
@@ -165,18 +165,23 @@ def precision_map(
     """
     near = np.flatnonzero(ground.around(ground.point))
     near = near[:: max(1, -(-near.size // MOST_POINTS))]
-    at, up = ground.point[near], 1e3 * ground.sigma[near, 2]
+    shown, up = ground.point[near], 1e3 * ground.sigma[near, 2]
     layers = [
         Layer(
-            "points", at[:, 0], at[:, 1], value=up, value_name="sigma of the height, mm", width=3.5
+            "points",
+            shown[:, 0],
+            shown[:, 1],
+            value=up,
+            value_name="sigma of the height, mm",
+            width=3.5,
         )
     ]
     if control := figures["ground_control"]:
-        place = np.array([p["position_m"] for p in control])
+        position = np.array([p["position_m"] for p in control])
         names = [p["point"] for p in control]
         layers.append(
             Layer(
-                *("points", place[:, 0], place[:, 1], "ground control", "second"),
+                *("points", position[:, 0], position[:, 1], "ground control", "second"),
                 mark="triangle",
                 texts=names,
                 width=8.0,

@@ -74,9 +74,9 @@ def scattered(
     names, number = data.names, np.arange(1.0, len(data.names) + 1.0)
     if len(names) <= MOST_NAMES:
         lowest = float((off[:, 2] - data.sigma[:, 2]).min())
-        at = np.full(number.size, factor * lowest)
+        height = np.full(number.size, factor * lowest)
         last = panels[-1]
-        words_below = Layer("labels", number, at, ink="faint", texts=names)
+        words_below = Layer("labels", number, height, ink="faint", texts=names)
         panels[-1] = Axes(last.label, [*last.layers, words_below])
     reading = f"Dots: {kind}s, with the line where all would lie without errors."
     if data.sigma.any():
@@ -154,7 +154,7 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
     """
     factor, unit = length_unit(float(np.abs(data.residual).max()))
     number, values = np.arange(1.0, len(data.residual) + 1.0), factor * data.residual
-    known = np.isfinite(data.heading_deg)
+    oriented = np.isfinite(data.heading_deg)
     title = "Antenna positions minus poses with the lever arm"
     reading = (
         "Steps between strips of opposite course are a lever arm or a delay that is left; slow"
@@ -174,12 +174,12 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
     charts = [
         Chart("residuals", title, reading, panels(number, every, True), "image", link="image")
     ]
-    if known.any():
+    if oriented.any():
         course = Chart(
             "residuals-course",
             "The same over the course",
             reading,
-            panels(data.heading_deg[known], known, False),
+            panels(data.heading_deg[oriented], oriented, False),
             "course, deg",
             limits=(-5.0, 365.0),
         )

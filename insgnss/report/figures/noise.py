@@ -282,9 +282,11 @@ def _spectrum(panel: SpectrumPanel, unit: str) -> Axes:
             Layer("rules", lines, nothing, "lines (propellers)", "warn", width=1.0, dashed=True)
         )
         apart = [k for k in range(lines.size) if k == 0 or lines[k] > 1.25 * lines[k - 1]]
-        at = lines[apart]
-        texts = [f"{frequency:.3g} Hz" for frequency in at]
-        layers.append(Layer("labels", at, np.full(at.size, 0.8 * top), ink="warn", texts=texts))
+        labelled = lines[apart]
+        texts = [f"{frequency:.3g} Hz" for frequency in labelled]
+        layers.append(
+            Layer("labels", labelled, np.full(labelled.size, 0.8 * top), ink="warn", texts=texts)
+        )
     lowest = 0.6 * float(shown[shown > 0.0].min())
     return Axes(f"{panel.title}: {unit}", layers, "log", (lowest, top))
 

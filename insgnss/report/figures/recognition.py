@@ -143,18 +143,18 @@ def _orientations(score: Array, words: Sequence[str], certain: bool) -> Chart:
     order = np.argsort(score)[-BEST:]
     rank, own = np.arange(1.0, order.size + 1.0), score[order]
     texts = [words[k] for k in order]
-    found = Layer("points", own[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
+    best = Layer("points", own[-1:], rank[-1:], "found", "second", texts=texts[-1:], width=10.0)
     layers = [
         Layer("rules", np.zeros(1), np.zeros(0), ink="faint", width=1.0),
         Layer("points", own, rank, ink="faint", texts=texts, width=7.0),
-        *([found] if certain else []),
+        *([best] if certain else []),
         Layer("labels", np.full(rank.size, WORDS_AT), rank, ink="ink", texts=texts),
     ]
-    doubt = "" if certain else " None is sure here."
+    unsure = "" if certain else " None is sure here."
     return Chart(
         "orientations",
         "How well each orientation of the IMU's x y z fits",
-        _ORIENTATIONS + doubt,
+        _ORIENTATIONS + unsure,
         [Axes(f"the best of {score.size}", layers, limits=(0.0, order.size + 1.0))],
         "score, 1 perfect, -1 the opposite",
         limits=(-1.1, 2.0),
@@ -173,10 +173,10 @@ def _clock(curves: Mapping[str, Array], offset: str) -> Chart:
         wide[:] = True
     layers = [Layer("line", lag[wide], score[wide])]
     if offset:
-        at = np.array([middle])
+        summit = np.array([middle])
         layers += [
-            Layer("rules", at, np.zeros(0), ink="second"),
-            Layer("labels", at, np.array([0.06]), ink="second", texts=[offset], width=13.0),
+            Layer("rules", summit, np.zeros(0), ink="second"),
+            Layer("labels", summit, np.array([0.06]), ink="second", texts=[offset], width=13.0),
         ]
     lowest = min(-0.05, float(np.nanmin(score[wide])))
     return Chart(

@@ -38,7 +38,7 @@ def static_page(result: "TuneResult", twin: str) -> VerbPage:
     words = [sensor_words(result, sensor) for sensor in sensors]
     mood, why = _mood(result)
     usual = asdict(TuneOptions())
-    asked = {key: value for key, value in asdict(result.options).items() if value != usual[key]}
+    changed = {key: value for key, value in asdict(result.options).items() if value != usual[key]}
     return VerbPage(
         f"{result.files[0].stem if result.files else 'noise'}: noise of an IMU at rest",
         "; ".join(f"{title} ({of})" for title, of in words),
@@ -47,7 +47,7 @@ def static_page(result: "TuneResult", twin: str) -> VerbPage:
         charts,
         parts=tuple(_parts(result, sensors)),
         hashes={r.source.file: r.source.sha256 for r in result.recordings},
-        settings=asked,
+        settings=changed,
         twin=twin,
     )
 
@@ -74,11 +74,13 @@ def _parts(result: "TuneResult", sensors: list[str]) -> Iterator[str]:
     head = ("axes", "parameter", "estimate", "unit", "95 % interval", "J test")
     rows = [row for t in result.tuned for row in _rows(t)]
     yield tabulated("Parameters", rows, head)
-    told = [f"{t.name}: {text}" for t in result.tuned for text in sentences(t, result.recordings)]
+    remarks = [
+        f"{t.name}: {text}" for t in result.tuned for text in sentences(t, result.recordings)
+    ]
     for sensor in sensors:
         tuned = [t for t in result.tuned if t.sensor == sensor]
-        told += trends(sensor, tuned, result.recordings)
-    yield listed("What is to be said of it", [*told, *result.turn_on, *result.notes])
+        remarks += trends(sensor, tuned, result.recordings)
+    yield listed("What is to be said of it", [*remarks, *result.turn_on, *result.notes])
     lengths = [
         (r.name, str(r.source.samples), f"{r.source.sampling_rate_hz:g}", duration(r.length_s))
         for r in result.recordings
