@@ -653,7 +653,11 @@
     }
 
     reading(x) {
-      const at = x === null || x === undefined ? "" : `: ${short(x)}`;
+      let at = x === null || x === undefined ? "" : `: ${short(x)}`;
+      if (at && this.chart.link === "image" && images) {
+        const image = Math.max(0, Math.min(images.count - 1, Math.round(x) - 1));
+        at = `: ${image + 1}, ${images.names[image]}`;
+      }
       this.across.textContent = this.chart.label + at;
     }
 
