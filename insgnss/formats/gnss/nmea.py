@@ -245,9 +245,9 @@ def _fix(
     )
 
 
-def _besides(fields: list[str], place: int) -> float:
+def _besides(fields: list[str], index: int) -> float:
     """Return what the report shows of a fix, -1 where it is not said; nothing is refused for it."""
-    text = fields[place] if len(fields) > place else ""
+    text = fields[index] if len(fields) > index else ""
     return float(text) if text.replace(".", "", 1).isdecimal() else -1.0
 
 

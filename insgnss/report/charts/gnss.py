@@ -48,16 +48,18 @@ MOST_RATIO, LEAST_RATIO = 1000.0, 0.9
 MOST_SLIPS = 4000
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 
-_SOLUTION = (
-    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
-    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
-    " left. Age is that of the base's observations; PDOP says how well the geometry of the"
-    " satellites determines a position."
-)
-_RATE = " The share of confirmed fixes is that of 30 s."
-_BASE = " Along distance and height from the base the atmosphere differs."
+_STATEMENTS = {  # of what the series hold
+    "kind": "Colours: the class of each epoch; the share of confirmed fixes is that of 30 s.",
+    "ratio": (
+        "The ratio compares the second best integer ambiguities with the best: above the dashed"
+        " line a fix is accepted, which says little where few satellites are left."
+    ),
+    "age_s": "Age is that of the base's observations.",
+    "pdop": "PDOP says how well the geometry of the satellites determines a position.",
+    "distance_m": "Along distance and height from the base the atmosphere differs.",
+}
 _SEPARATION = (
-    " The run backward minus the run forward, within three standard deviations of their difference:"
+    "The run backward minus the run forward, within three standard deviations of their difference:"
     " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
     " is an incorrect ambiguity fix in one of them."
 )
@@ -109,9 +111,9 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
         shades = [shade for shade in marks.shades if shade.kind == "line"]
     gaps = minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
     shades += [Shade(begin, end, "outage") for begin, end in gaps.tolist()]
-    reading = _SOLUTION + (_RATE if "kind" in series else "")
-    reading += _BASE if "distance_m" in series else ""
-    reading += _SEPARATION if "separation_m" in series else ""
+    statements = {**_STATEMENTS, "separation_m": _SEPARATION}
+    reading = " ".join(text for name, text in statements.items() if name in series)
+    reading = reading or "The satellites of each epoch."
     both = (
         ("gnss-solution", "How the antenna positions were solved", reading, _solution),
         ("gnss-signals", "What the receiver observed", _SIGNALS, _signals),
