@@ -254,26 +254,6 @@ def test_nmea_velocity(tmp_path: Path) -> None:
     assert any("1 of 3 epochs without a course" in note.found for note in got.notes)
 
 
-def test_nmea_states_satellites_and_age(tmp_path: Path) -> None:
-    """Oracle: the sentences by hand; what one of them leaves out, or writes as words, is not known
-    and refuses nothing. The same epoch of two talkers is the same fix, however many satellites
-    each of them counts.
-    """
-    texts = [gga("100000.0") + gga("100000.0").replace(",20,", ",12,")]
-    texts += [gga(f"10000{k}.0") for k in (1, 2)]
-    texts[1] = texts[1].replace(",20,", ",,")
-    texts[2] = texts[2].replace(",1.4,", ",none,")
-    lines = [line.split("*")[0][1:] for line in "".join(texts).splitlines()]
-    (tmp_path / "x.nmea").write_text("".join(map(nmea, lines)) + rmc("100000.0"))
-    got = read_gnss(tmp_path / "x.nmea")
-    assert got.satellites is not None
-    assert got.age_s is not None
-    np.testing.assert_array_equal(got.satellites, [20.0, np.nan, 20.0])
-    np.testing.assert_array_equal(got.age_s, [1.4, 1.4, np.nan])
-    assert got.ratio is None
-    assert got.pdop is None
-
-
 def test_nmea_recorded_velocity() -> None:
     """Oracle: central differences of the recorded RTK positions of a walk, one second apart; 0.15
     m/s of a swinging pole.

@@ -186,32 +186,6 @@ def test_without_header(tmp_path: Path, kind: str, dated: bool, velocity: bool) 
     assert "no header; read as GPST, heights above the ellipsoid" in got.notes[0].found
 
 
-def test_what_the_engine_states_of_each_epoch_is_kept(tmp_path: Path) -> None:
-    """Oracle: the columns of the file; zeros throughout, which insgnss writes itself for unknown,
-    are no statement.
-    """
-    path = tmp_path / "stated.pos"
-    lines = ["%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m)"]
-    lines[0] += " sdeu(m) sdun(m) age(s) ratio"
-    rows = [(15, 0.2, 8.5), (9, 1.2, 1.1), (0, 0.0, 0.0)]
-    for k, (ns, age, ratio) in enumerate(rows):
-        position = " ".join(f"{x:.9f}" for x in LLH[k])
-        lines.append(f"{WEEK} {100.0 + k:.3f} {position} 1 {ns} {ROOTS} {age} {ratio}")
-    path.write_text("\n".join(lines) + "\n")
-    got = read_gnss(path)
-    assert got.satellites is not None
-    assert got.age_s is not None
-    assert got.ratio is not None
-    assert_allclose(np.column_stack([got.satellites, got.age_s, got.ratio]), rows)
-    assert got.pdop is None
-    for k, (ns, age, ratio) in enumerate(rows, 1):
-        lines[k] = lines[k].replace(f" {ns} {ROOTS} {age} {ratio}", f" 0 {ROOTS} {age} 0.0")
-    path.write_text("\n".join(lines) + "\n")
-    again = read_gnss(path)
-    assert (again.satellites, again.ratio) == (None, None)
-    assert again.age_s is not None
-
-
 def test_roots_of_zero_take_the_callers_sigma(tmp_path: Path) -> None:
     """Oracle: the standard deviations given."""
     path = file(tmp_path, "llh")

@@ -30,7 +30,6 @@ VARIANCE = {"var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB
 # GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
-STATED = ("ns", "ratio", "age", "pdop")  # what is reported and weighs nothing, as in `GnssFixes`
 LARGEST = 1e7  # m, m/s; beyond it no antenna is
 
 
@@ -92,9 +91,7 @@ def fixes_from_columns(
     rows, order_notes = put_in_order(
         lines,
         time,
-        lambda i, k: all(
-            column[i] == column[k] for name, column in cols.items() if name not in STATED
-        ),
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
         "GNSS rows",
     )
     if rows is not None:
@@ -127,15 +124,7 @@ def fixes_from_columns(
         gps_week,
         source,
         (*notes, *order_notes, *floor_notes),
-        *(_stated(cols, name) for name in STATED),
     )
-
-
-def _stated(cols: Mapping[str, Array], name: str) -> Array | None:
-    """Return what the file says of each epoch besides, NaN where it does not; None for nothing."""
-    if name not in cols or not (cols[name] > 0.0).any():
-        return None
-    return np.where(cols[name] < 0.0, np.nan, cols[name])
 
 
 def with_floors_of_zeros(

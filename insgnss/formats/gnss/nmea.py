@@ -32,10 +32,6 @@ KNOT = 1852.0 / 3600.0
 KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA")
 
 
-# epoch, line, latitude and longitude (deg), height (m), quality, satellites, age (s)
-Fix = tuple[Epoch, int, float, float, float, int, float, float]
-
-
 @dataclass(frozen=True)
 class _Log:
     """What the sentences say, by epoch (days since the first, time of day).
@@ -54,7 +50,7 @@ class _Log:
         Lines of the epochs without fix.
     """
 
-    fixes: list[Fix] = field(default_factory=list)
+    fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
     sigma: dict[Epoch, tuple[float, ...]] = field(default_factory=dict)
     track: dict[Epoch, tuple[float, float]] = field(default_factory=dict)
     dates: dict[Epoch, tuple[int, datetime]] = field(default_factory=dict)
@@ -136,8 +132,6 @@ def read_nmea(
         "lon": np.radians(table[:, 1]),
         "h": table[:, 2],
         "q": table[:, 3],
-        "ns": table[:, 4],
-        "age": table[:, 5],
     }
     cols |= {"sd_n": spread[:, 0], "sd_e": spread[:, 1], "sd_u": spread[:, 2]}
     notes = _left_out(sentences.n_bad, len(log.void), len(log.fixes) - len(fixes), len(log.fixes))
@@ -155,7 +149,9 @@ def read_nmea(
     return fixes_from_columns(cols, lines, str(path), FixScales(), week, None, None, notes=notes)
 
 
-def _velocity(fixes: list[Fix], log: _Log, sigma_velocity: ArrayLike) -> dict[str, Array]:
+def _velocity(
+    fixes: list[tuple[Epoch, int, float, float, float, int]], log: _Log, sigma_velocity: ArrayLike
+) -> dict[str, Array]:
     """Return columns of velocity and its standard deviations.
 
     Those of an epoch without a track are `UNKNOWN_MPS`.
@@ -221,7 +217,7 @@ def _track(speed: str, course: str, path: str, line: int) -> tuple[float, float]
 
 def _fix(
     fields: list[str], path: str, line: int, undulation_m: float | None
-) -> tuple[float, float, float, int, float, float]:
+) -> tuple[float, float, float, int]:
     separation = fields[11] if len(fields) > 11 else ""
     if not separation and undulation_m is None:
         message = (
@@ -240,15 +236,7 @@ def _fix(
         lon,
         number(fields[9], path, line) + above,
         NMEA_QUALITY.get(int(code), 0) if code.isdecimal() and len(code) == 1 else 0,
-        _besides(fields, 7),
-        _besides(fields, 13),
     )
-
-
-def _besides(fields: list[str], index: int) -> float:
-    """Return what the report shows of a fix, -1 where it is not said; nothing is refused for it."""
-    text = fields[index] if len(fields) > index else ""
-    return float(text) if text.replace(".", "", 1).isdecimal() else -1.0
 
 
 def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:

@@ -5,7 +5,7 @@ by name; those that are not known are absent, and their panels with them:
 
     time : (n,) s.
     kind : (n,) index in CLASSES.
-    satellites, ratio, age_s, pdop, distance_m, height_difference_m : (n,).
+    satellites, ratio, age_s, pdop, hdop, distance_m, height_difference_m : (n,).
     separation_m, separation_sigma_m : (n, 3) north, east, down, backward minus forward.
     cn0 : C/N0, {band: (k,) dB-Hz} over cn0_time (k,) s.
     slip_time, slip_satellite : (s,) s and names.
@@ -56,6 +56,7 @@ _STATEMENTS = {  # of what the series hold
     ),
     "age_s": "Age is that of the base's observations.",
     "pdop": "PDOP says how well the geometry of the satellites determines a position.",
+    "hdop": "HDOP is that of the horizontal position.",
     "distance_m": "Along distance and height from the base the atmosphere differs.",
 }
 _SEPARATION = (
@@ -82,8 +83,8 @@ def fix_series(fixes: GnssFixes) -> dict[str, Any]:
     if fixes.quality is not None:
         classified = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
         series["kind"] = np.asarray(KIND_OF_QUALITY)[classified]
-    for name in ("satellites", "ratio", "age_s", "pdop"):
-        value = getattr(fixes, name)
+    for name in ("satellites", "ratio", "age_s", "pdop", "hdop"):
+        value = getattr(fixes, name, None)
         if value is not None:
             series[name] = value
     return {"time": fixes.time, **series} if series else {}
@@ -150,8 +151,12 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
             scale="log",
             limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
         )
-    for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
-        if name in series:
+    for name, label in (
+        ("age_s", "age of the base's data, s"),
+        ("pdop", "PDOP"),
+        ("hdop", "HDOP"),
+    ):
+        if name in series and not (name == "hdop" and "pdop" in series):
             y = np.asarray(series[name], dtype=np.float64)
             yield Axes(label, list(_by_class(t, y, kind, classified)))
     if "separation_m" in series:
