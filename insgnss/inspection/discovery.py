@@ -56,6 +56,7 @@ OWN_PRODUCTS = {
     "trajectory.csv",
     "eo_local-plane.txt",
     "eo_covariance.npz",
+    "eo_images.npz",
     "metashape.csv",
 }
 LEFT_OUT_FOLDERS = {"truth"}
