@@ -72,6 +72,7 @@ from .rinex.camera_events import RoverEvents, camera_events, unasked_events
 from .rinex.navigation_message import Navigation, read_navigation
 from .rinex.observations import Observations, read_observations
 from .satellites.satellite_geometry import Sky, common_sky, epochs_of
+from .satellites.visible_satellites import position_dilution
 
 # m/s, one sigma: a drone's velocity at a fix against its mean between the fixes before and after, 2
 # s apart at 1 Hz
@@ -213,13 +214,14 @@ def solve_ppk(
     if events is not None:
         checks += _checks_of(events, given, rover, fixes)
         events = _at_exposures(events, given, rover, fixes)
+    sky = None
     if given.wet_delay or given.ionosphere:
         sky = common_sky(rover, base, navigation, fixes, given.options)
-    if given.wet_delay:
+    if sky is not None and given.wet_delay:
         say("wet delay")
         fixes, check = _without_wet_delay(fixes, sky, np.array(position), given)
         checks.append(check)
-    if given.ionosphere:
+    if sky is not None and given.ionosphere:
         say("ionosphere")
         fixes, check = _without_ionosphere(
             fixes, (rover, base), navigation, sky, np.array(position), given
@@ -243,6 +245,8 @@ def solve_ppk(
     series = solution_series(
         solved.combined, solved.kind, *solved.from_base, solved.separation, signals
     )
+    if sky is not None:
+        series["pdop"] = position_dilution(sky, fixes.time.size)
     checks += [*causes, *unasked, *(events.notes if events is not None else ())]
     result = PpkResult(
         fixes, events, tuple(checks), summary, numbers, series, files, run.engine, run.cpu_s

@@ -136,7 +136,8 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
 
     top = f"<thead>\n{cells(head, 'th')}</thead>\n" if head else ""
     body = "".join(cells(row, "td") for row in rows)
-    return f'<div class="wide"><table>\n{top}<tbody>\n{body}</tbody>\n</table></div>\n'
+    kind = "wide" if head else "wide pairs"
+    return f'<div class="{kind}"><table>\n{top}<tbody>\n{body}</tbody>\n</table></div>\n'
 
 
 def folded(title: str, content: str) -> str:

@@ -34,6 +34,7 @@ from .sections import (
 )
 from .summary import plain
 
+LONG_LIST = 40  # rows: a longer list of keys is folded
 SHORT = {  # what the list of contents calls the sections; nothing: not in the list
     "what-limits-this-flight": "What limits it",
     "map": "Map",
@@ -289,7 +290,10 @@ def _made_from(s: Mapping[str, Any]) -> str:
     )
     for title, listed in tables:
         cells = [(escape(key), f"<code>{escape(value)}</code>") for key, value in listed]
-        parts.append(f"<h2>{title}</h2>\n{table(cells)}" if cells else "")
+        listed_cells = table(cells)
+        if len(cells) > LONG_LIST:
+            listed_cells = folded(f"{len(cells)} keys", listed_cells)
+        parts.append(f"<h2>{title}</h2>\n{listed_cells}" if cells else "")
     return "".join(parts)
 
 

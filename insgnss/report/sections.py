@@ -6,11 +6,33 @@ What limits the flight, which line is least accurate, what was estimated.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .markup import Row, escape, folded, sentence, table, three
+from .markup import Row, escape, explained, folded, sentence, table, three
 from .rules.verdict import MOST_SENTENCES
 from .rules.wording import lengths, millimetres
 
 Summary = Mapping[str, Any]
+
+# terms that say on pointing at them what they mean
+NIS = explained(
+    "NIS",
+    "normalised innovation squared: the innovation of a fix squared over its covariance; one per"
+    " degree of freedom in the mean where the sigmas are honest",
+)
+SEPARATION = explained(
+    "Forward/backward separation",
+    "the flight filtered backward minus the same forward; one sigma in the mean where both are"
+    " honest",
+)
+PDOP = explained(
+    "PDOP",
+    "position dilution of precision: what the geometry of the satellites makes of the error of one"
+    " range; below 2 is good, beyond 4 poor",
+)
+FIXED = explained(
+    "fixed",
+    "epochs whose integer ambiguities were resolved (centimetres); float: those whose were not"
+    " (decimetres)",
+)
 
 FEW = 3  # remarks that need not be folded away
 
@@ -139,9 +161,9 @@ def fixes_by_line(s: Summary) -> str:
         "Line",
         "fixes used",
         "rejected",
-        "fixed / float, %",
+        f"{FIXED} / float, %",
         "satellites (least)",
-        "PDOP (largest)",
+        f"{PDOP} (largest)",
         "mean innovation N / E / D, mm",
         "sigma of one, mm",
     )
@@ -278,7 +300,7 @@ def key_numbers(s: Summary) -> str:
 def _agreement(s: Summary) -> list[Row]:
     """What the innovations and the two directions say of the sigmas."""
     rows: list[Row] = [
-        (f"NIS of {quantity} per degree of freedom", escape(_nis(c)))
+        (f"{NIS} of {quantity} per degree of freedom", escape(_nis(c)))
         for quantity, c in s["consistency"].items()
         if c is not None
     ]
@@ -287,7 +309,7 @@ def _agreement(s: Summary) -> list[Row]:
         f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')}"
         " (N / E / D; 1 expected)"
     )
-    return [*rows, ("Forward/backward separation over its sigma", text)]
+    return [*rows, (f"{SEPARATION} over its sigma", text)]
 
 
 def _plus_minus(biases: Mapping[str, Any], value: str, sigma: str, form: str) -> str:

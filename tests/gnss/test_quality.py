@@ -16,6 +16,7 @@ from insgnss.gnss.quality.solution_quality import (
 )
 from insgnss.gnss.rinex.header import RinexHeader
 from insgnss.gnss.rinex.observations import Observations
+from insgnss.gnss.satellites.visible_satellites import Sky, position_dilution
 from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6
@@ -364,3 +365,22 @@ def test_roots_of_no_covariance_become_unknown(tmp_path):
     assert [check.found.partition(":")[0] for check in fixes.notes] == [
         "2 epochs have no covariance"
     ]
+
+
+def test_dilution_of_precision_is_that_of_the_geometry():
+    """Oracle: closed form; one satellite in the zenith and three on the horizon give the root of
+    8 / 3, twice as many of each divide it by root two, three satellites or four of one plane with
+    the receiver give none.
+    """
+    azimuth, zenith = np.radians([0.0, 0.0, 120.0, 240.0]), np.radians([90.0, 0.0, 0.0, 0.0])
+    epoch = np.concatenate([np.zeros(4), np.ones(8), np.full(3, 2), np.full(4, 3)]).astype(int)
+    line = np.radians([10.0, 40.0, 60.0, 80.0])
+    directions = (
+        np.concatenate([azimuth, azimuth, azimuth, azimuth[:3], np.zeros(4)]),
+        np.concatenate([zenith, zenith, zenith, zenith[:3], line]),
+    )
+    ones = np.ones(epoch.size)
+    sky = Sky(epoch, *directions, np.zeros(epoch.size, dtype=np.int64), ones)
+    dilution = position_dilution(sky, 5)
+    np.testing.assert_allclose(dilution[:2], np.sqrt(8.0 / 3.0) / np.sqrt([1.0, 2.0]))
+    assert np.isnan(dilution[2:]).all()

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+SMALLEST_DETERMINANT = 1e-6  # of the normal equations: below it PDOP is beyond some hundreds
+
 
 @dataclass(frozen=True, eq=False)
 class Sky:
@@ -32,3 +34,39 @@ class Sky:
     system: NDArray[np.int64]
     weight: Array
     row: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+
+
+def position_dilution(sky: Sky, epochs: int) -> Array:
+    """Return the position dilution of precision (PDOP) of each epoch, of one receiver clock.
+
+    It is the root of the trace of the position's cofactors of ranges of unit weight.
+
+    Parameters
+    ----------
+    sky : Sky
+        The satellites.
+    epochs : int
+        Number of epochs, n.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        PDOP, NaN where fewer than four satellites, or such in one plane, do not determine it.
+    """
+    across = np.cos(sky.elevation)
+    rows = np.stack(
+        [
+            across * np.cos(sky.azimuth),
+            across * np.sin(sky.azimuth),
+            np.sin(sky.elevation),
+            np.ones(sky.elevation.size),
+        ],
+        axis=1,
+    )
+    normal = np.zeros((epochs, 4, 4))
+    np.add.at(normal, sky.epoch, rows[:, :, None] * rows[:, None, :])
+    regular = np.linalg.det(normal) > SMALLEST_DETERMINANT
+    dilution = np.full(epochs, np.nan)
+    cofactors = np.linalg.inv(normal[regular])
+    dilution[regular] = np.sqrt(np.trace(cofactors[:, :3, :3], axis1=1, axis2=2))
+    return dilution

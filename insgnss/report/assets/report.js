@@ -163,7 +163,9 @@
       const span = l.value ? colours(l) : null;
       g.lineWidth = 1.4 * s;
       for (let i = 0; i < l.x.length; i++) {
-        const x = X(l.x[i]), y = Y(l.y[i]);
+        const x = X(l.x[i]);
+        let y = Y(l.y[i]);
+        if (box.edge) y = Math.max(box.top + r, Math.min(box.bottom - r, y));
         if (!(x > box.left - 9 && x < box.right + 9 && y > box.top - 9 && y < box.bottom + 9)) continue;
         if (span) g.fillStyle = g.strokeStyle = viridis((l.value[i] - span.low) / (span.high - span.low));
         mark(g, l.mark ?? "dot", x, y, r);
@@ -395,6 +397,7 @@
       g.beginPath();
       g.rect(b.left, b.top, b.right - b.left, b.bottom - b.top);
       g.clip();
+      b.edge = this.axes.limits && same(this.y, this.axes.limits); // what lies beyond stands at the edge
       paint(g, this.axes.layers, this.view.hidden, X, Y, s, b);
       g.restore();
       if (this.number === 0 && this.named.length) { // the numbers of the lines, above the axes
@@ -653,7 +656,11 @@
     }
 
     reading(x) {
-      const at = x === null || x === undefined ? "" : `: ${short(x)}`;
+      let at = x === null || x === undefined ? "" : `: ${short(x)}`;
+      if (at && this.chart.link === "image" && images) {
+        const image = Math.max(0, Math.min(images.count - 1, Math.round(x) - 1));
+        at = `: ${image + 1}, ${images.names[image]}`;
+      }
       this.across.textContent = this.chart.label + at;
     }
 

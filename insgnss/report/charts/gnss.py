@@ -5,7 +5,7 @@ by name; those that are not known are absent, and their panels with them:
 
     time : (n,) s.
     kind : (n,) index in CLASSES.
-    satellites, ratio, age_s, pdop, distance_m, height_difference_m : (n,).
+    satellites, ratio, age_s, pdop, hdop, distance_m, height_difference_m : (n,).
     separation_m, separation_sigma_m : (n, 3) north, east, down, backward minus forward.
     cn0 : C/N0, {band: (k,) dB-Hz} over cn0_time (k,) s.
     slip_time, slip_satellite : (s,) s and names.
@@ -49,16 +49,19 @@ MOST_SLIPS = 4000
 MOST_NAMED = 8  # satellites whose names stand beside their slips
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 
-_SOLUTION = (
-    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
-    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
-    " left. Age is that of the base's observations; PDOP says how well the geometry of the"
-    " satellites determines a position."
-)
-_RATE = " The share of confirmed fixes is that of 30 s."
-_BASE = " Along distance and height from the base the atmosphere differs."
+_STATEMENTS = {  # of what the series hold
+    "kind": "Colours: the class of each epoch; the share of confirmed fixes is that of 30 s.",
+    "ratio": (
+        "The ratio compares the second best integer ambiguities with the best: above the dashed"
+        " line a fix is accepted, which says little where few satellites are left."
+    ),
+    "age_s": "Age is that of the base's observations.",
+    "pdop": "PDOP says how well the geometry of the satellites determines a position.",
+    "hdop": "HDOP is that of the horizontal position.",
+    "distance_m": "Along distance and height from the base the atmosphere differs.",
+}
 _SEPARATION = (
-    " The run backward minus the run forward, within three standard deviations of their difference:"
+    "The run backward minus the run forward, within three standard deviations of their difference:"
     " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
     " is an incorrect ambiguity fix in one of them."
 )
@@ -81,8 +84,8 @@ def fix_series(fixes: GnssFixes) -> dict[str, Any]:
     if fixes.quality is not None:
         classified = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
         series["kind"] = np.asarray(KIND_OF_QUALITY)[classified]
-    for name in ("satellites", "ratio", "age_s", "pdop"):
-        value = getattr(fixes, name)
+    for name in ("satellites", "ratio", "age_s", "pdop", "hdop"):
+        value = getattr(fixes, name, None)
         if value is not None:
             series[name] = value
     return {"time": fixes.time, **series} if series else {}
@@ -110,9 +113,9 @@ def charts(series: Series, marks: Marks | None = None) -> Iterator[Chart]:
         shades = [shade for shade in marks.shades if shade.kind == "line"]
     gaps = minutes(np.reshape(series.get("gaps", ()), (-1, 2)))
     shades += [Shade(begin, end, "outage") for begin, end in gaps.tolist()]
-    reading = _SOLUTION + (_RATE if "kind" in series else "")
-    reading += _BASE if "distance_m" in series else ""
-    reading += _SEPARATION if "separation_m" in series else ""
+    statements = {**_STATEMENTS, "separation_m": _SEPARATION}
+    reading = " ".join(text for name, text in statements.items() if name in series)
+    reading = reading or "The satellites of each epoch."
     both = (
         ("gnss-solution", "How the antenna positions were solved", reading, _solution),
         ("gnss-signals", "What the receiver observed", _SIGNALS, _signals),
@@ -149,8 +152,12 @@ def _solution(series: Series, minutes: Minutes) -> Iterator[Axes]:
             scale="log",
             limits=(LEAST_RATIO, 1.2 * MOST_RATIO),
         )
-    for name, label in (("age_s", "age of the base's data, s"), ("pdop", "PDOP")):
-        if name in series:
+    for name, label in (
+        ("age_s", "age of the base's data, s"),
+        ("pdop", "PDOP"),
+        ("hdop", "HDOP"),
+    ):
+        if name in series and not (name == "hdop" and "pdop" in series):
             y = np.asarray(series[name], dtype=np.float64)
             yield Axes(label, list(_by_class(t, y, kind, classified)))
     if "separation_m" in series:

@@ -18,8 +18,9 @@ from .pieces import AXES, band, dots, length_unit, line, middle_limits, over_tim
 
 _INNOVATIONS = (
     "Each fix minus what was predicted for it; nearly all must lie within the shaded three standard"
-    " deviations, without drift. Below, the same in one number (NIS): one in twenty may exceed the"
-    " dashed line, those above the full line were rejected."
+    " deviations, without drift (what lies beyond the axis stands at its edge). Below, the same in"
+    " one number (NIS): one in twenty may exceed the dashed line, those above the full line were"
+    " rejected."
 )
 _DISTRIBUTION = (
     "Used innovations over their standard deviations against the normal distribution that honest"
