@@ -339,6 +339,15 @@ def test_a_flight_without_images_has_its_charts(browser, diagnostics, summary, t
     page.mouse.move(*_centre(page, "motion", 0.5))
     assert page.evaluate(f"{MAP}.instant.length") == 2
     assert page.query_selector("#image-table") is None
+    page.evaluate("document.getElementById('map').scrollIntoView()")
+    box = page.query_selector("#map canvas").bounding_box()
+    x, y = page.evaluate(f"(v => [v.X(v.track.x[300]), v.Y(v.track.y[300])])({MAP})")
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    minute = page.evaluate(
+        f"(p => p.plot.posToVal(p.plot.cursor.left, 'x'))({PANEL.format('motion')})"
+    )
+    assert 60.0 * minute == pytest.approx(30.0, abs=1.0)
+    assert page.query_selector("#map .tip").inner_text().startswith("minute 0.5")
     page.close()
     assert complaints == []
 
