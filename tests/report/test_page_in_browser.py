@@ -353,6 +353,23 @@ def test_a_flight_without_images_has_its_charts(browser, diagnostics, summary, t
 
 
 @pytest.mark.slow
+def test_odd_runs_are_drawn_without_complaint(browser, odd_cases, summary, tmp_path) -> None:
+    """Oracle: no error of the script, and a canvas in every figure, whatever is missing."""
+    page = browser.new_page()
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda message: complaints.append(message.text))
+    for name, (d, images) in odd_cases.items():
+        path = write_report(tmp_path, summary(d, images), d, images)
+        page.goto(path.as_uri())
+        _seen(page)
+        page.mouse.move(*_centre(page, "motion", 0.5))
+        page.mouse.dblclick(*_centre(page, "motion", 0.5))
+        assert complaints == [], name
+    page.close()
+
+
+@pytest.mark.slow
 def test_it_prints_whole(opened: Opened) -> None:
     """Oracle: PDFium, what it reads and draws; every heading is there with something below it on
     its page, all images are there, and so is the ink of the charts.
