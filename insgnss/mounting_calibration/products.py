@@ -292,11 +292,12 @@ def _mood(result: CalibratedMounting) -> tuple[str, str]:
     """Return the colour of the bar, and why it has it."""
     if (refusal := result.refusal) is not None:
         return "bad", str(refusal)
-    lacking = [
-        name for name, word, _ in result.components if word != "determined" and name != "imu_m"
-    ]
-    if lacking:
-        return "doubtful", f"not determined by these data: {', '.join(lacking)}"
+    named: dict[str, list[str]] = {}
+    for name, word, _ in result.components:
+        if word != "determined" and name != "imu_m":
+            named.setdefault(word, []).append(name)
+    if named:
+        return "doubtful", "; ".join(f"{word}: {', '.join(own)}" for word, own in named.items())
     return "good", "every component that these data can show is determined"
 
 

@@ -1,10 +1,8 @@
 """Pieces of HTML: escaped text, tables, values of three axes."""
 
-import base64
 import html
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -19,16 +17,6 @@ _POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:;"
     " base-uri 'none'; form-action 'none'"
 )
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A drawn figure: PNG bytes, title, and how to read it."""
-
-    name: str
-    title: str
-    reading: str
-    png: bytes
 
 
 def document(
@@ -92,16 +80,6 @@ def charted(chart: Chart) -> str:
         '<noscript><p class="soft">The page draws this figure itself, and scripts are off here:'
         " <code>insgnss figures report.html</code> writes it as a file.</p></noscript>\n"
         f"<figcaption>{escape(chart.reading)}</figcaption>\n</figure>\n"
-    )
-
-
-def pictured(picture: Picture) -> str:
-    """A picture with its title and how to read it."""
-    title = escape(picture.title)
-    return (
-        f'<h2>{title}</h2>\n<figure id="{escape(picture.name)}">\n<img alt="{title}"'
-        f' src="data:image/png;base64,{base64.b64encode(picture.png).decode("ascii")}">\n'
-        f"<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n"
     )
 
 

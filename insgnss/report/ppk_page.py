@@ -9,6 +9,7 @@ from .charts import gnss
 from .charts.chart import Chart
 from .verb_page import VerbPage, checks_table, tabulated
 
+MOST_NAMED = 3  # checks that are named beside the bar
 MOODS = {"good": "good", "usable with care": "doubtful", "poor": "bad"}
 
 
@@ -46,15 +47,12 @@ def ppk_page(
         Text of ppk.json.
     """
     word, _, rest = document["verdict"].partition(": ")
-    odd = [check for check in checks if check.verdict != "ok"]
-    named = "; ".join(f"{check.name}: {check.found}" for check in odd[:3])
-    more = f"; and {len(odd) - 3} more checks" if len(odd) > 3 else ""
     quality = [(name, value) for name, value in document["quality"].items() if _is_plain(value)]
     return VerbPage(
         f"PPK: {Path(document['input']['rover']).name}",
         f"{word.capitalize()}: {rest}",
         MOODS.get(word, "doubtful"),
-        f"{named}{more}" if odd else "no check has a note",
+        _why(word, checks),
         ppk_charts(series),
         parts=(
             checks_table(checks),
@@ -66,6 +64,20 @@ def ppk_page(
         versions={"engine": str(document["engine"]), "its CPU, s": f"{document['cpu_s']:.1f}"},
         twin=twin,
     )
+
+
+def _why(word: str, checks: Sequence[Check]) -> str:
+    """Return why the bar has its colour: what was found against the solution, the worst first."""
+    odd = sorted(
+        (check for check in checks if check.verdict != "ok"), key=lambda c: c.verdict == "note"
+    )
+    if word == "good":
+        names = ", ".join(dict.fromkeys(check.name for check in odd))
+        notes = f"; there are notes on {names}" if odd else ""
+        return f"nearly all epochs are fixed and confirmed, and no check is against them{notes}"
+    more = f"; and {len(odd) - MOST_NAMED} more" if len(odd) > MOST_NAMED else ""
+    named = "; ".join(f"{check.name}: {check.found}" for check in odd[:MOST_NAMED])
+    return f"{named}{more}" if odd else "too few epochs are fixed and confirmed"
 
 
 def _is_plain(value: object) -> bool:

@@ -1,5 +1,7 @@
 """The charts of a calibrated mounting: setups about their mean, residuals of a flight."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,11 +44,11 @@ def test_setups_stand_about_their_mean_with_their_sigma():
 
 def test_misclosures_without_sigma_have_no_bars():
     """Oracle: by hand."""
-    data = scatter(sigma=0.0)
+    data = replace(scatter(sigma=0.0), names=tuple("12345"))
     kinds = {
         layer.kind for panel in scattered(data, "target", "T").panels for layer in panel.layers
     }
-    assert kinds == {"rules", "points", "labels"}
+    assert kinds == {"rules", "points"}
 
 
 def test_residuals_over_images_course_and_map():

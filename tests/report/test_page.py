@@ -1,6 +1,5 @@
 """The page: valid, self-contained, escaped, whole or not there."""
 
-import base64
 import hashlib
 import json
 import re
@@ -17,7 +16,7 @@ from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedErr
 from insgnss.report.charts.chart import Axes, Chart, Layer
 from insgnss.report.charts.encoded import in_page
 from insgnss.report.image_table import image_table
-from insgnss.report.markup import Picture, pictured, sentence
+from insgnss.report.markup import sentence
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 
@@ -85,15 +84,6 @@ def test_licence_of_the_library_is_in_the_page(tmp_path: Path, diagnostics, eo, 
     text = path.read_text(encoding="utf-8")
     assert "Copyright (c) 2022 Leon Sorokin" in text
     assert "THE SOFTWARE IS PROVIDED" in text
-
-
-def test_pictures_stay_in_the_page() -> None:
-    """Oracle: base64; pages of other verbs hold pictures."""
-    text = pictured(Picture("scene", "A <scene>", "Look & see.", b"\x89PNG not really"))
-    found = re.search(r'src="data:image/png;base64,([^"]*)"', text)
-    assert found is not None
-    assert base64.b64decode(found.group(1)) == b"\x89PNG not really"
-    assert ("alt", "A <scene>") in Reader(text).attributes
 
 
 def test_keys_of_the_flight_file_are_printed_as_they_are() -> None:

@@ -339,8 +339,34 @@ def test_a_flight_without_images_has_its_charts(browser, diagnostics, summary, t
     page.mouse.move(*_centre(page, "motion", 0.5))
     assert page.evaluate(f"{MAP}.instant.length") == 2
     assert page.query_selector("#image-table") is None
+    page.evaluate("document.getElementById('map').scrollIntoView()")
+    box = page.query_selector("#map canvas").bounding_box()
+    x, y = page.evaluate(f"(v => [v.X(v.track.x[300]), v.Y(v.track.y[300])])({MAP})")
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    minute = page.evaluate(
+        f"(p => p.plot.posToVal(p.plot.cursor.left, 'x'))({PANEL.format('motion')})"
+    )
+    assert 60.0 * minute == pytest.approx(30.0, abs=1.0)
+    assert page.query_selector("#map .tip").inner_text().startswith("minute 0.5")
     page.close()
     assert complaints == []
+
+
+@pytest.mark.slow
+def test_odd_runs_are_drawn_without_complaint(browser, odd_cases, summary, tmp_path) -> None:
+    """Oracle: no error of the script, and a canvas in every figure, whatever is missing."""
+    page = browser.new_page()
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda message: complaints.append(message.text))
+    for name, (d, images) in odd_cases.items():
+        path = write_report(tmp_path, summary(d, images), d, images)
+        page.goto(path.as_uri())
+        _seen(page)
+        page.mouse.move(*_centre(page, "motion", 0.5))
+        page.mouse.dblclick(*_centre(page, "motion", 0.5))
+        assert complaints == [], name
+    page.close()
 
 
 @pytest.mark.slow

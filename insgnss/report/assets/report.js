@@ -673,7 +673,7 @@
 
   class MapView {
     constructor(chart, figure) {
-      Object.assign(this, { chart, figure, hidden: new Set(), layers: chart.panels[0].layers, image: null, fixed: null });
+      Object.assign(this, { chart, figure, hidden: new Set(), layers: chart.panels[0].layers, image: null, passed: null, fixed: null });
       this.body = figure.querySelector(".plot");
       this.body.style.minHeight = "480px";
       this.shots = images && chart.link === "image"
@@ -852,13 +852,23 @@
       return best;
     }
 
+    /** The row of the flight's track nearest to a pixel; null where none is near. */
+    along(x, y) {
+      let best = null, least = 10 * 10;
+      for (let i = 0; i < (this.track?.t.length ?? 0); i++) {
+        const d = (this.X(this.track.x[i]) - x) ** 2 + (this.Y(this.track.y[i]) - y) ** 2;
+        if (d < least) { least = d; best = i; }
+      }
+      return best;
+    }
+
     say(found, x, y) {
       if (!found) { this.tip.hidden = true; return; }
       const { layer, i } = found;
-      const text = layer === this.shots ? images.columns.filter((column) => column.tip).reduce(
+      const text = found.text ?? (layer === this.shots ? images.columns.filter((column) => column.tip).reduce(
         (lines, column) => `${lines}\n${column.tip}: ${column.text(i)}${column.unit ? ` ${column.unit}` : ""}`,
         `${images.names[i]}${flagsOf(i) ? `\n${flagsOf(i)}` : ""}`)
-        : layer.texts[i] ?? [layer.name, layer.value ? `${layer.value_name}: ${short(layer.value[i])}` : ""].filter(Boolean).join("\n");
+        : layer.texts[i] ?? [layer.name, layer.value ? `${layer.value_name}: ${short(layer.value[i])}` : ""].filter(Boolean).join("\n"));
       if (!text) { this.tip.hidden = true; return; }
       this.tip.textContent = text;
       this.tip.hidden = false;
@@ -901,7 +911,7 @@
       };
       canvas.addEventListener("pointerup", up);
       canvas.addEventListener("pointercancel", up);
-      canvas.addEventListener("pointerleave", () => { this.image = null; this.say(null); this.paint(); point({}, this); });
+      canvas.addEventListener("pointerleave", () => { this.image = this.passed = this.instant = null; this.say(null); this.paint(); point({}, this); });
       canvas.addEventListener("dblclick", () => { this.fit(); this.paint(); });
       canvas.addEventListener("wheel", (event) => {
         event.preventDefault();
@@ -922,11 +932,14 @@
       const found = this.hit(x, y);
       this.say(found, x, y);
       const image = found && found.layer === this.shots ? found.i : null;
-      if (image === this.image) return;
+      const k = image === null ? this.along(x, y) : null; // beside images, the flight itself
+      if (image === this.image && k === this.passed) return;
       this.image = image;
-      this.instant = null;
+      this.passed = k;
+      this.instant = k === null ? null : [this.track.x[k], this.track.y[k]];
+      if (k !== null && !found) this.say({ text: `minute ${this.track.t[k].toFixed(2)}` }, x, y);
       this.paint();
-      point(image === null ? {} : ofImage(image), this);
+      point(image !== null ? ofImage(image) : k !== null ? { time: this.track.t[k], image: null } : {}, this);
     }
 
     zoom(factor, about = [this.wide / 2, this.high / 2]) {

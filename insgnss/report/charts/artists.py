@@ -142,6 +142,8 @@ def _rules(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
 
 
 def _labels(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
+    ax.update_datalim(np.column_stack([layer.x, layer.y]))  # no text does so by itself
+    ax.autoscale_view()
     step = -(-layer.x.size // MOST_TEXTS) or 1
     for x, y, text in list(zip(layer.x, layer.y, layer.texts, strict=True))[::step]:
         ax.annotate(

@@ -251,7 +251,7 @@ class _Block:
         if self.chart.columns > 1:
             return float(np.clip(0.7 * self.panel_width, 0.9, 2.6))
         rows = len(self.chart.panels)
-        wanted = {1: 4.0, 2: 2.6, 3: 2.0}.get(rows, 1.6) * scale
+        wanted = {1: 4.0, 2: 2.6, 3: 2.0, 4: 1.6}.get(rows, 1.3) * scale
         return max(wanted, 0.95 if rows > 2 else 1.2 if rows == 2 else 1.9)
 
     def _above(self, k: int) -> float:

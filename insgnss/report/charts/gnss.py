@@ -46,6 +46,7 @@ VALIDATED = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0
 MOST_RATIO, LEAST_RATIO = 1000.0, 0.9
 MOST_SLIPS = 4000
+MOST_NAMED = 8  # satellites whose names stand beside their slips
 BAND_INKS: tuple[Ink, ...] = ("first", "second", "third", "fourth", "fifth")
 
 _STATEMENTS = {  # of what the series hold
@@ -225,4 +226,9 @@ def _signals(series: Series, minutes: Minutes) -> Iterator[Axes]:
             width=4.0,
             texts=satellites[some],
         )
-        yield Axes("satellite", (layer,), limits=(-1.0, float(len(row))))
+        t = minutes(series["time"])
+        step = -(-len(row) // MOST_NAMED)
+        names, rows = [*row][::step], np.arange(0.0, len(row), step)
+        left = np.full(rows.size, t[0] + 0.02 * (t[-1] - t[0]))
+        labels = Layer("labels", left, rows, ink="faint", texts=names)
+        yield Axes("satellite", (layer, labels), limits=(-1.0, float(len(row))))

@@ -72,9 +72,10 @@ def scattered(
         layers = _scatter_layers(data, k, factor, words)
         panels.append(Axes(f"{name}: {unit}", layers))
     names, number = data.names, np.arange(1.0, len(data.names) + 1.0)
-    if len(names) <= MOST_NAMES:
-        lowest = float((off[:, 2] - data.sigma[:, 2]).min())
-        height = np.full(number.size, factor * lowest)
+    if len(names) <= MOST_NAMES and not all(name.isdigit() for name in names):
+        low, high = off[:, 2] - data.sigma[:, 2], off[:, 2] + data.sigma[:, 2]
+        below = float(low.min()) - 0.15 * max(float(high.max() - low.min()), 1e-9)
+        height = np.full(number.size, factor * below)
         last = panels[-1]
         words_below = Layer("labels", number, height, ink="faint", texts=names)
         panels[-1] = Axes(last.label, [*last.layers, words_below])
@@ -86,7 +87,9 @@ def scattered(
         )
     if data.left_out.any():
         reading += f" Red: {kind}s left out."
-    return Chart(f"scatter-{kind}", title, reading, panels, f"number of the {kind}")
+    ends = (0.5, len(names) + 0.5)
+    label = f"number of the {kind}"
+    return Chart(f"scatter-{kind}", title, reading, panels, label, limits=ends)
 
 
 def _scatter_layers(data: Scatter, k: int, factor: float, words: str) -> list[Layer]:
@@ -171,9 +174,9 @@ def residuals(data: Residuals) -> tuple[Chart, ...]:
         return made
 
     every = np.ones(number.size, dtype=np.bool_)
-    charts = [
-        Chart("residuals", title, reading, panels(number, every, True), "image", link="image")
-    ]
+    over = panels(number, every, True)
+    ends = (0.5, number.size + 0.5)
+    charts = [Chart("residuals", title, reading, over, "image", link="image", limits=ends)]
     if oriented.any():
         course = Chart(
             "residuals-course",
