@@ -106,7 +106,8 @@
   function short(value) {
     if (!Number.isFinite(value)) return "–";
     const size = Math.abs(value);
-    if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(2);
+    if (size === 0) return "0";
+    if (size < 1e-3 || size >= 1e6) return value.toExponential(2);
     const digits = size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : size >= 0.1 ? 3 : 4;
     return value.toFixed(digits);
   }
@@ -312,7 +313,7 @@
       const named = axes.layers.filter((layer, k) => layer.name
         && axes.layers.findIndex((other) => other.name === layer.name) === k);
       this.keys = named.map((layer) => this.key(layer));
-      for (const layer of axes.layers) if (layer.value) this.head.append(...bar(layer));
+      for (const layer of axes.layers) if (layer.value) this.head.append(bar(layer));
       this.element = make("div", "panel");
       this.element.append(this.head, make("div", "axes"));
     }
@@ -580,8 +581,9 @@
     const { low, high, more } = colours(layer);
     const strip = make("span", "bar");
     strip.style.background = `linear-gradient(90deg, ${VIRIDIS.map((c) => `rgb(${c})`)})`;
-    return [make("span", "", `${layer.value_name ?? ""} ${short(low)}`), strip,
-      make("span", "", `${more ? "≥ " : ""}${short(high)}`)];
+    const scale = make("span", "scale");
+    scale.append(`${layer.value_name ?? ""} ${short(low)}`, strip, `${more ? "≥ " : ""}${short(high)}`);
+    return scale;
   }
 
   class AxesView {
@@ -608,6 +610,8 @@
         }
       }
       group.home ??= this.chart.limits ?? null;
+      group.log = log;
+      group.dotted ||= this.chart.link !== "time" && panel.layers.some((layer) => layer.kind === "points");
     }
 
     height() {
@@ -695,7 +699,7 @@
         this.keys.append(button);
         return { layer, sign };
       });
-      for (const layer of this.layers) if (layer.value) this.keys.append(...bar(layer));
+      for (const layer of this.layers) if (layer.value) this.keys.append(bar(layer));
       this.frame = make("div", "map");
       this.canvas = make("canvas");
       this.canvas.tabIndex = 0;
@@ -1168,9 +1172,10 @@
     const figure = document.getElementById(chart.name);
     return figure ? [new (chart.map ? MapView : AxesView)(chart, figure)] : [];
   });
-  for (const [name, group] of groups) {
-    if (name === "image") group.full = [group.full[0] - 0.7, group.full[1] + 0.7];
+  for (const group of groups.values()) {
     if (!(group.full[1] > group.full[0])) group.full = Number.isFinite(group.full[0]) ? [group.full[0] - 1, group.full[0] + 1] : [0, 1];
+    if (group.dotted) group.full = zoomed(group.full, group.log ? Math.sqrt(group.full[0] * group.full[1])
+      : (group.full[0] + group.full[1]) / 2, 1.03, group.log); // no point is cut by the edge
     group.home ??= group.full;
     group.range = group.home.slice();
   }
