@@ -264,7 +264,7 @@ def sub_solution(solution: Solution, first: int, last: int) -> Solution:
         k: getattr(solution, k)[epochs]
         for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
-    covariances = solution.covariances.part(first, last)
+    covariances = solution.covariances.piece(first, last)
     return replace(solution, problem=problem, x=x, covariances=covariances, **arrays)
 
 

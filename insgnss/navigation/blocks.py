@@ -207,14 +207,14 @@ class BlockwisePasses:
         for b, first in enumerate(self.first.tolist()):
             yield b, first, min(first + self.size, m)
 
-    def _part(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
+    def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
         """Return epochs and room of a block, with the epoch before it in front, and its begin."""
         front = max(first - 1, 0)
         kept = b >= self.kept_from
         row = first - int(self.first[self.kept_from]) if kept else 0
         row += 1 - (first - front)
-        history = part_of_history(self.history, front, last, row, self.outages)
-        return part_of_epochs(self.problem.epochs, front, last), history, first - front
+        history = _piece_of_history(self.history, front, last, row, self.outages)
+        return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
 
     def filter(self, closed_loop: bool = True) -> None:
         """Run the forward pass.
@@ -238,11 +238,11 @@ class BlockwisePasses:
             size = history.cross.shape[0], problem.layout.size
             self.transitions = EventTransitions.before(*size)
         for b, first, last in self._blocks():
-            self.checkpoints.append(copied(state))
-            epochs, part, begin = self._part(b, first, last)
-            forward(inputs, epochs, state, part, begin)
+            self.checkpoints.append(_copied(state))
+            epochs, records, begin = self._of_block_views(b, first, last)
+            _forward(inputs, epochs, state, records, begin)
             if self.transitions is not None:
-                self.transitions.through(epochs.event, part, begin)
+                self.transitions.through(epochs.event, records, begin)
         self.fresh = True
         refuse_divergence(problem, history)
 
@@ -267,18 +267,29 @@ class BlockwisePasses:
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
         for b, first, last in reversed(list(self._blocks())):
-            epochs, part, begin = self._part(b, first, last)
+            epochs, records, begin = self._of_block_views(b, first, last)
             if b < self.kept_from or not self.fresh:
-                forward(inputs, epochs, copied(self.checkpoints[b]), part, begin)
+                _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
             self.adjoints.append(_adjoint(state, unset))
-            own = room.part(first - begin, last)
-            run_backward(epochs.event, part, full, state, begin, *own)
+            own = room.piece(first - begin, last)
+            run_backward(epochs.event, records, full, state, begin, *own)
         self.adjoints.reverse()
         self.fresh = self.kept_from == 0
         return room.smoothed()
 
     def chain(self, smoothed: Smoothed) -> EventChain | None:
-        """Return what ties the events, where the problem asks for it."""
+        """Return what ties the events, where the problem asks for it.
+
+        Parameters
+        ----------
+        smoothed : Smoothed
+            What the backward pass gave.
+
+        Returns
+        -------
+        EventChain or None
+            None where it does not.
+        """
         if self.transitions is None:
             return None
         return EventChain.of(self.problem.epochs, self.transitions, smoothed)
@@ -347,8 +358,8 @@ class BlockAgain:
         block = rows // self.size
         for b in np.unique(block).tolist():
             own = np.flatnonzero(block == b)
-            wanted, place = np.unique(rows[own], return_inverse=True)
-            out[own] = self._of_block(b, wanted)[place]
+            wanted, inverse = np.unique(rows[own], return_inverse=True)
+            out[own] = self._of_block(b, wanted)[inverse]
         return out
 
     def _of_block(self, b: int, rows: np.ndarray) -> Array:
@@ -356,18 +367,18 @@ class BlockAgain:
         epochs, n = self.problem.epochs, self.problem.layout.size
         first = b * self.size
         last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
-        own = part_of_epochs(epochs, front, last)
+        own = _piece_of_epochs(epochs, front, last)
         own = own._replace(event=np.full(last - front, ABSENT, dtype=np.int64))
-        outage = relabelled(self.outage[front:last])
+        outage = _relabelled(self.outage[front:last])
         room = history_room(
             *(last - front, n, last - front, self.slot, self.used, outage, last - front, 0)
         )
         if self.nominal is not None:
             room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
         inputs = forward_inputs(self.problem, self.nominal is None)
-        forward(inputs, own, copied(self.checkpoints[b]), room, first - front)
+        _forward(inputs, own, _copied(self.checkpoints[b]), room, first - front)
         smoother = SmootherRoom.of(last - front, n, rows - front, 0, False, 0)
-        state = copied(self.adjoints[b])
+        state = _copied(self.adjoints[b])
         run_backward(own.event, room, True, state, first - front, *smoother)
         return smoother.kept
 
@@ -375,11 +386,11 @@ class BlockAgain:
 def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
     """Return a copy of a state; what is not set of it is that of `unset`, which all share."""
     if state.within[0]:
-        return copied(state)
+        return _copied(state)
     return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
 
 
-def forward(
+def _forward(
     inputs: ForwardInputs, epochs: Epochs, state: FilterState, history: FilterHistory, begin: int
 ) -> None:
     """Filter the epochs of a block from `begin` on; `state` is taken to its end."""
@@ -387,12 +398,12 @@ def forward(
     run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin)
 
 
-def part_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:
+def _piece_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:
     """Return the epochs front..last - 1, as views."""
     return Epochs(*(each[front:last] for each in epochs))
 
 
-def part_of_history(
+def _piece_of_history(
     history: FilterHistory, front: int, last: int, row: int, outages: bool
 ) -> FilterHistory:
     """Return the room of the epochs front..last - 1, as views.
@@ -421,15 +432,15 @@ def part_of_history(
         for name, each in zip(history._fields, history, strict=True)
         if name not in whole
     }
-    parts["outage"] = relabelled(parts["outage"])
+    parts["outage"] = _relabelled(parts["outage"])
     return history._replace(**parts)
 
 
-def relabelled(outage: np.ndarray) -> np.ndarray:
+def _relabelled(outage: np.ndarray) -> np.ndarray:
     """Return slots of the process noise that are the rows of the epochs themselves."""
     return np.where(outage != ABSENT, np.arange(outage.size), ABSENT)
 
 
-def copied(state: State) -> State:
+def _copied(state: State) -> State:
     """Return a state with arrays of its own."""
     return type(state)(*(each.copy() for each in state))

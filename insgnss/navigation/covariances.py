@@ -118,19 +118,52 @@ class SmoothedCovariances:
             out[self._within(error, epochs), POS] += np.diag(error.cov)
         return out
 
-    def part(self, first: int, last: int) -> "SmoothedCovariances":
-        """Return those of the epochs first..last, both included."""
+    def piece(self, first: int, last: int) -> "SmoothedCovariances":
+        """Return those of consecutive epochs.
+
+        Parameters
+        ----------
+        first, last : int
+            The first and the last epoch, both included.
+
+        Returns
+        -------
+        SmoothedCovariances
+            Whose epochs count from the first.
+        """
         return replace(self, nav=self.nav[first : last + 1], first=self.first + first)
 
     def without(self, states: np.ndarray) -> "SmoothedCovariances":
-        """Return those without some states, counted from the first of navigation."""
+        """Return those without some states.
+
+        Parameters
+        ----------
+        states : ndarray
+            Counted from the first of navigation, of which none may go.
+
+        Returns
+        -------
+        SmoothedCovariances
+            The same otherwise.
+        """
         here = self.states
         if here is None:
             here = np.arange(self.size)
         return replace(self, states=np.delete(here, states))
 
     def enlarged(self, shared: tuple[SharedError, ...]) -> "SmoothedCovariances":
-        """Return those of positions that share further errors, whose epochs count from `first`."""
+        """Return those of positions that share further errors.
+
+        Parameters
+        ----------
+        shared : tuple of SharedError
+            Their epochs are counted as those of these covariances are.
+
+        Returns
+        -------
+        SmoothedCovariances
+            The same otherwise.
+        """
         moved = tuple(
             SharedError(error.first + self.first, error.last + self.first, error.cov)
             for error in shared
@@ -140,16 +173,16 @@ class SmoothedCovariances:
     def _triangles(self, epochs: np.ndarray) -> Array:
         """Return lower triangles, (k, n (n + 1) / 2), kept or worked out again."""
         wanted = epochs + self.first
-        place = np.searchsorted(self.rows, wanted)
+        slot = np.searchsorted(self.rows, wanted)
         there = np.zeros(wanted.size, dtype=np.bool_)
-        inside = place < self.rows.size
-        there[inside] = self.rows[place[inside]] == wanted[inside]
+        inside = slot < self.rows.size
+        there[inside] = self.rows[slot[inside]] == wanted[inside]
         if there.all():
-            return self.kept[place]
+            return self.kept[slot]
         if self.again is None:
             raise ValueError("the increments are gone: covariances are those of Solution.rows")
         out = np.empty((wanted.size, self.kept.shape[1]))
-        out[there] = self.kept[place[there]]
+        out[there] = self.kept[slot[there]]
         out[~there] = self.again.triangles(wanted[~there])
         return out
 
@@ -159,6 +192,6 @@ class SmoothedCovariances:
         return (whole >= error.first) & (whole <= error.last)
 
     def _add_shared(self, cov: Array, epochs: np.ndarray) -> None:
-        """Add what no state describes to covariances (k, n, n) of some epochs, in place."""
+        """Add what no state describes to covariances (k, n, n) of some epochs, in slot."""
         for error in self.shared:
             cov[self._within(error, epochs), POS, POS] += error.cov

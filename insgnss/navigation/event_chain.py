@@ -58,7 +58,18 @@ class EventTransitions:
 
     @classmethod
     def before(cls, events: int, n: int) -> "EventTransitions":
-        """Return those before the first epoch."""
+        """Return those before the first epoch.
+
+        Parameters
+        ----------
+        events, n : int
+            Camera events and states.
+
+        Returns
+        -------
+        EventTransitions
+            With room for all events.
+        """
         return cls(np.eye(n), np.zeros(1, dtype=np.int64), np.empty((events, n, n)))
 
     def through(self, event: np.ndarray, history: FilterHistory, begin: int) -> None:

@@ -108,7 +108,15 @@ class Smoothed:
 
 
 class SmootherRoom(NamedTuple):
-    """What `kernels.backward.run_backward` fills, in the order of its parameters."""
+    """What `kernels.backward.run_backward` fills, in the order of its parameters.
+
+    Parameters
+    ----------
+    delta, nav_cov, slot, kept, event_cross, event_filter, event_gain, keep : ndarray
+        As there.
+    information, adjoint : ndarray
+        Its `keep_information` and `keep_adjoint`.
+    """
 
     delta: Array
     nav_cov: Array
@@ -172,8 +180,19 @@ class SmootherRoom(NamedTuple):
             np.zeros((chosen.size, n)),
         )
 
-    def part(self, first: int, last: int) -> "SmootherRoom":
-        """Return the room of the epochs first..last - 1."""
+    def piece(self, first: int, last: int) -> "SmootherRoom":
+        """Return the room of some consecutive epochs.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        SmootherRoom
+            Views; what is not by epochs is the whole.
+        """
         own = slice(first, last)
         return self._replace(
             delta=self.delta[own],
@@ -207,7 +226,18 @@ def _numbered(m: int, rows: np.ndarray) -> np.ndarray:
 
 
 def last_state(n: int) -> SmootherState:
-    """Return the smoother of n states at the end of a flight, where no data are to come."""
+    """Return the smoother at the end of a flight, where no data are to come.
+
+    Parameters
+    ----------
+    n : int
+        Number of states.
+
+    Returns
+    -------
+    SmootherState
+        All zero.
+    """
     ns = n - N_NAV
     return SmootherState(
         np.zeros(n),

@@ -18,11 +18,11 @@ def unpacked(triangle: Array) -> Array:
     Array
         (k, n, n).
     """
-    n = size_of(triangle)
+    n = _size_of(triangle)
     row, column = np.tril_indices(n)
-    place = np.empty((n, n), dtype=np.int64)
-    place[row, column] = place[column, row] = np.arange(row.size)
-    return triangle[:, place]
+    slot = np.empty((n, n), dtype=np.int64)
+    slot[row, column] = slot[column, row] = np.arange(row.size)
+    return triangle[:, slot]
 
 
 def diagonal(triangle: Array) -> Array:
@@ -38,9 +38,9 @@ def diagonal(triangle: Array) -> Array:
     Array
         (k, n).
     """
-    return triangle[:, np.cumsum(np.arange(1, size_of(triangle) + 1)) - 1]
+    return triangle[:, np.cumsum(np.arange(1, _size_of(triangle) + 1)) - 1]
 
 
-def size_of(triangle: Array) -> int:
+def _size_of(triangle: Array) -> int:
     """Return n of lower triangles (k, n (n + 1) / 2)."""
     return int(np.sqrt(2 * triangle.shape[1]))

@@ -50,6 +50,22 @@ def output_trajectory(flight: Flight, segments: Sequence[Segment], gps_week: int
     )
 
 
+def at_epochs(hz: float | None) -> bool:
+    """Tell whether the rows of the output are epochs, which need no increments between them.
+
+    Parameters
+    ----------
+    hz : float or None
+        `output.trajectory_hz`.
+
+    Returns
+    -------
+    bool
+        Whether the rate is at most `EPOCH_HZ`.
+    """
+    return hz is not None and hz <= EPOCH_HZ
+
+
 def orient_images(
     flight: Flight,
     recording: Recording,
@@ -258,6 +274,6 @@ def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
 
 def _on_grid(segment: Segment, hz: float | None, gps_week: int) -> Trajectory:
     """Return the poses of a segment at a rate, Hz; None is that of the samples."""
-    if hz is not None and hz <= EPOCH_HZ:
+    if at_epochs(hz):
         return trajectory(segment.solution, segment.grid, gps_week)
     return dense_trajectory(segment.solution, gps_week, hz)

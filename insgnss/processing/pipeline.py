@@ -39,7 +39,7 @@ from .checks import (
 from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
-from .orientation import orient_images, output_trajectory, strip_covariances
+from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
 from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
@@ -164,7 +164,6 @@ def process(
     del prepared
 
     clock.step("orient")
-    trajectory = output_trajectory(flight, segments, week)
     rows = report_rows(segments, week)
     sampled = Trajectory.joined([row.trajectory for row in rows])
     checks = (*checks, check_heading(flight, sampled))
@@ -181,7 +180,11 @@ def process(
         eo = replace(eo, history=history)
 
     # what follows reads results alone; the increments of 8 hours at 500 Hz are 0.8 GB
-    segments = [s.without_increments() for s in segments]
+    results = [s.without_increments() for s in segments]
+    if at_epochs(flight.output.trajectory_hz):
+        segments = results
+    trajectory = output_trajectory(flight, segments, week)
+    segments = results
     clock.step("report")
     diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
     report = _report(flight, recording, segments, diagnostics, eo, history, clock)

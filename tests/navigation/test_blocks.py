@@ -48,20 +48,20 @@ def test_results_do_not_depend_on_the_blocks(posed, monkeypatch, block, kept_byt
     covariance reset, events.
     """
     whole = solved(posed, monkeypatch, 10_000, 1e12, 10_000)
-    parts = solved(posed, monkeypatch, block, kept_bytes, 3)
+    in_blocks = solved(posed, monkeypatch, block, kept_bytes, 3)
     assert (whole.verdict[:, 0] == 3).any()
-    assert whole.rows.size == whole.time.size > 2 * parts.rows.size
+    assert whole.rows.size == whole.time.size > 2 * in_blocks.rows.size
     left = np.diagonal(whole.nav_covariance(), axis1=1, axis2=2) / whole.filter_sigma**2
-    assert left.min() < CANCELLED  # (B.6) takes part
+    assert left.min() < CANCELLED  # (B.6) takes piece
     every = np.arange(whole.time.size)
-    assert_array_equal(parts.covariance(every), whole.covariance(every))
-    assert_array_equal(parts.nav_covariance(), whole.nav_covariance())
+    assert_array_equal(in_blocks.covariance(every), whole.covariance(every))
+    assert_array_equal(in_blocks.nav_covariance(), whole.nav_covariance())
     for name in ("nav", "x", "filter_sigma", "nis", "verdict", "event_cross", "separation"):
-        assert_array_equal(getattr(parts, name), getattr(whole, name))
-    assert parts.chain is not None
+        assert_array_equal(getattr(in_blocks, name), getattr(whole, name))
+    assert in_blocks.chain is not None
     assert whole.chain is not None
     T = np.tile(np.eye(9, whole.problem.layout.size), (5, 1, 1))
-    assert_array_equal(parts.chain.covariance(0, T), whole.chain.covariance(0, T))
+    assert_array_equal(in_blocks.chain.covariance(0, T), whole.chain.covariance(0, T))
 
 
 def test_blocks_give_what_the_passes_over_the_whole_flight_give(posed):
@@ -95,24 +95,24 @@ def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypat
     solution = solved(posed, monkeypatch, 7, 0, 3)
     every = solution.covariance(np.arange(solution.time.size))
     whole = solution.covariances
-    part = whole.part(20, 90)
+    piece = whole.piece(20, 90)
     at = np.array([0, 13, -1, 13])
-    assert_array_equal(part.whole(at), every[20:91][at])
-    assert_array_equal(part.variance(at), np.diagonal(every[20:91][at], axis1=1, axis2=2))
-    assert_array_equal(part.of_navigation(at), every[20:91][at][:, :9, :9])
+    assert_array_equal(piece.whole(at), every[20:91][at])
+    assert_array_equal(piece.variance(at), np.diagonal(every[20:91][at], axis1=1, axis2=2))
+    assert_array_equal(piece.of_navigation(at), every[20:91][at][:, :9, :9])
     gone = np.array([10, 12])
     left = np.delete(np.arange(solution.problem.layout.size), gone)
-    fewer = part.without(gone)
+    fewer = piece.without(gone)
     assert_array_equal(fewer.whole(at), every[20:91][at][:, left[:, None], left])
-    assert_array_equal(fewer.variance(at), part.variance(at)[:, left])
+    assert_array_equal(fewer.variance(at), piece.variance(at)[:, left])
     shared = np.diag([1.0, 2.0, 3.0])
-    larger = part.enlarged((SharedError(13, 20, shared),))
+    larger = piece.enlarged((SharedError(13, 20, shared),))
     expected = every[20:91].copy()
     expected[13:21, POS, POS] += shared
     assert_array_equal(larger.whole(at), expected[at])
     assert_array_equal(larger.of_navigation(at), expected[at][:, :9, :9])
     assert_array_equal(larger.variance(at), np.diagonal(expected[at], axis1=1, axis2=2))
-    assert_array_equal(larger.part(10, 30).whole(np.array([3, 11])), expected[[13, 21]])
+    assert_array_equal(larger.piece(10, 30).whole(np.array([3, 11])), expected[[13, 21]])
 
 
 def test_without_increments_only_what_is_kept_is_told(posed, monkeypatch):
@@ -163,7 +163,7 @@ def test_memory_is_linear_with_a_small_factor(monkeypatch):
     assert of_long < 2.0 * of_short
 
 
-def test_the_forecast_is_that_of_the_parts():
+def test_the_forecast_is_what_was_measured():
     """Oracle: what was measured of whole runs, within a third: 45 minutes at 500 Hz take 0.24 GB
     beyond the program, 8 hours 1.9 GB; every sample of 45 minutes as a trajectory takes two more.
     """
