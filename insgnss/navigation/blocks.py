@@ -131,7 +131,7 @@ def forecast(
     """
     n = states + ADDED_STATES
     ns = n - N_NAV
-    of_epoch = 8 * (N_NOMINAL + ns + n + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
+    of_epoch = 8 * (N_NOMINAL + ns + N_NAV + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
     of_epoch += TRIPLE_BYTES * triples
     of_block = 8 * (3 * n * n + 4 * N_NAV * n)
     records = epochs * record_bytes(states, 3 * triples, False)

@@ -190,7 +190,7 @@ def history_room(
         x=np.empty((m, ns)),
         m=np.empty((rows, n)),
         P=np.empty((rows, n, n)),
-        sigma=np.empty((m, n)),
+        sigma=np.empty((m, N_NAV)),
         F=np.empty((rows, N_NAV, n)),
         D=np.empty((rows, ns)),
         H=np.empty((rows, nz, int(used.max()))),

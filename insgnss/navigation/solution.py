@@ -50,7 +50,7 @@ class Solution:
     covariances : SmoothedCovariances
         Smoothed covariances of the errors; `covariance`, `variance` and `nav_covariance` ask them.
     filter_sigma : Array
-        (m, n) standard deviations of the errors of all states in the forward filter.
+        (m, 9) standard deviations of the navigation errors in the forward filter.
     innovation, innovation_sigma : Array
         (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
         axes.

@@ -187,7 +187,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
         history.x[e] = x
         history.m[row] = m
         history.P[row] = P
-        for k in range(n):
+        for k in range(N_NAV):
             history.sigma[e, k] = np.sqrt(P[k, k])
         if epochs.event[e] != ABSENT:
             history.cross[epochs.event[e]] = cross

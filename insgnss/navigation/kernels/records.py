@@ -355,7 +355,7 @@ class FilterHistory(NamedTuple):
     P : ndarray
         (m, n, n) post.
     sigma : ndarray
-        (m, n) standard deviations in the filter, post.
+        (m, 9) of the navigation states in the filter, post.
     F : ndarray
         (m, 9, n) navigation rows of the transition from the previous epoch to this one.
     D : ndarray
