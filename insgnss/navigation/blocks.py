@@ -200,6 +200,7 @@ class BlockwisePasses:
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
         self.closed_loop = True
+        self.row_sigma = np.empty((rows.size, layout.size))  # of the filter, at `rows`
 
     def _blocks(self) -> Iterator[tuple[int, int, int]]:
         """Yield number, first and end of the blocks."""
@@ -270,12 +271,19 @@ class BlockwisePasses:
             epochs, records, begin = self._of_block_views(b, first, last)
             if b < self.kept_from or not self.fresh:
                 _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
+            self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
             own = room.piece(first - begin, last)
             run_backward(epochs.event, records, full, state, begin, *own)
         self.adjoints.reverse()
         self.fresh = self.kept_from == 0
         return room.smoothed()
+
+    def _keep_sigma(self, P: Array, first: int, last: int) -> None:
+        """Keep the filter's sigmas at the rows among epochs first..last - 1, P their covariances."""
+        begin, end = np.searchsorted(self.rows, (first, last))
+        variance = np.diagonal(P, axis1=1, axis2=2)[self.rows[begin:end] - first]
+        self.row_sigma[begin:end] = np.sqrt(variance)
 
     def chain(self, smoothed: Smoothed) -> EventChain | None:
         """Return what ties the events, where the problem asks for it.

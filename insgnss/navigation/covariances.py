@@ -29,6 +29,8 @@ class SmoothedCovariances:
         (k,) increasing epochs of the whole solution of which all of it is kept.
     kept : Array
         (k, n (n + 1) / 2) its lower triangles.
+    row_sigma : Array
+        (k, n) standard deviations of the forward filter at these epochs.
     again : BlockAgain or None
         Works out the others; None where the increments are gone.
     size : int
@@ -44,6 +46,7 @@ class SmoothedCovariances:
     nav: Array
     rows: np.ndarray
     kept: Array
+    row_sigma: Array
     again: BlockAgain | None
     size: int
     first: int = 0
@@ -55,6 +58,13 @@ class SmoothedCovariances:
         """The epochs, counted from those of the part, of which all is kept."""
         own = self.rows - self.first
         return own[(own >= 0) & (own < len(self.nav))]
+
+    @property
+    def filter_sigma(self) -> Array:
+        """Standard deviations of the errors of all states in the filter at `own_rows`, (k, n)."""
+        own = self.rows - self.first
+        sigma = self.row_sigma[(own >= 0) & (own < len(self.nav))]
+        return sigma if self.states is None else sigma[:, self.states]
 
     def of_navigation(self, index: np.ndarray | slice) -> Array:
         """Return the covariance of position, velocity and attitude errors.

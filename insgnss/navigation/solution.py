@@ -102,6 +102,11 @@ class Solution:
         """The epochs of which the whole covariance is kept: camera events and regular ones."""
         return self.covariances.own_rows
 
+    @property
+    def row_sigma(self) -> Array:
+        """Standard deviations of the errors of all states in the forward filter at `rows`."""
+        return self.covariances.filter_sigma
+
     def covariance(self, index: np.ndarray) -> Array:
         """Return the smoothed covariance of the errors of all states at some epochs.
 
@@ -289,6 +294,7 @@ def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Soluti
         smoothed.nav_cov,
         smoothed.rows,
         smoothed.kept,
+        passes.row_sigma,
         passes.again(),
         passes.problem.layout.size,
     )

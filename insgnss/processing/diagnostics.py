@@ -151,5 +151,5 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
         tuple(layout.names[s] for s in states),
         value,
         np.sqrt(np.maximum(variance, 0.0)),
-        solution.filter_sigma[np.ix_(epochs, rows)],
+        solution.row_sigma[:, rows],
     )

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.navigation import blocks
 from insgnss.navigation.blocks import BlockwisePasses, forecast, record_bytes
-from insgnss.navigation.codes import POS
+from insgnss.navigation.codes import NAV, POS
 from insgnss.navigation.event_chain import EventChain, SharedError
 from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.kernels.backward import CANCELLED
@@ -58,6 +58,8 @@ def test_results_do_not_depend_on_the_blocks(posed, monkeypatch, block, kept_byt
     assert_array_equal(in_blocks.nav_covariance(), whole.nav_covariance())
     for name in ("nav", "x", "filter_sigma", "nis", "verdict", "event_cross", "separation"):
         assert_array_equal(getattr(in_blocks, name), getattr(whole, name))
+    assert_array_equal(whole.row_sigma[:, NAV], whole.filter_sigma)
+    assert_array_equal(in_blocks.row_sigma, whole.row_sigma[in_blocks.rows])
     assert in_blocks.chain is not None
     assert whole.chain is not None
     T = np.tile(np.eye(9, whole.problem.layout.size), (5, 1, 1))
