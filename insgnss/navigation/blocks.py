@@ -280,7 +280,7 @@ class BlockwisePasses:
         return room.smoothed()
 
     def _keep_sigma(self, P: Array, first: int, last: int) -> None:
-        """Keep the filter's sigmas at the rows among epochs first..last - 1, P their covariances."""
+        """Keep the filter's sigmas at the rows among epochs first..last - 1 with covariances P."""
         begin, end = np.searchsorted(self.rows, (first, last))
         variance = np.diagonal(P, axis1=1, axis2=2)[self.rows[begin:end] - first]
         self.row_sigma[begin:end] = np.sqrt(variance)
