@@ -44,8 +44,8 @@ def _bad(s: Mapping[str, Any]) -> str:
         first = against[0]
         more = f" (and {len(against) - 1} more)" if len(against) > 1 else ""
         return (
-            f"the check of {first['name']} contradicts the input{more}: found {first['found']},"
-            f" expected {first['expected']}"
+            f"the check of {first['name']} contradicts the input{more}: {first['found']}"
+            f" (expected: {first['expected']})"
         )
     if not s["counts"]["fixes_used"]:
         return "no GNSS fix was used, nothing supports the positions"

@@ -80,7 +80,8 @@ def flight_lines(s: Summary) -> str:
         ("tilt_deg", "{:.3f}".format),
         ("heading_deg", "{:.3f}".format),
     )
-    worst = {key: max(line[key] for line in lines) for key, _ in forms}
+    worst = {key: form(max(line[key] for line in lines)) for key, form in forms}
+    alone = {key: [form(x[key]) for x in lines].count(worst[key]) == 1 for key, form in forms}
     rows = [
         (
             str(line["line"]),
@@ -93,7 +94,9 @@ def flight_lines(s: Summary) -> str:
                 else "–"
             ),
             *(
-                _strong(form(line[key]), len(lines) > 1 and line[key] == worst[key])
+                _strong(
+                    form(line[key]), alone[key] and len(lines) > 1 and form(line[key]) == worst[key]
+                )
                 for key, form in forms
             ),
         )
@@ -112,7 +115,7 @@ def flight_lines(s: Summary) -> str:
     )
     caption = (
         '<p class="soft">Median standard deviations on each straight line, numbered as in the'
-        " figures; the largest is in bold.</p>\n"
+        " figures; the largest, where one is, is in bold.</p>\n"
     )
     content = caption + table(rows, head, numbers=True)
     return "<h2>Line by line</h2>\n" + (

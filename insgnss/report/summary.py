@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 MOST_LISTED = 200
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
+FAR_WORSE = 3.0  # times the median sigma of the images: from there on the headline counts them
 
 
 def run_summary(
@@ -188,6 +189,8 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": x[worst]}
         out[name] = _spread(x) | {"first": x[0], "worst": at_worst}
     out["first_image"] = eo.images[0]
+    beyond = (position > FAR_WORSE * np.median(position, axis=0)).any(axis=1)
+    out["far_worse"] = {"count": int(beyond.sum()), "times": FAR_WORSE}
     out["first_time_s"] = eo.time[0]
     before = np.unwrap(d.rpy[d.time <= eo.time[0], 2])
     out["heading_range_before_first_deg"] = math.degrees(np.ptp(before)) if before.size else 0.0

@@ -20,7 +20,7 @@ def test_every_bad_mood_has_the_reason_with_its_number(diagnostics, eo, summary)
     off = MeanResidual(0.0, 60.0, 600, (0.0, 0.4, 0.0), (0.01, 0.02, 0.03))
     used = np.zeros(1200, dtype=bool)
     cases = {
-        "found turned by 180 deg, expected down": diagnostics(checks=(against,)),
+        "turned by 180 deg (expected: down)": diagnostics(checks=(against,)),
         "no GNSS fix was used": diagnostics(used=used),
         "leaves its own fixes in 1 of 1": diagnostics(residuals=(off,)),
         "2.0 times as large as their sigmas": diagnostics(2.0),

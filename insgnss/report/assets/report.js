@@ -83,8 +83,10 @@
   const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142],
     [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
 
+  const darkest = () => (dark.matches && !root.classList.contains("printing") ? 3 : 0); // seen on the paper there is
+
   function viridis(share) {
-    const at = Math.max(0, Math.min(1, share || 0)) * (VIRIDIS.length - 1);
+    const at = darkest() + Math.max(0, Math.min(1, share || 0)) * (VIRIDIS.length - 1 - darkest());
     const k = Math.min(Math.floor(at), VIRIDIS.length - 2);
     const mixed = VIRIDIS[k].map((a, i) => Math.round(a + (VIRIDIS[k + 1][i] - a) * (at - k)));
     return `rgb(${mixed})`;
@@ -322,7 +324,7 @@
     key(layer) {
       const button = make("button", this.view.hidden.has(layer.name) ? "off" : "");
       button.type = "button";
-      const sign = make("i", { points: "dot", band: "area", steps: "area" }[layer.kind] ?? "");
+      const sign = signOf(layer);
       const value = make("span", "value");
       button.append(sign, document.createTextNode(layer.name), value);
       button.addEventListener("click", () => this.view.toggle(layer.name));
@@ -576,11 +578,26 @@
     for (const panel of group.panels) panel.refresh();
   }
 
+  /** What stands for a layer in a legend: its mark, a piece of its line, or its area. */
+  function signOf(layer) {
+    const mark = layer.kind === "points" && { cross: "×", ring: "○", square: "■", triangle: "▲" }[layer.mark];
+    if (mark) return make("i", "mark", mark);
+    return make("i", { points: "dot", band: "area", steps: "area" }[layer.kind] ?? "");
+  }
+
+  const strips = [];
+
+  function inkStrips() {
+    const scale = VIRIDIS.slice(darkest()).map((c) => `rgb(${c})`);
+    for (const strip of strips) strip.style.background = `linear-gradient(90deg, ${scale})`;
+  }
+
   /** A bar of colours with the numbers at its ends. */
   function bar(layer) {
     const { low, high, more } = colours(layer);
     const strip = make("span", "bar");
-    strip.style.background = `linear-gradient(90deg, ${VIRIDIS.map((c) => `rgb(${c})`)})`;
+    strips.push(strip);
+    inkStrips();
     const scale = make("span", "scale");
     scale.append(`${layer.value_name ?? ""} ${short(low)}`, strip, `${more ? "≥ " : ""}${short(high)}`);
     return scale;
@@ -688,7 +705,7 @@
     build() {
       this.keys = make("div", "keys");
       this.entries = this.layers.filter((layer) => layer.name).map((layer) => {
-        const button = make("button"), sign = make("i", layer.kind === "points" ? "dot" : "");
+        const button = make("button"), sign = signOf(layer);
         button.type = "button";
         button.append(sign, document.createTextNode(layer.name));
         button.addEventListener("click", () => {
@@ -918,8 +935,9 @@
       canvas.addEventListener("pointerleave", () => { this.image = this.passed = this.instant = null; this.say(null); this.paint(); point({}, this); });
       canvas.addEventListener("dblclick", () => { this.fit(); this.paint(); });
       canvas.addEventListener("wheel", (event) => {
+        if (!event.ctrlKey && !event.shiftKey) return; // the page scrolls
         event.preventDefault();
-        this.zoom(Math.exp(-0.0016 * event.deltaY * (event.deltaMode ? 20 : 1)), at(event));
+        this.zoom(Math.exp(-0.0016 * (event.deltaY || event.deltaX) * (event.deltaMode ? 20 : 1)), at(event));
       }, { passive: false });
       canvas.addEventListener("keydown", (event) => {
         const move = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
@@ -1112,7 +1130,7 @@
         ...(first ? [space(first)] : []),
         ...this.rows.slice(first, last).map((row) => this.row(row)),
         ...(!printing && last < this.rows.length ? [space(this.rows.length - last)] : []));
-      this.foot.textContent = printing && last < this.rows.length
+      this.foot.textContent = !this.rows.length ? "No image matches." : printing && last < this.rows.length
         ? `The first ${last} of ${this.rows.length} rows; report.html and the exports hold all of them.` : "";
       if (!this.rowHeight && last > first) this.rowHeight = this.tbody.querySelector("tr[data-image]").offsetHeight || undefined;
     }
@@ -1197,13 +1215,14 @@
     waiting = requestAnimationFrame(() => {
       for (const view of shown) {
         const width = view.body.clientWidth - (view instanceof MapView ? 2 : 0);
-        if (view.width && view.width !== width) view.draw();
+        if (view.width !== undefined && width > 0 && view.width !== width) view.draw(); // of no width: taken as a picture
       }
     });
   });
 
   function reink() {
     inks = {};
+    inkStrips();
     for (const view of shown) view.ink?.();
   }
   dark.addEventListener("change", reink);

@@ -36,6 +36,7 @@ POINTS = 0.72
 PALE = 0.4  # opacity of what is faint
 NARROWEST = 0.002  # of the axis: a shade that is narrower is drawn so wide, to be seen
 MANY = 5000  # points from which on a PDF has them as an image
+IN_FRONT = 2.0  # of grid and shades; of what is alike in this, the later is drawn over the earlier
 MOST_TEXTS = 80  # of a layer of labels; of more only every so many
 USUAL, MOST = 0.95, 2.0  # colours end at so many times what that share of the values reach
 
@@ -62,7 +63,11 @@ def draw_layer(ax: Any, layer: Layer, scale: float = 1.0) -> Any:
         "alpha": PALE if layer.faint else 1.0,
         "label": layer.name or None,
     }
-    return _KINDS[layer.kind](ax, layer, style, POINTS * scale)
+    before = set(ax.get_children())
+    explained = _KINDS[layer.kind](ax, layer, style, POINTS * scale)
+    for artist in set(ax.get_children()) - before:  # matplotlib would draw lines over points
+        artist.set_zorder(IN_FRONT)
+    return explained
 
 
 def _line(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
@@ -127,7 +132,6 @@ def _arrows(ax: Any, layer: Layer, style: dict[str, Any], px: float) -> None:
         scale=1.0,
         units="dots",
         width=px * (layer.width or 2.2) * ax.figure.dpi / 72.0,
-        zorder=3,
         **style,
     )
     for x, y in ((layer.x, layer.y), (layer.x2, layer.y2)):  # a quiver widens axes by its tails

@@ -136,7 +136,10 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
     page = source.with_suffix(".html") if is_json else source
     if not page.is_file():
         raise InputError.at_line(
-            source, None, f"its charts are in {page.name} beside it, which is not there"
+            source,
+            None,
+            f"its charts would be in {page.name} beside it, which is not there; give report.json"
+            " or a page",
         )
     try:
         charts, digest = in_page(page.read_text(encoding="utf-8"))

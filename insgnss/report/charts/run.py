@@ -23,8 +23,8 @@ from .thinned import MOST_DOTS, MOST_POINTS, thinned
 
 _MAP = (
     "The flight seen from above, straight lines with their numbers; a cross marks a rejected fix,"
-    " red where no fix was used for a while, a ring a stationary period. The wheel or two fingers"
-    " zoom, dragging moves, a double click shows everything."
+    " red where no fix was used for a while, a ring a stationary period. Two fingers, or the"
+    " wheel with Ctrl, zoom; dragging moves, a double click shows everything."
 )
 _MAP_IMAGES = (
     " Dots are images, coloured by their horizontal standard deviation: those that stand out are"

@@ -356,6 +356,6 @@ def checks(f: Figures) -> Iterator[Limit]:
         yield Limit(
             "checks",
             rank,
-            f"{check['name']}: found {check['found']}, expected {check['expected']}",
+            f"{check['name']}: {check['found']} (expected: {check['expected']})",
             check["advice"],
         )

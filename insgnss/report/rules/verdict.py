@@ -62,11 +62,16 @@ def headline(figures: Figures) -> str:
     images, fixes = figures["exposures"], figures["counts"]
     claim = figures["trajectory"] if images is None else images
     position, attitude = lengths(claim["position_mm"]["median"]), claim["attitude_deg"]["median"]
-    subject = "trajectory" if images is None else f"{images['count']} images"
+    subject = "trajectory" if images is None else _images(images["count"])
     text = (
         f"{subject}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
         f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
     )
+    if images is not None and (beyond := images["far_worse"])["count"]:
+        text += (
+            f"; {_images(beyond['count'])} with more than {beyond['times']:g} times the median, up"
+            f" to {lengths(claim['position_mm']['max'])}"
+        )
     if figures["standing"]:
         return f"{text}; the sensor stands at a given place, no fixes support them"
     support = {
@@ -79,6 +84,10 @@ def headline(figures: Figures) -> str:
         support = "but parts of the flight contradict them"
     text = f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
     return "; ".join([*(limit.text for limit in residuals(figures)), text])
+
+
+def _images(count: int) -> str:
+    return "1 image" if count == 1 else f"{count} images"
 
 
 def limits(figures: Figures) -> list[Limit]:
