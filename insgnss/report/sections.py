@@ -170,12 +170,15 @@ def fixes_by_line(s: Summary) -> str:
         "mean innovation N / E / D, mm",
         "sigma of one, mm",
     )
+    stated = [k for k in range(len(head)) if any(row[k] not in ("–", "– / –") for row in rows)]
     caption = (
-        '<p class="soft">The fixes of each line. A dash: the source of the fixes does not say it. A'
+        '<p class="soft">The fixes of each line, by what their source says of them. A'
         " mean innovation beyond a fraction of the sigma of one fix is systematic: lever arm, time"
         " offset, or the fixes themselves.</p>\n"
     )
-    content = caption + table(rows, head, numbers=True)
+    content = caption + table(
+        [[row[k] for k in stated] for row in rows], [head[k] for k in stated], numbers=True
+    )
     return "<h2>GNSS line by line</h2>\n" + (
         folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
     )
