@@ -574,6 +574,7 @@ def _utc_fixes(place, t, w, f, fixes):
         (_utc_fixes, {"units": {"gyro": "rad/s", "accel": "m/s^2"}}, 18.0),
     ],
 )
+@pytest.mark.slow
 def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(
     numbers, tmp_path, write, imu_keys, offset
 ):

@@ -997,6 +997,7 @@ def _processed(capsys: pytest.CaptureFixture[str], data: DataSet) -> dict[str, A
         ),
     ],
 )
+@pytest.mark.slow
 def test_harmless_ways_of_writing_change_nothing(edit, data, capsys):
     """Oracle: the unchanged recording, of which every fix is used."""
     edit(data)

@@ -71,6 +71,7 @@ class SixParameters(pyceres.CostFunction):
         return True
 
 
+@pytest.mark.slow
 def test_against_ceres():
     """Oracle: Ceres on pycolmap's cost of FULL_OPENCV with the same control: cost to 1e-8,
     parameters to 0.01 sigma, standard deviations to 1e-4.

@@ -87,6 +87,7 @@ def compare_camera(result: Adjusted, precision: Precision, text: str) -> None:
         compare(found, float(s), text, label)
 
 
+@pytest.mark.slow
 def test_roma_with_five_parameters() -> None:
     """Oracle: DBAT's report of 60 images and 90 561 image points: sigma_0 to 2e-6, every printed
     parameter to 0.02 of its sigma, every standard deviation to 1 %.

@@ -138,6 +138,7 @@ def test_fixes_that_claim_too_little_are_no_noise_of_the_imu(quiet):
     assert [nis.nis for nis in n.compared] == pytest.approx([1.0, 1.0], abs=0.05)
 
 
+@pytest.mark.slow
 def test_driving_noise_is_a_parameter_too():
     """Oracle: a model that has the driving noise of the accelerometers at a twentieth of what the
     simulator drew.
@@ -161,6 +162,7 @@ def test_what_a_short_flight_does_not_tell_is_held():
     assert n.imu_factors() == {"gyro.white_noise": 1.0, "accel.white_noise": 1.0}
 
 
+@pytest.mark.slow
 def test_a_factor_far_from_one_is_found():
     """Oracle: the simulator's factors of 120 for the gyroscopes and 3 for the accelerometers:
     within three standard errors.

@@ -82,6 +82,7 @@ def test_exact_data_close(arm):
     assert (got.sigma_m < 2e-3).all()
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_covariance_says():
     """Oracle: Monte Carlo through sessions, camera block and aircraft; NEES within 99 % of
     chi-square, with a camera pose of 0.3 mm and 10 mrad.

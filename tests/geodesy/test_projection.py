@@ -242,6 +242,7 @@ def test_what_no_missing_grid_would_better_is_not_refused(
     assert np.isfinite(x).all()
 
 
+@pytest.mark.slow
 def test_positions_of_a_moving_datum() -> None:
     """Oracle: GDA2020 Technical Manual: ITRF2014 and GDA2020 are one at 2020.0, and part by the
     rotation of 1.50379, 1.18346, 1.20716 mas a year. In Europe the plate's 24 mm a year (ITRF2014

@@ -104,6 +104,7 @@ def test_the_poses_of_the_flight_itself() -> None:
         refuse_frame(solve(near.block, near.flight, near.rows, Assumptions()))
 
 
+@pytest.mark.slow
 def test_a_scale_that_was_held_wrong() -> None:
     of = posed(seed=3)
     X = of.block.position

@@ -201,6 +201,7 @@ def test_a_crs_elsewhere_takes_the_scene_along(crs: str, tmp_path: Path) -> None
     assert lat < -20.0
 
 
+@pytest.mark.slow
 def test_the_crosses_stand_where_the_file_says(tmp_path: Path) -> None:
     """Oracle: the middle of the white pixels; the same ground has the same grey in two images."""
     write_proof("metashape", tmp_path / "proof")

@@ -147,12 +147,7 @@ def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
     begin, end = max(imu.time[0], gnss.time[0]), min(imu.time[-1], gnss.time[-1])
     for start in np.arange(begin, end - 60.0, 100.0):
         k, j = ((time >= start) & (time < start + 100.0) for time in (imu.time, gnss.time))
-        names = [
-            n
-            for n in ("time", "lat", "lon", "height", "cov_ned", "velocity_ned", "velocity_cov_ned")
-            if getattr(gnss, n) is not None
-        ]
-        piece = replace(gnss, quality=None, **{name: getattr(gnss, name)[j] for name in names})
+        piece = replace(gnss[j], quality=None)
         found = recognise(ImuSamples(imu.time[k], imu.gyro[k], imu.accel[k], imu.quantity), piece)
         said = {f.name: f.value for f in found.findings if f.confidence > 0.0 and f.name in truth}
         assert said.items() <= truth.items(), (start, said)

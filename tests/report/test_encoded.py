@@ -162,6 +162,7 @@ def _long(diagnostics, eo, hours: float, images: int, fixes_hz: float = 10.0):
 
 
 @pytest.mark.parametrize(("hours", "images"), [(0.75, 1500), (8.0, 10000)])
+@pytest.mark.slow
 def test_a_long_flight_makes_a_small_page(
     tmp_path: Path, diagnostics, eo, summary, hours: float, images: int
 ) -> None:

@@ -148,6 +148,7 @@ def _on_map(page: Any, image: int) -> tuple[float, float]:
     return box["x"] + x, box["y"] + y
 
 
+@pytest.mark.slow
 def test_every_chart_is_drawn_and_nothing_is_asked_of_anyone(opened: Opened) -> None:
     """Oracle: pixels; each canvas has ink and colour. Requests and complaints are the fixture's."""
     page = opened()

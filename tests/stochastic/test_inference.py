@@ -244,6 +244,7 @@ def test_j_test_finds_the_scale_that_misfits():
     assert "fits" in infer(efficient(fit(curve_of(SLOW), "WN+GM"))).goodness.sentence
 
 
+@pytest.mark.slow
 def test_bootstrapped_j_test_agrees_with_the_asymptotic_one():
     """Oracle: chi-square, to 4 standard deviations of the bootstrap."""
     w = recordings(1, seed=9)[0]

@@ -180,6 +180,7 @@ def test_biweight_constants_are_those_of_quadrature(efficiency):
     assert_allclose(0.5 * M**2 / Q, efficiency, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_robust_variance_solves_its_equation_as_the_reference_seeks_it():
     """Oracle: Brent's search of the squared mismatch over (0, 2] plain variances, what R's optimize
     does; 1e-3 is its tolerance.
