@@ -27,6 +27,11 @@ def sha256(file: str | os.PathLike[str]) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def text_sha256(text: str) -> str:
+    """Return the SHA-256 of a text as a file in UTF-8 has it, hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def atomic_write(
     path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
 ) -> None:

@@ -15,7 +15,7 @@ covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Wh
 asked for later, its block is passed again, from the checkpoint of the filter forwards and from that
 of the smoother backwards (`BlockAgain`): some ten milliseconds.
 
-What a flight needs of memory is told before it is filtered (`forecast`), within a third or so:
+What a flight needs of memory is forecast before it is filtered (`forecast`), within a third or so:
 
     increments    56 bytes a sample
     estimation    results, checkpoints and measurements of the epochs, twice while another error

@@ -7,14 +7,13 @@ line, how it looks, what was checked and thrown away, from what it was made. Eve
 charts and the table of images are drawn by the page's own script.
 """
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..base.files import atomic_write
+from ..base.files import atomic_write, text_sha256
 from ..records import Diagnostics, ExteriorOrientation
 from .charts.chart import Chart
 from .charts.encoded import script_safe
@@ -100,7 +99,7 @@ def write_report_json(summary: Mapping[str, Any], path: str | Path) -> str:
     """Write `summary` to `path`, whole or not at all; returns the SHA-256 of the text."""
     text = json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     atomic_write(path, text)
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return text_sha256(text)
 
 
 def page(

@@ -5,7 +5,6 @@ The order is that of the questions: what came out, in words with its numbers, an
 it has its colour; the charts; tables and checks; from what and with what it was made.
 """
 
-import hashlib
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ import numpy as np
 
 from .. import __version__
 from ..base.circumstances import circumstances
-from ..base.files import sha256
+from ..base.files import sha256, text_sha256
 from ..records import Check
 from .charts.chart import Chart
 from .markup import charted, document, escape, folded, sentence, table, with_contents
@@ -98,11 +97,6 @@ class VerbPage:
         yield _pairs("The run", circumstances())
         own = {"insgnss": __version__, "python": platform.python_version()}
         yield _pairs("Versions", own | {"numpy": np.__version__} | dict(self.versions))
-
-
-def text_sha256(text: str) -> str:
-    """Return the SHA-256 of a text as a file has it, hexadecimal."""
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def reason(mood: str, why: str) -> str:

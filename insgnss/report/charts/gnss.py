@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import GnssFixes
+from ...records.observations import OF_THE_SOLUTION
 from ..marks import Marks
 from .chart import AXES_INKS, Array, Axes, Chart, Ink, Layer, Shade
 from .pieces import AXES, band, dots, length_unit, line, rules
@@ -84,8 +85,8 @@ def fix_series(fixes: GnssFixes) -> dict[str, Any]:
     if fixes.quality is not None:
         classified = np.clip(fixes.quality, 0, len(KIND_OF_QUALITY) - 1)
         series["kind"] = np.asarray(KIND_OF_QUALITY)[classified]
-    for name in ("satellites", "ratio", "age_s", "pdop", "hdop"):
-        value = getattr(fixes, name, None)
+    for name in OF_THE_SOLUTION:
+        value = getattr(fixes, name)
         if value is not None:
             series[name] = value
     return {"time": fixes.time, **series} if series else {}
