@@ -13,38 +13,22 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
-from . import (
-    adjust,
-    calibrate,
-    compare,
-    demo,
-    export,
-    figures,
-    inspect,
-    ppk,
-    process,
-    simulate,
-    targets,
-    tune,
-    verify,
-)
 from .console import Parser, Progress
 from .verb import report_error
 
 INTERRUPTED = 130
-VERBS = tuple(
-    module.VERB
-    for module in (
-        *(demo, simulate, inspect, process, verify, export, adjust),
-        *(targets, calibrate, tune, compare, ppk, figures),
-    )
+VERBS = (
+    *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
+    *("targets", "calibrate", "tune", "compare", "ppk", "figures"),
 )
+"""The verbs, in the order of the help; each is the `VERB` of the module of its name."""
 
 
 def run() -> NoReturn:
@@ -53,12 +37,14 @@ def run() -> NoReturn:
         "OPENBLAS_NUM_THREADS", "1"
     )  # the matrices are 30 x 30: more threads only spin
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
-    sys.exit(main())
+    code = main()
+    gc.freeze()  # nor is there anything to look for at the end
+    sys.exit(code)
 
 
 def _run_verb(argv: Sequence[str], progress: Progress) -> int:
     try:
-        options = build_parser().parse_args(argv)
+        options = build_parser(next(iter(argv), "")).parse_args(argv)
     except SystemExit as request:  # --help and --version
         return int(request.code or 0)
     if line := settle():
@@ -128,8 +114,8 @@ def _warn_in_one_line(progress: Progress) -> Callable[..., None]:
     return show
 
 
-def build_parser() -> Parser:
-    """Parser of all verbs."""
+def build_parser(verb: str = "") -> Parser:
+    """Parser of one verb, whose modules alone are imported then, or of all of them."""
     parser = Parser(
         prog="insgnss",
         description=(
@@ -143,6 +129,6 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
-    for verb in VERBS:
-        verb.add_to(verbs)
+    for name in (verb,) if verb in VERBS else VERBS:
+        import_module(f".{name}", __package__).VERB.add_to(verbs)
     return parser

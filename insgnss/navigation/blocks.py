@@ -241,6 +241,8 @@ class BlockwisePasses:
         for b, first, last in self._blocks():
             self.checkpoints.append(_copied(state))
             epochs, records, begin = self._of_block_views(b, first, last)
+            if b < self.kept_from and self.transitions is None:
+                records = _unread(records)
             _forward(inputs, epochs, state, records, begin)
             if self.transitions is not None:
                 self.transitions.through(epochs.event, records, begin)
@@ -442,6 +444,13 @@ def _piece_of_history(
     }
     parts["outage"] = _relabelled(parts["outage"])
     return history._replace(**parts)
+
+
+def _unread(history: FilterHistory) -> FilterHistory:
+    """Return room whose epochs all write the same row of what nobody reads: it stays in the cache."""
+    return history._replace(
+        **{name: getattr(history, name)[:1] for name in RECORDS if name not in {"W", "Qbb"}}
+    )
 
 
 def _relabelled(outage: np.ndarray) -> np.ndarray:

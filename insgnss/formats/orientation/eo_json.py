@@ -111,12 +111,12 @@ def write_eo_json(
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         atomic_writes({beside: numbers, Path(path): f"{text}\n"})
         return
+    # the head is for people; one line an image, and a pair of relative control
+    text = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
     if relative is not None:
-        content["relative"] = relative_member(relative)
-    # the head is for people; one line an image
-    head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
+        text += f',\n "relative": {_relative_text(relative)}'
     images = ",\n  ".join(_image_texts(eo))
-    atomic_write(path, f'{head},\n "images": [\n  {images}\n ]\n}}\n')
+    atomic_write(path, f'{text},\n "images": [\n  {images}\n ]\n}}\n')
 
 
 def _datum(plane: dict[str, Any]) -> str | None:
@@ -139,6 +139,16 @@ def _image_up(camera_from_body: Array) -> str:
         f"the top of the image (camera -y) points {way} in the body, whose axes are forward right"
         " down"
     )
+
+
+def _relative_text(relative: RelativeControl) -> str:
+    """Return relative control as JSON, a line a pair."""
+    import orjson
+
+    member = relative_member(relative)
+    pairs = ",\n   ".join(orjson.dumps(pair).decode() for pair in member.pop("pairs"))
+    head = json.dumps(member, indent=1, allow_nan=False).removesuffix("\n}")
+    return f'{head},\n "pairs": [\n   {pairs}\n ]\n}}'.replace("\n ", "\n  ")
 
 
 def _image_texts(eo: ExteriorOrientation) -> Iterator[str]:

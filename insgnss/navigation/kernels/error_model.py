@@ -25,6 +25,7 @@ from ..codes import (
 from .strapdown import EARTH_RADIUS_M, strapdown_block
 
 GRAVITY = 9.8  # m/s^2, for its gradient alone
+SAME_BLOCK_S = 1e-8  # what differs by less has the same decay: stamps of a week resolve 1e-10 s
 
 
 @njit(cache=True)
@@ -148,7 +149,30 @@ def add_white_noise(Q, integrals, B, white, v9):
 
 
 @njit(cache=True)
-def step_covariance(W, Qbb, B, model, work, side, o):
+def add_channel_sums(W, share, channel, group):
+    """Add up columns of [Q_nn Q_nb] by channel: group <- sum over the states of share W.
+
+    Parameters
+    ----------
+    W : ndarray
+        (9, n) process noise [Q_nn Q_nb].
+    share : ndarray
+        (ns,) factor of each state behind those of navigation; zero of what is no error of the IMU.
+    channel : ndarray
+        (ns,) channel of each state.
+    group : ndarray
+        (6, 9) the sums, filled in place.
+    """
+    group[:] = 0.0
+    for s in range(channel.size):
+        w, to = share[s], group[channel[s]]
+        if w != 0.0:
+            for r in range(N_NAV):
+                to[r] += w * W[r, IMU0 + s]
+
+
+@njit(cache=True)
+def step_covariance(W, Qbb, B, model, work, side, o, first):
     """Take the process noise W = [Q_nn Q_nb] and the diagonal Q_bb over one more block (E.6).
 
     Parameters
@@ -167,67 +191,72 @@ def step_covariance(W, Qbb, B, model, work, side, o):
         Horizontal gravity gradient, -g/R, 1/s^2.
     o : ndarray
         (3,) rotation of the Earth in l, rad/s.
+    first : bool
+        Whether W and Q_bb are zero before the block.
     """
     ns = model.channel.size
-    column, group, X, Y = work.column, work.group, work.X, work.Y
+    column, group, X, share = work.column, work.group, work.X, work.share
     weight, mean, decay, integrals = work.weight, work.mean, work.decay, work.integrals
-    s1, s2 = integrals.s1, integrals.s2
-    group[:] = 0.0
+    s1, s2, driven, v9 = integrals.s1, integrals.s2, work.driven, work.v9
+    channel, drive = model.channel, model.drive
     for s in range(ns):
-        c = model.channel[s]
-        w = weight[s] * mean[s]
+        share[s] = weight[s] * mean[s]
+    if not first:
+        add_channel_sums(W, share, channel, group)
+        X[:] = W
+        apply_nav_rows(X, N_NAV + ns, B, s1, s2, side, o)
         for r in range(N_NAV):
-            group[r, c] += w * W[r, IMU0 + s]
-    X[:] = W
-    apply_nav_rows(X, N_NAV + ns, B, s1, s2, side, o)
-    for r in range(N_NAV):
-        for k in range(N_NAV):
-            t = 0.0
+            to = X[r]
             for c in range(N_CHANNELS):
-                t += column[r, c] * group[k, c]
-            X[r, k] += t
-    for s in range(ns):
-        c = model.channel[s]
-        w = weight[s] * mean[s] * Qbb[s]
-        for r in range(N_NAV):
-            X[r, IMU0 + s] += column[r, c] * w
-    group[:] = 0.0
-    for s in range(ns):
-        c = model.channel[s]
-        w = weight[s] * mean[s]
-        for r in range(N_NAV):
-            group[r, c] += w * X[r, IMU0 + s]
-    for r in range(N_NAV):
-        for k in range(N_NAV):
-            Y[k, r] = X[r, k]
-    apply_nav_rows(Y, N_NAV, B, s1, s2, side, o)
-    for r in range(N_NAV):
-        for k in range(N_NAV):
-            t = Y[k, r]
-            for c in range(N_CHANNELS):
-                t += group[r, c] * column[k, c]
-            W[r, k] = t
-    for c in range(N_CHANNELS):
-        t = 0.0
-        for s in range(ns):
-            if model.channel[s] == c:
-                t += weight[s] * weight[s] * model.drive[s]
-        if t > 0.0:
-            t *= B / 3.0
-            for r in range(N_NAV):
+                t, row = column[r, c], group[c]
                 for k in range(N_NAV):
-                    W[r, k] += t * column[r, c] * column[k, c]
-    for s in range(ns):
-        c = model.channel[s]
-        d = decay[s]
-        t = 0.5 * B * weight[s] * model.drive[s]
+                    to[k] += t * row[k]
+        for s in range(ns):
+            w = share[s] * Qbb[s]
+            if w != 0.0:
+                c = channel[s]
+                for r in range(N_NAV):
+                    X[r, IMU0 + s] += column[r, c] * w
+        add_channel_sums(X, share, channel, group)
+        for r in range(N_NAV):  # the transpose, which is symmetric when all is added up
+            for k in range(N_NAV):
+                W[k, r] = X[r, k]
+        apply_nav_rows(W, N_NAV, B, s1, s2, side, o)
         for r in range(N_NAV):
-            W[r, IMU0 + s] = d * X[r, IMU0 + s] + t * column[r, c]
+            to = W[r]
+            for c in range(N_CHANNELS):
+                t, row = column[r, c], group[c]
+                for k in range(N_NAV):
+                    to[k] += t * row[k]
+        for r in range(N_NAV):
+            to, of = W[r, IMU0:], X[r, IMU0:]
+            for s in range(ns):
+                to[s] = decay[s] * of[s]
+    driven[:] = 0.0
+    for s in range(ns):
+        driven[channel[s]] += weight[s] * weight[s] * drive[s]
+    for c in range(N_CHANNELS):
+        t = driven[c] * B / 3.0
+        if t > 0.0:
+            for r in range(N_NAV):
+                v9[r] = column[r, c]
+            for r in range(N_NAV):
+                u, to = t * v9[r], W[r]
+                for k in range(N_NAV):
+                    to[k] += u * v9[k]
+    for s in range(ns):
+        t = 0.5 * B * weight[s] * drive[s]
+        if t != 0.0:
+            c = channel[s]
+            for r in range(N_NAV):
+                W[r, IMU0 + s] += t * column[r, c]
+    for s in range(ns):
+        d = decay[s]
         if model.beta[s] > 0.0:
-            Qbb[s] = d * d * Qbb[s] + model.drive[s] * (1.0 - d * d) / (2.0 * model.beta[s])
+            Qbb[s] = d * d * Qbb[s] + drive[s] * (1.0 - d * d) / (2.0 * model.beta[s])
         else:
-            Qbb[s] += model.drive[s] * B
-    add_white_noise(W, integrals, B, model.white, work.v9)
+            Qbb[s] += drive[s] * B
+    add_white_noise(W, integrals, B, model.white, v9)
 
 
 @njit(cache=True)
@@ -277,7 +306,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
         Whether scale factors or misalignments are among the states.
     """
     ns = model.channel.size
-    if abs(B - work.last_block[0]) > 1e-10:
+    if abs(B - work.last_block[0]) > SAME_BLOCK_S:
         set_decay(model, B, work)
     work.bias[:] = 0.0
     has_scale = False
@@ -351,7 +380,7 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
     blocks = int(np.ceil(total / model.block - 1e-6))
     target = total / max(blocks, 1)
     column, weight, mean, decay = work.column, work.weight, work.mean, work.decay
-    integrals = work.integrals
+    integrals, channel = work.integrals, model.channel
     s1, s2 = integrals.s1, integrals.s2
     side = -GRAVITY / EARTH_RADIUS_M
     a = i0
@@ -365,13 +394,15 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
         has_scale = block_states(intervals, a, b, B, elapsed + done, x, model, work)
         strapdown_block(intervals, a, b, B, nav, earth, work.bias, work.scale, has_scale, integrals)
         channel_columns(integrals, B, column)
-        apply_nav_rows(F, N_NAV + ns, B, s1, s2, side, o)
+        first = a == i0
+        apply_nav_rows(F, N_NAV if first else N_NAV + ns, B, s1, s2, side, o)
         for s in range(ns):
-            c = model.channel[s]
-            w = weight[s] * mean[s] * D[s]
-            for r in range(N_NAV):
-                F[r, IMU0 + s] += column[r, c] * w
-        step_covariance(W, Qbb, B, model, work, side, o)
+            work.share[s] = weight[s] * mean[s] * D[s]
+        for r in range(N_NAV):
+            of = column[r]
+            for s in range(ns):
+                F[r, IMU0 + s] += of[channel[s]] * work.share[s]
+        step_covariance(W, Qbb, B, model, work, side, o, first)
         for s in range(ns):
             D[s] *= decay[s]
             x[s] *= decay[s]

@@ -131,11 +131,13 @@ class IntervalWork(NamedTuple):
     column : ndarray
         (9, 6) effect of a unit error of each channel over the block.
     group : ndarray
-        (9, 6) scratch.
+        (6, 9) scratch.
+    share : ndarray
+        (ns,) scratch.
+    driven : ndarray
+        (6,) scratch.
     X : ndarray
         (9, n) scratch.
-    Y : ndarray
-        (9, 9) scratch.
     v9 : ndarray
         (9,) scratch.
     """
@@ -149,8 +151,9 @@ class IntervalWork(NamedTuple):
     integrals: BlockIntegrals
     column: np.ndarray
     group: np.ndarray
+    share: np.ndarray
+    driven: np.ndarray
     X: np.ndarray
-    Y: np.ndarray
     v9: np.ndarray
 
 
@@ -450,9 +453,10 @@ def make_interval_work(ns):
         np.zeros((N_CHANNELS, N_CHANNELS)),
         make_integrals(),
         np.zeros((N_NAV, N_CHANNELS)),
-        np.zeros((N_NAV, N_CHANNELS)),
+        np.zeros((N_CHANNELS, N_NAV)),
+        np.zeros(ns),
+        np.zeros(N_CHANNELS),
         np.zeros((N_NAV, n)),
-        np.zeros((N_NAV, N_NAV)),
         np.zeros(N_NAV),
     )
 
