@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 import warnings
+from ast import literal_eval
 from pathlib import Path
 
 import numpy as np
@@ -582,6 +583,17 @@ def test_help_imports_nothing_heavy():
     run = _python("-c", code)
     assert run.returncode == 0, run.stderr
     assert run.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_command_imports_no_other_verb():
+    """Oracle: sys.modules of a fresh interpreter."""
+    code = (
+        "import sys; from insgnss.cli import build_parser; build_parser('compare');"
+        " print([m.split('.')[2] for m in sys.modules if m.startswith('insgnss.cli.')])"
+    )
+    run = _python("-c", code)
+    assert run.returncode == 0, run.stderr
+    assert set(literal_eval(run.stdout)) == {"main", "console", "verb", "compare"}
 
 
 def test_the_module_runs_and_returns_the_exit_code():

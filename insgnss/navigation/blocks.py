@@ -447,7 +447,7 @@ def _piece_of_history(
 
 
 def _unread(history: FilterHistory) -> FilterHistory:
-    """Return room whose epochs all write the same row of what nobody reads: it stays in the cache."""
+    """Return room of a single row of what nobody reads: it stays in the cache."""
     return history._replace(
         **{name: getattr(history, name)[:1] for name in RECORDS if name not in {"W", "Qbb"}}
     )
