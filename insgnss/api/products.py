@@ -272,6 +272,4 @@ def ppk(
         camera_delay_s=camera_delay_s,
         base_point_chosen=base_position is None or base_point is not None,
     )
-    if out is not None:
-        Path(out).mkdir(parents=True, exist_ok=True)
     return solve_ppk(given, None if out is None else Path(out), progress)

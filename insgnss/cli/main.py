@@ -4,7 +4,8 @@ Standard output carries the result (with ``--json`` one JSON document), standard
 errors, one line each, and on a terminal the step that is running. Where standard error is no
 terminal the steps are plain lines among the results instead, so that an error stays the one line it
 is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input, 4 the data do not support
-the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
+the answer, 130 interrupted, 143 terminated by SIGTERM (129 by SIGHUP), after which files are what
+they were. Nothing heavy is imported before a verb needs it.
 """
 
 import gc
@@ -19,6 +20,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
+from ..base.interrupts import Terminated, raise_on_termination
 from . import (
     adjust,
     calibrate,
@@ -52,6 +54,7 @@ def run() -> NoReturn:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # the matrices are 30 x 30: more threads only spin
+    raise_on_termination()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
     sys.exit(main())
 
@@ -104,6 +107,8 @@ def _verdict(error: BaseException) -> tuple[int, str]:
             InputError.exit_code,
             f"error: {where}{error.strerror or error}; check path, permission and free space",
         )
+    if isinstance(error, Terminated):
+        return error.exit_code, "error: terminated"
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, "error: interrupted"
     frames = traceback.extract_tb(error.__traceback__)

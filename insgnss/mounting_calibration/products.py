@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..base.files import atomic_write, sha256
+from ..base.staging import together
 from ..calibrate.materialisation import lever_arm_difference
 from ..formats.images.exif import camera_tags, time_taken
 from ..orient.mounting import metashape_offset
@@ -215,8 +216,9 @@ def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
     for path in (out, page):
         if path.resolve() in inputs:
             raise UsageError(f"--out {out}: {path.name} would overwrite an input; give another")
-    write_mounting_file(result.mounting, out)
-    atomic_write(page, page_of(result).html())
+    with together():
+        write_mounting_file(result.mounting, out)
+        atomic_write(page, page_of(result).html())
     return replace(result, files=(out, page))
 
 

@@ -1,10 +1,9 @@
 """The two jobs of `insgnss targets`: predict and measure."""
 
 import json
-import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..base.errors import DataError, UsageError
 from ..base.files import atomic_write, json_ready
-from ..processing.staging import Staging
+from ..base.staging import together
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
@@ -167,8 +166,8 @@ def predict_targets(
         path = out or request.eo.parent / DIRECTORY / PREDICTIONS
         _refuse_overwriting(request, [path])
         progress(f"writing {path}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_predictions(inputs, path)
+        with together() as staging:
+            write_predictions(inputs, staging.tree(path.parent) / path.name)
         files = (path,)
     return PredictionResult(inputs, figures, files)
 
@@ -375,8 +374,8 @@ def _written(
     directory: Path,
 ) -> tuple[Path, ...]:
     """Write the products, all of them or none; of a refusal the sheet and what was rejected."""
-    with Staging(directory) as staging:
-        into = staging.directory
+    with together() as staging:
+        into = staging.tree(directory)
         if refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
@@ -387,14 +386,12 @@ def _written(
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, text + "\n")
-        moves = staging.moves()
-        _refuse_overwriting(inputs.request, [goal for _, goal in moves])
-        for source, goal in moves:
-            os.replace(source, goal)
-    return tuple(goal for _, goal in moves)
+        files = staging.goals()
+        _refuse_overwriting(inputs.request, files)
+    return files
 
 
-def _refuse_overwriting(request: Request, goals: list[Path]) -> None:
+def _refuse_overwriting(request: Request, goals: Sequence[Path]) -> None:
     """Refuse products in the place of inputs."""
     inputs = (request.eo, request.ground, request.camera, request.target.picture)
     taken = {path.resolve() for path in inputs if path is not None}

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import UsageError
+from ...base.staging import staged
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
@@ -29,7 +30,7 @@ from ..orientation.exported import (
     places,
     position_sigma,
 )
-from ..orientation.poses import sentences, staged, true_north_ypr, utc
+from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
@@ -119,6 +120,8 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
                     (_line(coordinates, srs.number),),
                 )
             db.execute("COMMIT")
+        except sqlite3.OperationalError as error:  # a full disk is not an error of the system there
+            raise UsageError(f"{path}: cannot be written: {error}") from None
         finally:
             db.close()
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
+from ...base.staging import destination
 from ...geodesy.rotation import (
     CV_RUB,
     opk_from_rotation,
@@ -120,6 +121,7 @@ def check_only(
     UsageError
         A file, or a directory with other files like these.
     """
+    directory = destination(directory)
     if directory.exists() and not directory.is_dir():
         raise UsageError(f"{directory}: is a file, a directory is written; give another name")
     other = (
