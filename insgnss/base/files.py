@@ -14,6 +14,18 @@ from .staging import Staging, together
 Content = str | bytes | Iterable[str | bytes]
 
 
+def refuse_other_than_utf8(paths: Iterable[str | os.PathLike[str]]) -> None:
+    """Raise InputError at the first path that is not UTF-8, which no report could name."""
+    for path in paths:
+        try:
+            str(path).encode("utf-8")
+        except UnicodeEncodeError:
+            raise InputError(
+                f"{str(path)!r}: is a name that is not UTF-8, which reports and tables cannot hold;"
+                " rename it, such as by convmv -f latin1 -t utf8"
+            ) from None
+
+
 def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check the path") -> bytes:
     """Return the first bytes of a file. Raises InputError where it cannot be read."""
     try:
@@ -71,6 +83,11 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
             raise UsageError(f"{path}: the directory does not exist; create it first") from None
         except OSError as error:
             raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+        except UnicodeEncodeError as error:  # a name of the file system that is in the text
+            word = error.object[max(error.start - 20, 0) : error.end + 20].split("\n")[-1]
+            raise InputError(
+                f"{path}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
+            ) from None
 
 
 def _write(path: Path, content: str | bytes | Iterable[str | bytes]) -> None:

@@ -26,6 +26,7 @@ from ..base.provenance import KEY, hashes_of
 from ..base.staging import together
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.orientation.exported import quoted_names
 from ..formats.orientation.pose_covariance import FILE as COVARIANCE
 from ..formats.orientation.pose_covariance import write_pose_covariance
 from ..geodesy.gpstime import calendar_from_gps
@@ -215,7 +216,9 @@ def write_poses(solved: Solved, path: Path) -> None:
     form = "%s" + ",%.4f" * 3 + ",%.7f" * 3 + ",%.5f" * 3 + ",%.7f" * 3 + ",%s\n"
     rows = (
         form % (name, *values, "yes" if row >= 0 else "no")
-        for name, values, row in zip(images, table.tolist(), solved.inputs.eo_row, strict=True)
+        for name, values, row in zip(
+            quoted_names(images, ","), table.tolist(), solved.inputs.eo_row, strict=True
+        )
     )
     head = (
         "# projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
+from ..base.files import refuse_other_than_utf8
 from ..base.interrupts import Terminated, raise_on_termination
 from . import (
     adjust,
@@ -64,6 +65,7 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
         options = build_parser().parse_args(argv)
     except SystemExit as request:  # --help and --version
         return int(request.code or 0)
+    refuse_other_than_utf8([*argv, os.path.abspath(".")])
     if line := settle():
         warnings.warn(line, stacklevel=2)
     code: int = options.run(options, progress)
