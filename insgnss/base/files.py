@@ -84,7 +84,8 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
         except OSError as error:
             raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
-            word = error.object[max(error.start - 20, 0) : error.end + 20].split("\n")[-1]
+            around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
+            word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))
             raise InputError(
                 f"{path}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
             ) from None

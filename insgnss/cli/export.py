@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import UsageError
+from ..base.files import sha256
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -92,6 +93,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite an export beside the eo.json of another flight",
+    )
+    parser.add_argument(
         "--proof",
         action="store_true",
         help="write a synthetic scene in FORMAT, to load in the real tool, into DIR",
@@ -111,10 +117,22 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     out = given.out or given.eo.parent / form.product
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} is the master itself; give --out")
+    if not given.force:
+        _refuse_others(out, given.eo)
     eo = read_eo_json(given.eo)
     progress(f"writing {out}")
     done = export(eo, given.format, out, target, given.rename, **options)
     return ExportResult(given.format, done.files or (done.file,), done.notes)
+
+
+def _refuse_others(out: Path, eo: Path) -> None:
+    """Refuse to overwrite an export among the products of another flight."""
+    master = out.parent / "eo.json"
+    if out.exists() and master.is_file() and eo.is_file() and sha256(master) != sha256(eo):
+        raise UsageError(
+            f"export: {out} is there, beside {master}, which is not {eo}; give another --out, or"
+            " --force"
+        )
 
 
 def frame_kind(word: str | None) -> str | None:

@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from ..base.errors import InputError, UsageError
@@ -60,12 +61,15 @@ def renamed(
     InputError
         A table that cannot be read, or two images that would have the same name.
     """
+    if not rules:
+        return eo, {}
     images = list(eo.images)
     for rule in rules:
         change = _names_of(rule, images)
         images = [change(name) for name in images]
     if twice := [name for name, count in Counter(images).items() if count > 1]:
-        first, second = (old for old, new in zip(eo.images, images, strict=True) if new == twice[0])
+        alike = (old for old, new in zip(eo.images, images, strict=True) if new == twice[0])
+        first, second = islice(alike, 2)
         raise InputError(
             f"rename: images {first!r} and {second!r} would both be called {twice[0]!r}; give names"
             " that differ, such as by a table old,new"

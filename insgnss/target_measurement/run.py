@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.errors import DataError, UsageError
 from ..base.files import atomic_write, json_ready
+from ..base.provenance import KEY, hashes_of, refuse_other_results
 from ..base.staging import together
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
@@ -178,6 +179,7 @@ def measure_targets(
     progress: Callable[[str], None] = _quiet,
     write: bool = True,
     rules: Rules | None = None,
+    force: bool = False,
 ) -> MeasurementResult:
     """Measure the ground points of a flight in its photographs.
 
@@ -193,6 +195,8 @@ def measure_targets(
         Whether to write the products.
     rules : Rules, optional
         Limits.
+    force : bool
+        Whether results of another flight are overwritten.
 
     Returns
     -------
@@ -210,6 +214,10 @@ def measure_targets(
     """
     if request.images is None:
         raise UsageError("targets measure: IMAGES is missing, the directory of the photographs")
+    directory = out or request.eo.parent / DIRECTORY
+    if write:
+        own = (request.eo, request.ground)
+        refuse_other_results("targets measure", directory / DOCUMENT, own, force, True)
     _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
@@ -228,7 +236,6 @@ def measure_targets(
         refusal = _refusal(figures, trial)
     files: tuple[Path, ...] = ()
     if write:
-        directory = out or request.eo.parent / DIRECTORY
         progress(f"writing {directory}")
         files = _written(inputs, windows, figures, refusal, directory)
     return MeasurementResult(inputs, tuple(windows), figures, files, refusal)
@@ -383,6 +390,9 @@ def _written(
         mood = "bad" if refusal else "good" if not rejected else "doubtful"
         headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
         write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
+        request = inputs.request
+        own = (request.eo, request.ground, request.camera)
+        figures[KEY] = hashes_of(own, Path())
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, text + "\n")
