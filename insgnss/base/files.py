@@ -77,17 +77,18 @@ def atomic_writes(contents: Mapping[Path, Content]) -> None:
 
 def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
     for path, content in contents.items():
+        goal = staging.destination(path)
         try:
             _write(staging.file(path), content)
         except FileNotFoundError:
-            raise UsageError(f"{path}: the directory does not exist; create it first") from None
+            raise UsageError(f"{goal}: the directory does not exist; create it first") from None
         except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+            raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
             around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
             word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))
             raise InputError(
-                f"{path}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
+                f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
             ) from None
 
 

@@ -103,7 +103,7 @@ def export(
     old, new = next(iter(names.items()))
     note = (
         f"{len(names)} of {len(eo.images)} images are called otherwise here, such as {new!r} for"
-        f" {old!r}: {table} has all; rename their files alike for the program"
+        f" {old!r}: {table.name} has all; rename their files alike for the program"
     )
     return replace(done, notes=(note, *done.notes), files=(done.file, table))
 

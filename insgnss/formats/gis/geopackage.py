@@ -14,11 +14,12 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import UsageError
-from ...base.staging import staged
+from ...base.staging import destination, staged
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
@@ -121,7 +122,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
                 )
             db.execute("COMMIT")
         except sqlite3.OperationalError as error:  # a full disk is not an error of the system there
-            raise UsageError(f"{path}: cannot be written: {error}") from None
+            raise UsageError(f"{destination(Path(path))}: cannot be written: {error}") from None
         finally:
             db.close()
 
