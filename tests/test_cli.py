@@ -56,7 +56,7 @@ def inspection(monkeypatch):
 
 
 def _raising(error):
-    def process(flight, out, progress):
+    def process(flight, out, progress, force):
         raise error
 
     return process
@@ -68,7 +68,7 @@ def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary
     """Oracle: the arguments of the command and the summary of the made-up result."""
     seen = {}
 
-    def process(loaded, out, progress):
+    def process(loaded, out, progress, force):
         progress("smoothing")
         seen.update(name=loaded.name, out=out)
         return types.SimpleNamespace(report={}, files=[], summary=lambda: "12 images")
@@ -86,7 +86,7 @@ def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary
 def test_quiet_leaves_the_summary_alone(pipeline, flight, capsys):
     """Oracle: the summary of the made-up result."""
 
-    def process(loaded, out, progress):
+    def process(loaded, out, progress, force):
         progress("smoothing")
         assert out is None
         return types.SimpleNamespace(report={}, summary=lambda: "12 images")
@@ -107,7 +107,7 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
         4: "key",
     }
 
-    def process(loaded, out, progress):
+    def process(loaded, out, progress, force):
         progress("smoothing")
         return types.SimpleNamespace(report=report, summary=lambda: "not shown")
 
@@ -183,7 +183,7 @@ def test_a_wrong_flight_file_is_bad_input_before_anything_runs(pipeline, tmp_pat
 def test_warnings_are_one_line_each(pipeline, flight, capsys):
     """Oracle: the text of the warning."""
 
-    def process(loaded, out, progress):
+    def process(loaded, out, progress, force):
         warnings.warn("3 fixes\nleft out", UserWarning, stacklevel=1)
         return types.SimpleNamespace(report={}, summary=lambda: "done")
 

@@ -261,6 +261,7 @@ def test_resolved_flight_is_json_with_every_default(load):
         "crs": None,
         "geoid": None,
         "ground_m": None,
+        "rename": [],
         "strip_covariance": True,
     }
     assert resolved["filter"] == {

@@ -39,6 +39,7 @@ def calibrate_tripod(
     pins: Source,
     *,
     out: Source | None = None,
+    force: bool = False,
     pose_sigma: tuple[float, float] = (0.01, 0.01),
     pin_sigma_m: float = 0.001,
     crs: str | None = None,
@@ -52,6 +53,7 @@ def calibrate_tripod(
     poses : camera poses, one a setup: a table, eo.json, a block of Metashape, COLMAP, ...
     pins : tips of the pin in the antenna's place, by the names of the poses.
     out : mounting.toml to write, with a page beside it; None: none.
+    force : whether to overwrite a file that was made from other inputs.
     pose_sigma : m and deg, of poses whose file has no standard deviations.
     pin_sigma_m : of pins whose table has none.
     crs : of the pins, where they stand in one.
@@ -75,7 +77,7 @@ def calibrate_tripod(
         PoseSigma(*pose_sigma), pin_sigma_m, PlaceOptions(crs), _path(photo), date
     )
     result = calibrate(Path(poses), Path(pins), options)
-    return result if out is None else written(result, Path(out))
+    return result if out is None else written(result, Path(out), force)
 
 
 def calibrate_similarity(
@@ -86,6 +88,7 @@ def calibrate_similarity(
     points: Source | None = None,
     camera: Source | None = None,
     out: Source | None = None,
+    force: bool = False,
     pose_sigma: tuple[float, float] = (0.01, 0.01),
     antenna_sigma_m: tuple[float, float] | None = None,
     crs: str | None = None,
@@ -102,6 +105,7 @@ def calibrate_similarity(
     points : image observations of them, where `cameras` has none.
     camera : camera.toml, where `cameras` has no interior orientation.
     out : mounting.toml to write, with a page beside it; None: none.
+    force : whether to overwrite a file that was made from other inputs.
     pose_sigma : m and deg, of poses whose file has no standard deviations.
     antenna_sigma_m : horizontal and vertical, in the place of the table's.
     crs : of antenna positions and ground points, where they stand in one.
@@ -132,7 +136,7 @@ def calibrate_similarity(
         date,
     )
     result = calibrate(Path(cameras), Path(antenna), options)
-    return result if out is None else written(result, Path(out))
+    return result if out is None else written(result, Path(out), force)
 
 
 def calibrate_materialise(
@@ -144,6 +148,7 @@ def calibrate_materialise(
     image: str = "",
     after: Source | None = None,
     out: Source | None = None,
+    force: bool = False,
     photo: Source | None = None,
     date: str = "",
 ) -> "CalibratedMounting":
@@ -158,6 +163,7 @@ def calibrate_materialise(
     image : name of that image.
     after : as `mounted`, after the flight.
     out : mounting.toml to write, with a page beside it; None: none.
+    force : whether to overwrite a file that was made from other inputs.
     photo : an image of the camera, which names it.
     date : of the data, ISO.
 
@@ -183,7 +189,7 @@ def calibrate_materialise(
         date=date,
     )
     result = calibrate(Path(camera), Path(mounted), options)
-    return result if out is None else written(result, Path(out))
+    return result if out is None else written(result, Path(out), force)
 
 
 def _path(source: Source | None) -> Path | None:
@@ -195,6 +201,7 @@ def calibrate_mounting(
     poses: Source,
     *,
     out: Source | None = None,
+    force: bool = False,
     frame: Literal["auto", "similarity", "shift"] = "auto",
     shift_sigma_m: float | None = None,
     lever_arm_sigma_m: float = 0.3,
@@ -210,6 +217,7 @@ def calibrate_mounting(
     flight : the flight file, or what `load_flight` made of it.
     poses : adjusted poses of its images, of any readable program.
     out : mounting.toml to write, with a page beside it; None: none.
+    force : whether to overwrite a file that was made from other inputs.
     frame : how the block lies to the flight: by a similarity, by a shift alone; "auto": a
         similarity, and coordinates of another scale are refused.
     shift_sigma_m : of a shift between ground control and fixes; None: not known.
@@ -240,4 +248,4 @@ def calibrate_mounting(
     alike = pose_sigma[0], math.radians(pose_sigma[1])
     assumptions = Assumptions(shift_sigma_m, imu_sigma_m, lever_arm_sigma_m, frame, *alike)
     result = calibrated(calibrate(own, Path(poses), assumptions), own, _path(photo), date)
-    return result if out is None else written(result, Path(out))
+    return result if out is None else written(result, Path(out), force)

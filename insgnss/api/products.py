@@ -31,6 +31,7 @@ def export(
     geoid: Source | None = None,
     frame: Literal["tangent", "geocentric", "geographic"] | None = None,
     ground_m: float | None = None,
+    rename: Sequence[str | Path] = (),
     **options: Any,
 ) -> "Exported":
     """Write an exterior orientation in the format of a bundle adjustment.
@@ -45,6 +46,9 @@ def export(
     frame : axes where no CRS is named; None: what the format takes first.
     ground_m : height of the ground, from which heights are scaled as the projection scales the
         plan.
+    rename : rules by which images are called otherwise in this file, one after the other: "safe"
+        (letters, digits and . _ - alone), "basename" (without folders), "OLD=NEW", or the path of a
+        table old,new as CSV; the table of both names goes beside the file.
     **options : of the format, such as ``unit="gon"``.
 
     Returns
@@ -67,7 +71,7 @@ def export(
     kind = None if frame is None else FRAMES[frame]
     target = Target(crs, None if geoid is None else Path(geoid), kind, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
-    return write(orientation, format, Path(path), target, **options)
+    return write(orientation, format, Path(path), target, rename, **options)
 
 
 def relative_control(
@@ -272,6 +276,4 @@ def ppk(
         camera_delay_s=camera_delay_s,
         base_point_chosen=base_position is None or base_point is not None,
     )
-    if out is not None:
-        Path(out).mkdir(parents=True, exist_ok=True)
     return solve_ppk(given, None if out is None else Path(out), progress)

@@ -69,6 +69,7 @@ def measure_targets(
     search_px: float = 0.0,
     vehicle: "VehicleTable | None" = None,
     write: bool = True,
+    force: bool = False,
     progress: Progress = _quiet,
 ) -> "MeasurementResult":
     """Measure the targets on ground points in the photographs of a flight.
@@ -86,6 +87,7 @@ def measure_targets(
     search_px : standard deviation that is added to both coordinates of a prediction, pixels.
     vehicle : table [vehicle] of a block file: `ground` is where a vehicle with a target was.
     write : whether to write the products; False: the windows are in the result only.
+    force : whether to overwrite the results of another flight.
     progress : is called with the name of each step.
 
     Returns
@@ -114,7 +116,7 @@ def measure_targets(
         search_px,
         vehicle=vehicle,
     )
-    return measured(request, _path(out), progress, write)
+    return measured(request, _path(out), progress, write, force=force)
 
 
 def _path(source: Source | None) -> Path | None:

@@ -42,6 +42,7 @@ def process(
     out: Source | None = None,
     *,
     write: bool = True,
+    force: bool = False,
     progress: Progress = _quiet,
 ) -> "ProcessResult":
     """Process a flight: raw data in, exterior orientation, trajectory and report out.
@@ -51,6 +52,7 @@ def process(
     flight : a flight file, the directory that holds flight.toml, or a `Flight`.
     out : directory of the products; None: the flight file's output.directory.
     write : whether to write the products; False: they are in the result only.
+    force : whether to overwrite results of other measurements.
     progress : is called with the name of each step.
 
     Returns
@@ -69,7 +71,7 @@ def process(
     from ..processing.pipeline import process as run
 
     flight_file = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    return run(flight_file, None if out is None else Path(out), progress, write)
+    return run(flight_file, None if out is None else Path(out), progress, write, force)
 
 
 def adjust_block(
@@ -79,6 +81,7 @@ def adjust_block(
     mode: "Mode | None" = None,
     control: "ControlKind | None" = None,
     write: bool = True,
+    force: bool = False,
     progress: Progress = _quiet,
 ) -> "AdjustmentResult":
     """Adjust an image block with its aerial control (integrated sensor orientation).
@@ -91,6 +94,7 @@ def adjust_block(
     control : "Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap" or "Rp", absolute or relative position and attitude;
         None: the block file's aerial_control.control.
     write : whether to write the products; False: they are in the result only.
+    force : whether to overwrite results of other image observations.
     progress : is called with the name of each step.
 
     Returns
@@ -114,7 +118,7 @@ def adjust_block(
     if control is not None:
         changes["aerial_control"] = replace(file.aerial_control, control=control)
     file = replace(file, **changes)
-    return adjust(file, None if out is None else Path(out), progress, write)
+    return adjust(file, None if out is None else Path(out), progress, write, force)
 
 
 def inspect(

@@ -4,11 +4,26 @@ import hashlib
 import math
 import os
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError, UsageError
+from .staging import Staging, together
+
+Content = str | bytes | Iterable[str | bytes]
+
+
+def refuse_other_than_utf8(paths: Iterable[str | os.PathLike[str]]) -> None:
+    """Raise InputError at the first path that is not UTF-8, which no report could name."""
+    for path in paths:
+        try:
+            str(path).encode("utf-8")
+        except UnicodeEncodeError:
+            raise InputError(
+                f"{str(path)!r}: is a name that is not UTF-8, which reports and tables cannot hold;"
+                " rename it, such as by convmv -f latin1 -t utf8"
+            ) from None
 
 
 def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check the path") -> bytes:
@@ -23,7 +38,14 @@ def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check t
 
 def sha256(file: str | os.PathLike[str]) -> str:
     """Return the SHA-256 hash of a file's bytes, hexadecimal."""
-    with Path(file).open("rb") as stream:
+    state = os.stat(file)
+    return _digest(os.fspath(file), state.st_ino, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _digest(file: str, inode: int, size: int, changed_ns: int) -> str:
+    """Return the hash of a file that is asked for before a run and after it."""
+    with open(file, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
@@ -39,28 +61,41 @@ def atomic_write(
     atomic_writes({Path(path): content})
 
 
-def atomic_writes(contents: Mapping[Path, str | bytes | Iterable[str | bytes]]) -> None:
-    """Write files whole or none of them: all into temporary ones, which then replace them in order.
+def atomic_writes(contents: Mapping[Path, Content]) -> None:
+    """Write files whole or none of them; within `staging.together` they move with those of it.
 
     What may go wrong while writing, such as a full disk, leaves all of them as they were.
     """
-    temporary = {path: path.with_name(f".{path.name}.{os.getpid()}.tmp") for path in contents}
-    path = next(iter(contents))
-    try:
-        for path, content in contents.items():
-            with temporary[path].open("wb") as stream:
-                for chunk in [content] if isinstance(content, str | bytes) else content:
-                    stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
-        for path in contents:
-            os.replace(temporary[path], path)
-    except FileNotFoundError:
-        raise UsageError(f"{path}: the directory does not exist; create it first") from None
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        for left in temporary.values():
-            with suppress(OSError):  # a path below a file has no temporary one, nor a directory
-                left.unlink()
+    with together() as staging:
+        try:
+            _write_all(staging, contents)
+        except BaseException:  # a block around may go on without these files
+            for goal in contents:
+                staging.forget(goal)
+            raise
+
+
+def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
+    for path, content in contents.items():
+        goal = staging.destination(path)
+        try:
+            _write(staging.file(path), content)
+        except FileNotFoundError:
+            raise UsageError(f"{goal}: the directory does not exist; create it first") from None
+        except OSError as error:
+            raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
+        except UnicodeEncodeError as error:  # a name of the file system that is in the text
+            around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
+            word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))
+            raise InputError(
+                f"{goal}: cannot hold {word!r}, a name that is not UTF-8; rename what has it"
+            ) from None
+
+
+def _write(path: Path, content: str | bytes | Iterable[str | bytes]) -> None:
+    with path.open("wb") as stream:
+        for chunk in [content] if isinstance(content, str | bytes) else content:
+            stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
 
 
 def json_ready(value: Any) -> Any:

@@ -10,7 +10,6 @@ and what it gains is said. Where points are good enough everywhere, it gains lit
 """
 
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from ..adjust.normals import cost
 from ..adjust.precision import Precision, precision_of
 from ..base.errors import InputError
 from ..base.files import atomic_write, json_ready
+from ..base.staging import together
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_toml
 from ..formats.blocks.ground_points import GroundTable
@@ -31,7 +31,6 @@ from ..formats.blocks.image_points import ImagePoints
 from ..formats.blocks.joined import joined
 from ..formats.blocks.measured_block import of_table
 from ..formats.orientation.eo_json import read_eo_json
-from ..processing.staging import Staging
 from ..records import ExteriorOrientation
 from ..records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ..report.figures.block import precision_map
@@ -235,13 +234,11 @@ def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
         inputs=input_paths(plan.solved),
         twin=text + "\n",
     )
-    with Staging(out) as staging:
-        atomic_write(staging.directory / DOCUMENT, text + "\n")
-        atomic_write(staging.directory / PAGE, page.html())
-        moves = staging.moves()
-        for source, goal in moves:
-            os.replace(source, goal)
-    return tuple(goal for _, goal in moves)
+    with together() as staging:
+        into = staging.tree(out)
+        atomic_write(into / DOCUMENT, text + "\n")
+        atomic_write(into / PAGE, page.html())
+        return staging.goals()
 
 
 def _ground_height(file: BlockFile, ground: GroundTable | None) -> float:

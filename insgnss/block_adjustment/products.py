@@ -11,7 +11,6 @@ adjust.html   the page
 """
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,14 +22,16 @@ from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready, sha256
+from ..base.provenance import KEY, hashes_of
+from ..base.staging import together
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.orientation.exported import quoted_names
 from ..formats.orientation.pose_covariance import FILE as COVARIANCE
 from ..formats.orientation.pose_covariance import write_pose_covariance
 from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ..orient.mounting_file import MountingFile, write_mounting_file
-from ..processing.staging import Staging
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
 from .judgement import Judgement
@@ -73,19 +74,19 @@ def written(
     UsageError
         A product would take the place of an input, or cannot be what the block file asks for.
     """
-    with Staging(directory) as staging:
-        into = staging.directory
+    file = solved.inputs.file
+    with together() as staging:
+        into = staging.tree(directory)
         if not judgement.refused:
             _write_orientation(solved, figures, judgement, into)
+        figures[KEY] = hashes_of(_input_files(solved), file.path.absolute().parent)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
         document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, document + "\n")
         write_page(into / PAGE, solved, figures, judgement, document + "\n")
-        moves = staging.moves()
-        _refuse_overwriting(solved, [goal for _, goal in moves])
-        for source, goal in moves:
-            os.replace(source, goal)
-    return tuple(goal for _, goal in moves)
+        files = staging.goals()
+        _refuse_overwriting(solved, files)
+    return files
 
 
 def _write_orientation(
@@ -111,15 +112,19 @@ def _write_orientation(
 
 
 def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
-    file = solved.inputs.file
-    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    moving = (file.vehicle.file, file.vehicle.sizes)
-    taken = {path.resolve() for path in (*inputs, file.ground.file, *moving) if path is not None}
+    taken = {path.resolve() for path in _input_files(solved)}
     for goal in goals:
         if goal.resolve() in taken:
             raise UsageError(
                 f"the product {goal} would overwrite an input; give another directory by --out"
             )
+
+
+def _input_files(solved: Solved) -> list[Path]:
+    file = solved.inputs.file
+    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    moving = (file.vehicle.file, file.vehicle.sizes)
+    return [path for path in (*inputs, file.ground.file, *moving) if path is not None]
 
 
 def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
@@ -211,7 +216,9 @@ def write_poses(solved: Solved, path: Path) -> None:
     form = "%s" + ",%.4f" * 3 + ",%.7f" * 3 + ",%.5f" * 3 + ",%.7f" * 3 + ",%s\n"
     rows = (
         form % (name, *values, "yes" if row >= 0 else "no")
-        for name, values, row in zip(images, table.tolist(), solved.inputs.eo_row, strict=True)
+        for name, values, row in zip(
+            quoted_names(images, ","), table.tolist(), solved.inputs.eo_row, strict=True
+        )
     )
     head = (
         "# projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"

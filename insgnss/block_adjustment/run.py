@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import DataError
+from ..base.provenance import refuse_other_results
 from ..config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
 from .judgement import Judgement, advice, judged, shown
 from .plausibility import refuse_implausible
-from .products import written
+from .products import DOCUMENT, written
 from .solve import Solved, solved
 from .trials import converging
 
@@ -73,6 +74,7 @@ def adjust(
     out: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
     write: bool = True,
+    force: bool = False,
 ) -> AdjustmentResult:
     """Adjust the block of a block file.
 
@@ -86,6 +88,8 @@ def adjust(
         Is called with the name of each step.
     write : bool
         Whether to write the products.
+    force : bool
+        Whether results of other image observations are overwritten.
 
     Returns
     -------
@@ -99,8 +103,12 @@ def adjust(
     DataError
         Files contradict each other, or the observations do not determine the unknowns.
     UsageError
-        The products cannot be written.
+        The products cannot be written, or would overwrite those of other image observations.
     """
+    directory = file.output.directory if out is None else Path(out)
+    observed = [path for path in (file.images.file,) if path is not None]
+    if write:
+        refuse_other_results("adjust", directory / DOCUMENT, observed, force)
     inputs = inputs_of(file, progress)
     progress("looking whether the files belong to each other")
     refuse_implausible(inputs)
@@ -122,7 +130,6 @@ def adjust(
     ]
     files: tuple[Path, ...] = ()
     if write:
-        directory = file.output.directory if out is None else Path(out)
         progress(f"writing {directory}")
         files = written(done, figures, judgement, directory)
     return AdjustmentResult(done, figures, judgement, files)

@@ -48,6 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help=f"where the products go (default: {DIRECTORY} beside BLOCK, or as it says)",
     )
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite results of other image observations"
+    )
 
 
 def block_of(options: argparse.Namespace) -> BlockFile:
@@ -107,7 +110,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         return show_result(options, progress, planned(file, progress, out))
     from ..block_adjustment.run import adjust
 
-    result: AdjustmentResult = adjust(file, options.out, progress)
+    result: AdjustmentResult = adjust(file, options.out, progress, force=options.force)
     return show_judged(options, progress, result, file.path)
 
 

@@ -9,6 +9,7 @@ from .console import Progress
 from .verb import Verb, show_result
 
 if TYPE_CHECKING:
+    from ..base.files import Content
     from ..comparison.result import Comparison
 
 FORMS = (
@@ -89,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
-    from ..base.files import atomic_write
+    from ..base.files import atomic_writes
     from ..comparison.compare import compare_files
 
     progress("reading and matching")
@@ -105,13 +106,16 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         geoid=given.geoid,
         time_shift_s=given.shift,
     )
+    files: dict[Path, Content] = {}
     if given.figure is not None:
         form = given.figure.suffix.lower().removeprefix(".")
-        atomic_write(given.figure, result.figure(form if form in ("pdf", "svg") else "png"))
+        files[given.figure] = result.figure(form if form in ("pdf", "svg") else "png")
     if given.page is not None:
         from ..comparison.page import comparison_page
 
-        atomic_write(given.page, comparison_page(result).html())
+        files[given.page] = comparison_page(result).html()
+    if files:
+        atomic_writes(files)
     return result
 
 

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import UsageError
+from ..base.files import sha256
 from .console import Progress
 from .verb import Verb, show_result
 
 EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
+  insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
   insgnss export --proof metashape proof_scene"""
 
 
@@ -80,6 +82,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="an option of the format; repeat it",
     )
     parser.add_argument(
+        "--rename",
+        action="append",
+        default=[],
+        metavar="RULE",
+        help=(
+            "other names of the images in this export: OLD=NEW, a CSV table of old,new, safe"
+            " (letters, digits and . _ - alone) or basename (without folders); repeat it; a table"
+            " of both names goes beside the export"
+        ),
+    )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite an export beside the eo.json of another flight",
+    )
+    parser.add_argument(
         "--proof",
         action="store_true",
         help="write a synthetic scene in FORMAT, to load in the real tool, into DIR",
@@ -99,10 +117,22 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     out = given.out or given.eo.parent / form.product
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} is the master itself; give --out")
+    if not given.force:
+        _refuse_others(out, given.eo)
     eo = read_eo_json(given.eo)
     progress(f"writing {out}")
-    done = export(eo, given.format, out, target, **options)
-    return ExportResult(given.format, (done.file,), done.notes)
+    done = export(eo, given.format, out, target, given.rename, **options)
+    return ExportResult(given.format, done.files or (done.file,), done.notes)
+
+
+def _refuse_others(out: Path, eo: Path) -> None:
+    """Refuse to overwrite an export among the products of another flight."""
+    master = out.parent / "eo.json"
+    if out.exists() and master.is_file() and eo.is_file() and sha256(master) != sha256(eo):
+        raise UsageError(
+            f"export: {out} is there, beside {master}, which is not {eo}; give another --out, or"
+            " --force"
+        )
 
 
 def frame_kind(word: str | None) -> str | None:
@@ -134,9 +164,10 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
 
     name, directory = str(given.eo), Path(given.format)
     known_format(name)
-    if given.out or given.settings:
+    if given.out or given.settings or given.rename:
         raise UsageError(
-            "export: with --proof neither --out nor --set has a meaning; the scene goes into DIR"
+            "export: with --proof --out, --set and --rename have no meaning; the scene goes into"
+            " DIR"
         )
     progress("writing the scene")
     frame = frame_kind(given.frame)

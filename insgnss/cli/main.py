@@ -4,7 +4,8 @@ Standard output carries the result (with ``--json`` one JSON document), standard
 errors, one line each, and on a terminal the step that is running. Where standard error is no
 terminal the steps are plain lines among the results instead, so that an error stays the one line it
 is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input, 4 the data do not support
-the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
+the answer, 130 interrupted, 143 terminated by SIGTERM (129 by SIGHUP), after which files are what
+they were. Nothing heavy is imported before a verb needs it.
 """
 
 import gc
@@ -20,6 +21,8 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
+from ..base.files import refuse_other_than_utf8
+from ..base.interrupts import Terminated, raise_on_termination
 from .console import Parser, Progress
 from .verb import report_error
 
@@ -36,6 +39,7 @@ def run() -> NoReturn:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # the matrices are 30 x 30: more threads only spin
+    raise_on_termination()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
     code = main()
     gc.freeze()  # nor is there anything to look for at the end
@@ -47,6 +51,7 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
         options = build_parser(next(iter(argv), "")).parse_args(argv)
     except SystemExit as request:  # --help and --version
         return int(request.code or 0)
+    refuse_other_than_utf8([*argv, os.path.abspath(".")])
     if line := settle():
         warnings.warn(line, stacklevel=2)
     code: int = options.run(options, progress)
@@ -90,6 +95,8 @@ def _verdict(error: BaseException) -> tuple[int, str]:
             InputError.exit_code,
             f"error: {where}{error.strerror or error}; check path, permission and free space",
         )
+    if isinstance(error, Terminated):
+        return error.exit_code, "error: terminated"
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, "error: interrupted"
     frames = traceback.extract_tb(error.__traceback__)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.files import atomic_write, json_ready
+from ..base.provenance import KEY, hashes_of, refuse_other_results
+from ..base.staging import together
 from ..base.wording import spoken_as
 from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
 from ..config.command_line import add_options, given_of, names_of
@@ -45,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=Path("ppk"),
         metavar="DIR",
         help="where the files go (default: ppk)",
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite the solution of other observations"
     )
 
 
@@ -89,6 +94,7 @@ class PpkRun:
             "quality": result.quality,
             "checks": [asdict(check) for check in result.checks],
             "input": asdict(self.given),
+            KEY: hashes_of((self.given.rover, self.given.base, *self.given.navigation), Path()),
             "files": [str(path) for path in self.files],
         }
 
@@ -124,14 +130,17 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
             f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give"
             " another directory"
         )
-    given.out.mkdir(parents=True, exist_ok=True)
-    result = solve_ppk(inputs, given.out, progress)
-    progress("writing")
-    written, missing = write_antenna_files(result.fixes, result.events, given.out, origin)
-    result = result if missing is None else replace(result, checks=(*result.checks, missing))
-    beside = tuple(given.out / name for name in (FIGURE, DOCUMENT, PAGE))
-    run = PpkRun(result, inputs, (*written, *result.files.values(), *beside))
-    _write_report(run, *beside)
+    refuse_other_results("ppk", given.out / DOCUMENT, (given.rover, given.base), given.force)
+    with together() as staging:
+        into = staging.tree(given.out)
+        result = solve_ppk(inputs, into, progress)
+        progress("writing")
+        written, missing = write_antenna_files(result.fixes, result.events, into, origin)
+        result = result if missing is None else replace(result, checks=(*result.checks, missing))
+        beside = tuple(into / name for name in (FIGURE, DOCUMENT, PAGE))
+        files = (*written, *result.files.values(), *beside)
+        run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
+        _write_report(run, *beside)
     return run
 
 

@@ -30,6 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             " in the place of those of the flight file"
         ),
     )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite results of other measurements (those of the same are overwritten anyway)",
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -41,7 +46,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         flight = remounted(flight, options.mounting)
     from ..processing import pipeline
 
-    result = pipeline.process(flight, options.out, progress)
+    result = pipeline.process(flight, options.out, progress, force=options.force)
     return show(options, progress, result.summary, lambda: result.report)
 
 

@@ -90,6 +90,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="predict: the table; measure: directory of the products (default: targets beside EO)",
     )
+    parser.add_argument(
+        "--force", action="store_true", help="measure: overwrite the results of another flight"
+    )
 
 
 def _add_target(parser: argparse.ArgumentParser) -> None:
@@ -189,7 +192,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     request = request_of(options)
     if options.job == "predict":
         return show_result(options, progress, predict_targets(request, options.out, progress))
-    result = measure_targets(request, options.out, progress)
+    result = measure_targets(request, options.out, progress, force=options.force)
     return show_judged(options, progress, result, request.ground)
 
 

@@ -199,6 +199,13 @@ class Output:
         low=-500.0,
         high=9000.0,
     )
+    rename: tuple[str, ...] = option(
+        (),
+        "other names of the images in the exports, not in eo.json, rules one after the other:"
+        ' "safe" (letters, digits and . _ - alone), "basename" (without folders), "OLD=NEW", or the'
+        " path of a CSV table old,new; the table of both names goes beside each export",
+        kind="texts",
+    )
     strip_covariance: bool = option(
         True,
         "write eo_covariance.npz, the covariance of all poses of each flight line, for an"

@@ -259,7 +259,9 @@ def _output(table: Table) -> Output:
     directory = table.resolve(values["directory"])
     if directory.exists() and not directory.is_dir():
         raise table.error("directory", f"{directory} is a file, a directory is expected")
-    output = made(table, Output, values | {"directory": directory})
+    rules = ((rule, table.resolve(rule)) for rule in values["rename"])
+    rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
+    output = made(table, Output, values | {"directory": directory, "rename": rename})
     if output.crs is None:
         if output.ground_m is not None:
             problem = (

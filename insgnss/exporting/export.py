@@ -6,13 +6,15 @@ in either.
 
 import os
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import InputError, UsageError, near
+from ..base.staging import together
 from ..formats.exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
@@ -21,7 +23,10 @@ from ..records import ExteriorOrientation, FramedOrientation
 from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
 from ..records.relative import RelativeControl
 from ..stochastic.model import NoiseModel, load_noise_model
+from .rename import names_file, renamed, write_names
 
+OF_IMAGES = ("image_tags",)
+"""Formats that are the images themselves, called as their files are."""
 ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
 # a transformation that moves nothing, of the accuracy to which PROJ takes a continent's datum for
 # WGS 84 (ETRS89, JGD2011): the base's coordinates are of that datum as a rule
@@ -59,6 +64,7 @@ class Exported:
     file: Path
     frame: str
     notes: tuple[str, ...]
+    files: tuple[Path, ...] = ()
 
 
 def known_format(name: str) -> Export:
@@ -69,17 +75,43 @@ def known_format(name: str) -> Export:
 
 
 def export(
-    eo: ExteriorOrientation, name: str, path: Path, target: Target | None = None, **options: Any
+    eo: ExteriorOrientation,
+    name: str,
+    path: Path,
+    target: Target | None = None,
+    rename: Sequence[str | Path] = (),
+    **options: Any,
 ) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
 
     Parameters
     ----------
+    rename : rules of `renamed`, by which images are called otherwise in the export; the table of
+        both names goes beside it.
     options : of the format. Raises UsageError for an unknown format, an option that it does not
         take, a frame that it cannot carry and heights that it needs and does not get; InputError
         where a CRS does not reach the flight.
     """
-    form, target = known_format(name), target or Target()
+    known_format(name)
+    with together():
+        eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
+        done = _export(eo, name, path, target or Target(), options)
+        if not names:
+            return done
+        table = names_file(path)
+        write_names(names, table)
+    old, new = next(iter(names.items()))
+    note = (
+        f"{len(names)} of {len(eo.images)} images are called otherwise here, such as {new!r} for"
+        f" {old!r}: {table.name} has all; rename their files alike for the program"
+    )
+    return replace(done, notes=(note, *done.notes), files=(done.file, table))
+
+
+def _export(
+    eo: ExteriorOrientation, name: str, path: Path, target: Target, options: dict[str, Any]
+) -> Exported:
+    form = EXPORTS[name]
     if not eo.images:
         raise InputError(
             f"export: {name}: there are no images; process a flight with camera events"

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.files import refuse_other_than_utf8
 from ..formats.images.exif import time_taken
 from ..formats.text.layout import decode, shown
 from ..records import Array
@@ -86,6 +87,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
                 f"cannot be read: {error.strerror or error}; give a directory or a list of names",
             ) from None
         names = [name for name in names if name and not name.startswith("#")]
+    refuse_other_than_utf8(names)
     if not names:
         raise InputError.at_line(path, None, "holds no image; check the path and the ending")
     if len(set(names)) < len(names):

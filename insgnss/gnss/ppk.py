@@ -19,12 +19,14 @@ and `BETWEEN_MPS`.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import DataError
+from ..base.scratch import scratch_directory
+from ..base.staging import together
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, named
 from ..formats import read_events
@@ -185,7 +187,7 @@ def solve_ppk(
         Files and options.
     directory : Path, optional
         Gets the `.pos` of the engine with their options, their combination, and `ppk.pos`, the
-        result; None: nothing is kept.
+        result, all or none of them; None: nothing is kept.
     progress : callable, optional
         Is called with the name of each step.
 
@@ -195,9 +197,21 @@ def solve_ppk(
         Of the steps, each in one line.
     """
     if directory is None:
-        with TemporaryDirectory(prefix="insgnss-ppk-") as scratch:
-            return replace(solve_ppk(given, Path(scratch), progress), files={})
-    say = progress or (lambda _: None)
+        with scratch_directory(Path(gettempdir())) as scratch:
+            return replace(_solved_in(given, scratch, progress or _quiet), files={})
+    with together() as staging:
+        into = staging.tree(directory)
+        result = _solved_in(given, into, progress or _quiet)
+        files = {name: directory / path.relative_to(into) for name, path in result.files.items()}
+        return replace(result, files=files)
+
+
+def _quiet(_: str) -> None:
+    pass
+
+
+def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
+    """Solve, and write the files into `directory`."""
     say("reading observations")
     rover, base = read_observations(given.rover), read_observations(given.base)
     events, unasked = _events(given, rover)

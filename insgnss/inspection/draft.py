@@ -1,7 +1,7 @@
 """A flight file drafted from an inspection: every key with its evidence, unsure ones as comments.
 
-Files are overwritten only on request; noise model, picture and page go beside the flight file,
-which is written last, so that it never names a file that does not exist.
+Files are overwritten only on request; noise model, picture and page go beside the flight file, all
+of them or none, so that it never names a file that does not exist.
 """
 
 import os
@@ -12,6 +12,7 @@ from typing import Any
 
 from ..base.errors import UsageError
 from ..base.files import atomic_write
+from ..base.staging import together
 from ..stochastic.model import NoiseModel, write_noise_model
 from ..stochastic.noise_file import comment_lines
 
@@ -100,11 +101,12 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
             f"{', '.join(there)} already {verb}; nothing written; give another path with"
             " --write FLIGHT, or overwrite with --force"
         )
-    for file, content in parts.items():
-        if isinstance(content, NoiseModel):
-            write_noise_model(content, file, draft.noise_why)
-        else:
-            atomic_write(file, content)
+    with together():
+        for file, content in parts.items():
+            if isinstance(content, NoiseModel):
+                write_noise_model(content, file, draft.noise_why)
+            else:
+                atomic_write(file, content)
     return list(parts)
 
 

@@ -1,5 +1,6 @@
 """What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..base.files import atomic_write, sha256
+from ..base.staging import together
 from ..calibrate.materialisation import lever_arm_difference
 from ..formats.images.exif import camera_tags, time_taken
 from ..orient.mounting import metashape_offset
@@ -19,6 +21,9 @@ from ..report.markup import escape, table
 from ..report.verb_page import VerbPage, listed
 
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
+
+HASH = re.compile(r'^sha256 = "([0-9a-f]{64})"', re.MULTILINE)
+"""Of an input, as `orient.mounting_file` writes it."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +195,7 @@ class CalibratedMounting:
         }
 
 
-def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
+def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
     """Write mounting.toml and, beside it, the page.
 
     Parameters
@@ -199,6 +204,8 @@ def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
         What was found.
     out : Path
         The file; the page has its name with the ending .html.
+    force : bool
+        Whether a file that was made from none of the same inputs is overwritten.
 
     Returns
     -------
@@ -208,15 +215,24 @@ def written(result: CalibratedMounting, out: Path) -> CalibratedMounting:
     Raises
     ------
     UsageError
-        A file would overwrite an input.
+        A file would overwrite an input, or a mounting of other inputs.
     """
     page = out.with_suffix(".html")
     inputs = {path.resolve() for path in result.document.get("inputs", ())}
     for path in (out, page):
         if path.resolve() in inputs:
             raise UsageError(f"--out {out}: {path.name} would overwrite an input; give another")
-    write_mounting_file(result.mounting, out)
-    atomic_write(page, page_of(result).html())
+    if not force and out.is_file():
+        own = {digest for _, digest in result.mounting.inputs}
+        others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
+        if own != others and not own & others:
+            raise UsageError(
+                f"--out {out}: is there, and was made from none of these inputs; give another file,"
+                " or --force"
+            )
+    with together():
+        write_mounting_file(result.mounting, out)
+        atomic_write(page, page_of(result).html())
     return replace(result, files=(out, page))
 
 

@@ -56,6 +56,26 @@ def input_files(flight: Flight) -> list[Path]:
     return list(dict.fromkeys(files))
 
 
+def measurements(flight: Flight) -> list[Path]:
+    """List the files of what was measured on the flight: samples of the IMU, and GNSS.
+
+    Others, such as the flight file or a noise model, say how these are processed.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    list of Path
+        The files; none for what was given as an object.
+    """
+    raw = flight.gnss.raw
+    given = [flight.imu.file, flight.gnss.file, *((raw.rover, raw.base) if raw is not None else ())]
+    return [file for file in given if isinstance(file, Path)]
+
+
 def read_files(
     flight: Flight,
 ) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":

@@ -119,7 +119,11 @@ class ProcessResult:
 
 
 def process(
-    flight: Flight, out: Path | None = None, progress: Progress = quiet, write: bool = True
+    flight: Flight,
+    out: Path | None = None,
+    progress: Progress = quiet,
+    write: bool = True,
+    force: bool = False,
 ) -> ProcessResult:
     """Process a flight: from its flight file to the orientation of every image and its report.
 
@@ -133,6 +137,8 @@ def process(
         Receives the name of each step.
     write : bool
         Whether to write the products at all.
+    force : bool
+        Whether results of other measurements are overwritten.
 
     Returns
     -------
@@ -148,7 +154,7 @@ def process(
     UsageError
         Where the products cannot go into `out`.
     """
-    directory = output_directory(flight, out) if write else None
+    directory = output_directory(flight, out, force) if write else None
     clock = StepClock(progress)
 
     clock.step("read")

@@ -7,14 +7,15 @@ otherwise, or where the one beside it holds positions of others, of which there 
 """
 
 import os
-import tempfile
 from collections.abc import Iterable
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import DataError, InputError, InsgnssError, UsageError
+from ..base.provenance import other_results
+from ..base.scratch import scratch_directory
+from ..base.staging import together
 from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
@@ -22,14 +23,14 @@ from ..records.framed import PROJECTED
 from ..records.strips import CommonErrors, StripCovariance
 from ..stochastic.model import NoiseModel
 from .checks import sentence
-from .input_files import input_files
+from .input_files import input_files, measurements
 from .recording import Recording
-from .staging import PREFIX, Staging
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
 
 STRIPS = "eo_covariance.npz"
+REPORT = "report.json"
 # besides those of the images
 PRODUCTS = (
     "trajectory.sbet",
@@ -37,7 +38,7 @@ PRODUCTS = (
     "trajectory.csv",
     STRIPS,
     "report.html",
-    "report.json",
+    REPORT,
 )
 OF_MANY_IMAGES = "eo_images.npz"  # numbers of eo.json, from 10 000 images on
 PPK_PRODUCTS = (SOLUTION, *ANTENNA_FILES)
@@ -73,7 +74,7 @@ class RunResult:
     common: CommonErrors | None = None
 
 
-def output_directory(flight: Flight, out: Path | None) -> Path:
+def output_directory(flight: Flight, out: Path | None, force: bool = False) -> Path:
     """Return the directory of the products, once it is clear that they can be written there.
 
     Parameters
@@ -82,6 +83,8 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
         The flight file.
     out : Path or None
         The directory that takes the place of the flight file's.
+    force : bool
+        Whether results of other measurements are overwritten.
 
     Returns
     -------
@@ -91,8 +94,9 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     Raises
     ------
     UsageError, InputError
-        Where the directory cannot be written to, or a product would take the place of an input: the
-        first where `out` names it, the second where the flight file does.
+        Where the directory cannot be written to, holds results of other measurements, or a product
+        would take the place of an input: the first where `out` names it, the second where the
+        flight file does.
     """
     from ..formats import EXPORTS
 
@@ -101,7 +105,9 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     where = f"{flight.path}: output.directory"
     if out is not None:
         refusal, where = UsageError, "--out"
-    exports = (EXPORTS[name].product for name in (*flight.output.formats, "eo_json"))
+    forms = [EXPORTS[name] for name in (*flight.output.formats, "eo_json")]
+    exports = (form.product for form in forms)
+    trees = {form.product for form in forms if form.several}
     products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, OF_MANY_IMAGES, *exports)}
     if flight.gnss.raw is not None:
         products[ppk_directory(directory)] = PPK_PRODUCTS
@@ -115,11 +121,13 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
                 f"{where}: the product {file.name} would overwrite the input {file}; give another "
                 "directory"
             )
-        if file.is_dir():
+        if file.is_dir() and file.name not in trees:
             raise refusal(
                 f"{where}: {file} is a directory and in the way of a product; give "
                 "another directory"
             )
+    if not force and (reason := other_results(directory / REPORT, measurements(flight))):
+        raise refusal(f"{where}: {reason}; give another directory, or --force")
     return directory
 
 
@@ -166,9 +174,8 @@ def write_products(
     from ..report.page import write_report, write_report_json
 
     eo, trajectory, report, ppk = result.eo, result.trajectory, result.report, recording.ppk
-    with ExitStack() as stack:
-        staged = [stack.enter_context(Staging(Path(out)))]
-        directory = staged[0].directory
+    with together() as staging:
+        directory = staging.tree(Path(out))
         if eo is not None:
             names = dict.fromkeys([*flight.output.formats, "eo_json"])
             exports = [_export(flight, eo, name, directory, recording.noise) for name in names]
@@ -176,21 +183,19 @@ def write_products(
         if eo is not None and result.strips:
             write_eo_covariance(eo, result.strips, directory / STRIPS, result.common)
         if ppk is not None:
-            staged.append(stack.enter_context(Staging(ppk_directory(Path(out)))))
-            notes = _write_solution(flight, recording, ppk, eo, staged[1].directory)
-            report["ppk"] |= {"directory": os.path.relpath(staged[1].target, out), "notes": notes}
+            target = ppk_directory(Path(out))
+            notes = _write_solution(flight, recording, ppk, eo, staging.tree(target))
+            report["ppk"] |= {"directory": os.path.relpath(target, out), "notes": notes}
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
-        digest = write_report_json(report, directory / "report.json")
+        digest = write_report_json(report, directory / REPORT)
         write_report(
             directory / "report.html", report, result.diagnostics, eo, recording.series, digest
         )
-        moves = [move for staging in staged for move in staging.moves()]
-        _refuse_overwriting(flight, (goal for _, goal in moves))
-        for file, goal in moves:
-            os.replace(file, goal)
-    return tuple(goal for _, goal in moves)
+        files = staging.goals()
+        _refuse_overwriting(flight, files)
+    return files
 
 
 def _not_writable(directory: Path) -> str | None:
@@ -199,7 +204,8 @@ def _not_writable(directory: Path) -> str | None:
     if not above.is_dir():
         return f"{above} is a file, a directory is expected; give another one"
     try:
-        os.rmdir(tempfile.mkdtemp(prefix=PREFIX, dir=above))
+        with scratch_directory(above):
+            pass
     except OSError as error:
         return (
             f"cannot write in {above}: {error.strerror or error}; check its permissions or give "
@@ -265,7 +271,8 @@ def _export(
         target = Target(output.crs, geoid, None, output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
     try:
-        done = export(eo, name, directory / form.product, target, **options)
+        rename = output.rename if form.frames else ()  # the master keeps the names of the files
+        done = export(eo, name, directory / form.product, target, rename, **options)
     except UsageError as error:  # the flight file asked for it
         raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

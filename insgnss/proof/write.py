@@ -6,10 +6,6 @@ The export goes the way of every other export. Beside it stand the images, the p
 control in the frame of the export, their pixels, the camera, and a README that says what to see.
 """
 
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +13,7 @@ import numpy as np
 
 from ..base.errors import UsageError
 from ..base.files import atomic_write
+from ..base.staging import is_vacant, together
 from ..exporting.export import Target, export, known_format
 from ..formats.exports import Export
 from ..geodesy.projection import MapProjection
@@ -74,7 +71,7 @@ def write_proof(
         a CRS does not reach.
     """
     form, directory = known_format(name), Path(directory)
-    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+    if not is_vacant(directory):
         raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
     own = next(
         (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
@@ -85,7 +82,8 @@ def write_proof(
     projection = None if crs is None else MapProjection(crs, geoid)
     kind = PROJECTED if projection is not None else frame or own
     scene = make_scene(projection)
-    with _staged(directory) as work:
+    with together() as staging:
+        work = staging.tree(directory)
         images = work / "images"
         images.mkdir()
         write_pictures(scene, images)
@@ -107,26 +105,6 @@ def write_proof(
         *first,
         *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first),
     )
-
-
-@contextmanager
-def _staged(directory: Path) -> Iterator[Path]:
-    """A directory beside `directory`, which it becomes when all went well."""
-    try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{directory.name}.", dir=directory.parent))
-    except OSError as error:
-        raise UsageError(
-            f"{directory}: cannot be written: {error.strerror or error}; give another directory"
-        ) from None
-    try:
-        yield work
-        if directory.exists():
-            directory.rmdir()
-        work.chmod(0o755)
-        work.rename(directory)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def _options(name: str, form: Export, images: Path) -> dict[str, Any]:

@@ -18,7 +18,6 @@ no virtual reference station and no raw IMU files: nothing of theirs is simulate
 """
 
 import os
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
+from ..base.staging import is_vacant, together
 from ..formats.blocks.camera_toml import write_camera_toml
 from ..formats.blocks.ground_points import write_ground_points
 from ..formats.blocks.image_points import write_image_points
@@ -188,28 +188,20 @@ def write_simulated(
     if not simulated.events.images:
         raise UsageError("no exposure in this flight; ask for more minutes, or start in the air")
     units = units or Units.of(simulated.imu_options.quantity, None, None)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     draws = np.random.default_rng([seed, 1])
     seen = None if block is None else simulate_block(simulated, block, seed)
-    try:
-        temporary.mkdir(parents=True)
-        _write_tree(temporary, simulated, units, draws, flight_file or {}, seen)
+    with together() as staging:
+        root = staging.tree(target)
+        _write_tree(root, simulated, units, draws, flight_file or {}, seen)
         for rows, file in ((imu_rows, imu_file(simulated)), (gnss_rows, FIXES)):
             if rows is not None:
-                rows.disturb(temporary / file, draws.spawn(1)[0])
-        if target.exists():
-            target.rmdir()
-        temporary.rename(target)
-    except OSError as error:
-        raise UsageError(f"{target}: cannot be written: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+                rows.disturb(root / file, draws.spawn(1)[0])
     return Dataset(target, target / "flight.toml", simulated, seen)
 
 
 def _target(directory: str | os.PathLike[str]) -> Path:
     target = Path(directory).resolve()
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+    if not is_vacant(target):
         raise UsageError(f"{target}: exists and is not an empty directory; give another one")
     return target
 

@@ -1,10 +1,9 @@
 """The two jobs of `insgnss targets`: predict and measure."""
 
 import json
-import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,8 @@ import numpy as np
 
 from ..base.errors import DataError, UsageError
 from ..base.files import atomic_write, json_ready
-from ..processing.staging import Staging
+from ..base.provenance import KEY, hashes_of, refuse_other_results
+from ..base.staging import together
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
@@ -167,8 +167,8 @@ def predict_targets(
         path = out or request.eo.parent / DIRECTORY / PREDICTIONS
         _refuse_overwriting(request, [path])
         progress(f"writing {path}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_predictions(inputs, path)
+        with together() as staging:
+            write_predictions(inputs, staging.tree(path.parent) / path.name)
         files = (path,)
     return PredictionResult(inputs, figures, files)
 
@@ -179,6 +179,7 @@ def measure_targets(
     progress: Callable[[str], None] = _quiet,
     write: bool = True,
     rules: Rules | None = None,
+    force: bool = False,
 ) -> MeasurementResult:
     """Measure the ground points of a flight in its photographs.
 
@@ -194,6 +195,8 @@ def measure_targets(
         Whether to write the products.
     rules : Rules, optional
         Limits.
+    force : bool
+        Whether results of another flight are overwritten.
 
     Returns
     -------
@@ -211,6 +214,10 @@ def measure_targets(
     """
     if request.images is None:
         raise UsageError("targets measure: IMAGES is missing, the directory of the photographs")
+    directory = out or request.eo.parent / DIRECTORY
+    if write:
+        own = (request.eo, request.ground)
+        refuse_other_results("targets measure", directory / DOCUMENT, own, force, True)
     _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
@@ -229,7 +236,6 @@ def measure_targets(
         refusal = _refusal(figures, trial)
     files: tuple[Path, ...] = ()
     if write:
-        directory = out or request.eo.parent / DIRECTORY
         progress(f"writing {directory}")
         files = _written(inputs, windows, figures, refusal, directory)
     return MeasurementResult(inputs, tuple(windows), figures, files, refusal)
@@ -375,8 +381,8 @@ def _written(
     directory: Path,
 ) -> tuple[Path, ...]:
     """Write the products, all of them or none; of a refusal the sheet and what was rejected."""
-    with Staging(directory) as staging:
-        into = staging.directory
+    with together() as staging:
+        into = staging.tree(directory)
         if refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
@@ -384,17 +390,18 @@ def _written(
         mood = "bad" if refusal else "good" if not rejected else "doubtful"
         headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
         write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
+        request = inputs.request
+        own = (request.eo, request.ground, request.camera)
+        figures[KEY] = hashes_of(own, Path())
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, text + "\n")
-        moves = staging.moves()
-        _refuse_overwriting(inputs.request, [goal for _, goal in moves])
-        for source, goal in moves:
-            os.replace(source, goal)
-    return tuple(goal for _, goal in moves)
+        files = staging.goals()
+        _refuse_overwriting(inputs.request, files)
+    return files
 
 
-def _refuse_overwriting(request: Request, goals: list[Path]) -> None:
+def _refuse_overwriting(request: Request, goals: Sequence[Path]) -> None:
     """Refuse products in the place of inputs."""
     inputs = (request.eo, request.ground, request.camera, request.target.picture)
     taken = {path.resolve() for path in inputs if path is not None}

@@ -1,5 +1,7 @@
 """IMU tables straight into the record: the same numbers and refusals as row by row, at any cut."""
 
+import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,10 @@ from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
 from insgnss.formats import read_imu
+from insgnss.formats.arrays.npy import load_numpy
+from insgnss.formats.imu import imu_csv
 from insgnss.formats.text import direct, text
+from insgnss.formats.text.pieces import FileBytes
 from insgnss.records import ImuSamples
 
 HEAD = "tow[s],gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2],temp"
@@ -138,20 +143,65 @@ def test_other_files_are_read_as_ever(tmp_path: Path, monkeypatch: pytest.Monkey
         check_same(path, monkeypatch)
 
 
-def test_a_mapped_file_is_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the smaps of the system: of a mapped file of megabytes a piece stays at most."""
-    monkeypatch.setattr(text, "MAP_FROM", 1)
+def test_of_a_large_file_pieces_are_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: tracemalloc: of a file of megabytes a piece a thread, and what is read of it."""
+    monkeypatch.setattr(text, "PIECES_FROM", 1)
     path = tmp_path / "big.csv"
     path.write_text("\n".join([HEAD, *(lines_of(7) * 500)]) + "\n")
-    buf, _ = text.load(path)
-    table = direct.read_columns(buf, direct_layout(path, buf), {1: direct.Target("g", 0)}, {"g": 1})
+    with text.loaded(path) as (buf, complete):
+        assert complete
+        assert isinstance(buf, FileBytes)
+        tracemalloc.start()
+        try:
+            table = direct.read_columns(
+                buf, direct_layout(path, buf), {1: direct.Target("g", 0)}, {"g": 1}
+            )
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
     assert table is not None
     assert len(table["g"]) == 120 * 500
-    if not Path("/proc/self/smaps").exists():
-        pytest.skip("the system has no /proc/self/smaps")
-    parts = Path("/proc/self/smaps").read_text().split(str(path))
-    held = int(parts[1].split("Rss:")[1].split()[0])
-    assert held <= 3 * direct.PIECE / 1024 < 0.5 * buf.size / 1024
+    assert peak < table["g"].nbytes + 12 * direct.PIECE < 0.8 * path.stat().st_size
+
+
+@pytest.mark.parametrize("large", [True, False])
+def test_a_file_that_becomes_shorter_while_it_is_read_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: bool
+) -> None:
+    """Oracle: the file cut off behind a line, after its layout was looked at, and before that.
+
+    A map of it would end the process.
+    """
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join([HEAD, *(lines_of(7) * 50)]) + "\n")
+    size = path.stat().st_size
+    if large:
+        monkeypatch.setattr(text, "PIECES_FROM", 1)
+        target, name, real = imu_csv, "sniff", imu_csv.sniff
+    else:
+        target, name, real = text.np, "empty", np.empty
+    cut = path.read_bytes().index(b"\n", size // 2) + 1
+
+    def sniffed(*values, **options):
+        os.truncate(path, cut)
+        return real(*values, **options)
+
+    monkeypatch.setattr(target, name, sniffed)
+    with pytest.raises(InputError, match=r"imu\.csv: became shorter while .* at byte \d+ of \d+;"):
+        read_imu(path)
+
+
+def test_an_array_that_is_cut_off_or_goes_on_is_refused(tmp_path: Path) -> None:
+    """Oracle: bytes taken away and added by hand."""
+    path = tmp_path / "imu.npy"
+    np.save(path, np.ones((50, 7)))
+    whole = path.read_bytes()
+    for content in (whole[:-8], whole + b"more"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"is no whole numpy file"):
+            load_numpy(path)
 
 
 def direct_layout(path: Path, buf: np.ndarray) -> text.Layout:

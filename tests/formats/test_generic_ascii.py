@@ -321,13 +321,15 @@ def test_templates_that_make_no_table(
 
 
 def test_names_and_attitudes_that_it_cannot_hold(tmp_path: Path) -> None:
-    """Oracle: the delimiter; a camera exactly at the nadir has no gimbal angles, but omega, phi,
-    kappa.
+    """Oracle: the delimiter, without quotation marks; a camera exactly at the nadir has no gimbal
+    angles, but omega, phi, kappa.
     """
     eo = framed(exterior(D[None], np.zeros((1, 3))), "tangent plane")
     for delimiter, name in (("blank", "a b"), ("comma", "a,b"), ("tab", "a\tb")):
         with pytest.raises(InputError, match="rename the image"):
-            write_generic_ascii(replace(eo, images=(name,)), tmp_path / "x", delimiter=delimiter)
+            write_generic_ascii(
+                replace(eo, images=(name,)), tmp_path / "x", delimiter=delimiter, quotes=False
+            )
     with pytest.raises(DataError, match="middle angle of roll pitch yaw"):
         write_generic_ascii(eo, tmp_path / "x", "image gimbal")
     assert not list(tmp_path.iterdir())

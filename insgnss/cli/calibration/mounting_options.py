@@ -61,6 +61,9 @@ def add_products(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="what to write, and a page beside it (default: mounting.toml)",
     )
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite a file that was made from other inputs"
+    )
 
 
 def toml_path(text: str) -> Path:
@@ -115,4 +118,4 @@ def finished(
     if options.compare is not None:
         result = compared(result, options.compare)
     progress("write")
-    return show_judged(options, progress, written(result, options.out), *files)
+    return show_judged(options, progress, written(result, options.out, options.force), *files)

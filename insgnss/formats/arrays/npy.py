@@ -6,6 +6,7 @@ A `.npy` is one array (n, m), or a record array whose fields name the columns; a
 several by name. Objects are not loaded.
 """
 
+import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,11 @@ def load_numpy(path: Source) -> Content:
                     np.load(stream, allow_pickle=False) as archive,
                 ):
                     return {printable(name): _plain(archive[name]) for name in archive.files}
-            array = np.lib.format.open_memmap(path, mode="r")
-            if array.offset + array.nbytes != Path(path).stat().st_size:
-                raise ValueError(
-                    f"{Path(path).stat().st_size} bytes, expected {array.offset + array.nbytes}"
-                )
+            with Path(path).open("rb") as stream:
+                array = np.load(stream, allow_pickle=False)
+                expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
+            if size != expected:
+                raise ValueError(f"{size} bytes, expected {expected}")
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at_line(

@@ -19,11 +19,12 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
+from ...base.staging import staged, together
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..orientation.exported import check_frame, check_names, check_only, comment_lines
-from ..orientation.poses import staged, vector
+from ..orientation.poses import vector
 from ..text.text import Source
 from .camera import Camera, camera_of
 
@@ -85,7 +86,6 @@ def write_colmap(
         lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")),
         "a model",
     )
-    directory.mkdir(parents=True, exist_ok=True)
     subtracted = (
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
@@ -93,11 +93,13 @@ def write_colmap(
     head = comment_lines(
         eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
     )
-    atomic_write(
-        directory / "cameras.txt", f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 {model.line}\n"
-    )
-    atomic_write(directory / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n")
-    atomic_write(directory / "images.txt", [head, *rows])
+    with together() as staging:
+        into = staging.tree(directory)
+        atomic_write(
+            into / "cameras.txt", f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 {model.line}\n"
+        )
+        atomic_write(into / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n")
+        atomic_write(into / "images.txt", [head, *rows])
 
 
 def _shift(eo: FramedOrientation, shift: str | Sequence[float] | None) -> Array:

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.files import atomic_write
+from ...base.staging import together
 from ...geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
@@ -131,9 +132,10 @@ def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
     R, P = north_attitude(eo)
     T = eo.camera_from_body
     nominal = R @ CV_RUB @ T @ eo.boresight @ T.T @ CV_RUB
-    _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
     path = Path(path)
-    atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
+    with together():
+        _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
+        atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
 
 
 def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:

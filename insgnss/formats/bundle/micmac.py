@@ -12,16 +12,15 @@ camera, which MicMac looks for when it uses one.
 """
 
 import os
-import shutil
-from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 import numpy as np
 
-from ...base.errors import InputError, UsageError
+from ...base.errors import InputError
 from ...base.files import atomic_write
+from ...base.staging import together
 from ...records import FramedOrientation
 from ...records.block import Array
 from ...records.framed import GEOCENTRIC, TANGENT
@@ -142,30 +141,12 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     )
     form = XML.replace("{interior}", interior.replace("%", "%%"))
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
-    files = (
-        (f"Orientation-{name}.xml", form % tuple(row))
-        for name, row in zip(eo.images, table.tolist(), strict=True)
-    )
-    _into(directory, files)
-
-
-def _into(directory: Path, files: Iterable[tuple[str, str]]) -> None:
-    """Write files beside `directory`, and once they are all there, move them into it."""
-    beside = directory.with_name(f".{directory.name}.{os.getpid()}.tmp")
-    try:
-        beside.mkdir()
-        for name, text in files:
-            with open(f"{beside}{os.sep}{name}", "w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-        if directory.exists():
-            for name in os.listdir(beside):
-                os.replace(beside / name, directory / name)
-        else:
-            beside.rename(directory)
-    except OSError as error:
-        raise UsageError(f"{directory}: cannot be written: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+    with together() as staging:
+        into = staging.tree(directory)
+        for name, row in zip(eo.images, table.tolist(), strict=True):
+            path = f"{into}{os.sep}Orientation-{name}.xml"
+            with open(path, "w", encoding="utf-8", newline="\n") as stream:
+                stream.write(form % tuple(row))
 
 
 def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write
+from ...base.files import atomic_writes
+from ...base.staging import destination
 from ...records import FramedOrientation
 from ...records.framed import TANGENT
 from ..orientation.exported import CHUNK, OPK, angles_of, check_frame, frame_attitude
@@ -54,9 +55,10 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
         indent=1,
     )
     beside = Path(path).with_name(REFERENCE)
-    if beside.exists() and beside.read_text(encoding="utf-8") != reference:
+    present = destination(beside)
+    if present.exists() and present.read_text(encoding="utf-8") != reference:
         raise UsageError(
-            f"{beside}: another reference stands there, and the angles are to hold in this"
+            f"{present}: another reference stands there, and the angles are to hold in this"
             " export's; delete it or export elsewhere"
         )
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
@@ -64,8 +66,7 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))
     position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
     table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
-    atomic_write(path, _entries(eo.images, table))
-    atomic_write(beside, reference)
+    atomic_writes({Path(path): _entries(eo.images, table), beside: reference})
 
 
 def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:

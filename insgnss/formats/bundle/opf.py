@@ -33,6 +33,7 @@ import numpy as np
 from ... import __version__
 from ...base.errors import UsageError
 from ...base.files import atomic_write
+from ...base.staging import together
 from ...records import Array, FramedOrientation, MapFrame
 from ...records.framed import PROJECTED
 from ..orientation.exported import (
@@ -119,25 +120,30 @@ def write_opf(
     check_only(
         directory, {"project.opf", *made}, lambda file: file.endswith(OPF_FILES), "an OPF project"
     )
-    directory.mkdir(parents=True, exist_ok=True)
+    with together() as staging:
+        into = staging.tree(directory)
 
-    def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
-        atomic_write(directory / FILES[name], _json(name, head, lists))
+        def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
+            atomic_write(into / FILES[name], _json(name, head, lists))
 
-    item("camera_list", {}, {"cameras": cameras})
-    captures = _captures(eo, ids, opk, sigma_opk, horizontal, pixel_type)
-    item("input_cameras", {"sensors": [sensor]}, {"captures": captures})
-    if definition is not None:
-        frame = {
-            "base_to_canonical": {"scale": [1, 1, 1], "shift": shift.tolist(), "swap_xy": False},
-            "crs": {"definition": definition},
-        }
-        item("scene_reference_frame", frame, {})
-        projected = _projected(eo, ids, eo.coordinates + shift, opk, sigma_opk)
-        item("projected_input_cameras", {"sensors": [{"id": SENSOR}]}, {"captures": projected})
-    atomic_write(
-        directory / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
-    )
+        item("camera_list", {}, {"cameras": cameras})
+        captures = _captures(eo, ids, opk, sigma_opk, horizontal, pixel_type)
+        item("input_cameras", {"sensors": [sensor]}, {"captures": captures})
+        if definition is not None:
+            frame = {
+                "base_to_canonical": {
+                    "scale": [1, 1, 1],
+                    "shift": shift.tolist(),
+                    "swap_xy": False,
+                },
+                "crs": {"definition": definition},
+            }
+            item("scene_reference_frame", frame, {})
+            projected = _projected(eo, ids, eo.coordinates + shift, opk, sigma_opk)
+            item("projected_input_cameras", {"sensors": [{"id": SENSOR}]}, {"captures": projected})
+        atomic_write(
+            into / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
+        )
 
 
 def crs_definition(frame: MapFrame) -> tuple[str | None, str]:

@@ -7,7 +7,7 @@ import numpy as np
 from ...base.files import atomic_write
 from ...base.wording import named
 from ...records import Array, CameraEvents, Check
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
 from ..text.headers import Kinds, settled_units
 from ..text.order import Lines, Picked, note, open_end, put_in_order
@@ -130,9 +130,9 @@ def numbered(count: int) -> tuple[tuple[str, ...], Check]:
 
 def write_events(events: CameraEvents, path: Source) -> None:
     """Write `image tow`, blank separated, seconds with 7 decimals."""
-    check_names(events.images, None)
+    images = quoted_names(events.images, None)
     rows = (
         f"{name} {time:.7f}\n"
-        for name, time in zip(events.images, np.asarray(events.time).tolist(), strict=True)
+        for name, time in zip(images, np.asarray(events.time).tolist(), strict=True)
     )
     atomic_write(path, ["# image tow[s]\n", *rows])

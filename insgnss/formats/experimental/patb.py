@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from ...base.files import atomic_write
+from ...base.files import atomic_writes
 from ...records import FramedOrientation
 from ...records.framed import PROJECTED, TANGENT
 from ..orientation.exported import (
@@ -43,7 +43,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
     check_names(eo.images, "\n")
     numbers = photo_numbers(eo.images)
     R, _ = frame_attitude(eo)
-    atomic_write(path, table_text("", numbers, FORM, np.hstack([eo.coordinates, R.reshape(-1, 9)])))
+    table = np.hstack([eo.coordinates, R.reshape(-1, 9)])
     head = comment_lines(
         eo,
         "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to"
@@ -51,7 +51,12 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
     )
     path = Path(path)
     beside = "".join(f"{number} {name}\n" for number, name in zip(numbers, eo.images, strict=True))
-    atomic_write(path.with_name(f"{path.stem}_ids.txt"), head + "# number image\n" + beside)
+    atomic_writes(
+        {
+            path: table_text("", numbers, FORM, table),
+            path.with_name(f"{path.stem}_ids.txt"): head + "# number image\n" + beside,
+        }
+    )
 
 
 def photo_numbers(images: tuple[str, ...]) -> list[int]:

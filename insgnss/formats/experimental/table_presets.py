@@ -36,7 +36,11 @@ def write_preset(name: str, eo: FramedOrientation, path: Source) -> None:
     kinds = (GEOGRAPHIC,) if name == "dji_terra" else (PROJECTED, TANGENT)
     check_frame(eo, name, *kinds)
     write_generic_ascii(
-        eo, path, note=f"experimental: this layout for {name} is unverified", **PRESETS[name]
+        eo,
+        path,
+        note=f"experimental: this layout for {name} is unverified",
+        quotes=False,  # of which the programs may know nothing
+        **PRESETS[name],
     )
 
 

@@ -14,10 +14,12 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import UsageError
+from ...base.staging import destination, staged
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
@@ -29,7 +31,7 @@ from ..orientation.exported import (
     places,
     position_sigma,
 )
-from ..orientation.poses import sentences, staged, true_north_ypr, utc
+from ..orientation.poses import sentences, true_north_ypr, utc
 from ..text.text import Source
 
 APPLICATION_ID, USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
@@ -119,6 +121,8 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
                     (_line(coordinates, srs.number),),
                 )
             db.execute("COMMIT")
+        except sqlite3.OperationalError as error:  # a full disk is not an error of the system there
+            raise UsageError(f"{destination(Path(path))}: cannot be written: {error}") from None
         finally:
             db.close()
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...base.files import atomic_write
 from ...records import Check, GnssFixes
 from ...records.observations import OF_THE_SOLUTION
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import (
     FINE,
     TIME,
@@ -255,7 +255,7 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
 
     By their frame this is AntennaPos_Img_WGS84.txt or AntennaPos_Img_WGS84_tangentplane.txt.
     """
-    check_names(positions.images, None)
+    images = quoted_names(positions.images, None)
     geodetic = positions.frame == "geodetic"
     head = "# image lat[deg] lon[deg] h[m]\n" if geodetic else "# image e[m] n[m] u[m]\n"
     form = "%s %.10f %.10f %.4f\n" if geodetic else "%s %.4f %.4f %.4f\n"
@@ -266,9 +266,6 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
         path,
         [
             head,
-            *(
-                form % (name, *row)
-                for name, row in zip(positions.images, values.tolist(), strict=True)
-            ),
+            *(form % (name, *row) for name, row in zip(images, values.tolist(), strict=True)),
         ],
     )

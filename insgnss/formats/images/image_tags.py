@@ -43,6 +43,7 @@ import numpy as np
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.files import atomic_write
+from ...base.staging import together
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU, rpy_from_rotation
 from ...records import Array, FramedOrientation
@@ -203,9 +204,16 @@ def write_image_tags(
         lambda file: file.lower().endswith(SUFFIXES),
         "images",
     )
-    directory.mkdir(parents=True, exist_ok=True)
-    for k, file in pairs:
-        _write(file, directory / file.name, tags(k), gimbal == "auto")
+    with together() as staging:
+        into = staging.tree(directory)
+        for k, file in pairs:
+            target = directory / file.name
+            if target.exists() and target.samefile(file):
+                raise UsageError(
+                    f"{target}: is the image itself, which is not touched; give another directory"
+                    " for the copies"
+                )
+            _write(file, into / file.name, tags(k), gimbal == "auto")
 
 
 def _directories(images: Source | None, path: Source) -> tuple[Path, Path]:
@@ -342,11 +350,6 @@ def _gimbal(
 
 
 def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
-    if target.exists() and target.samefile(source):
-        raise UsageError(
-            f"{target}: is the image itself, which is not touched; give another directory for the"
-            " copies"
-        )
     try:
         with source.open("rb") as stream:
             if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:

@@ -27,12 +27,12 @@ from ..text.columns import (
     gps_time,
     reversed_names,
 )
-from ..text.direct import Rows, Target, read_columns
+from ..text.direct import Bytes, Rows, Target, read_columns
 from ..text.headers import Kinds, kinds_like, settled_units
 from ..text.layout import Layout, sniff
 from ..text.order import Lines, note, open_end, put_in_order
 from ..text.stamps import spread_evenly, unrepeated
-from ..text.text import Source, Table, load, parse
+from ..text.text import Source, Table, load, loaded, parse
 from ..text.units import check_units, imu_kinds, usual_unit
 from .apart import joined
 
@@ -180,8 +180,6 @@ def _read(
     required: tuple[str, ...],
 ) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
-    buf, complete = load(path)
-    layout = sniff(path, buf)
 
     def named(table: Table) -> dict[str, int]:
         index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
@@ -191,23 +189,27 @@ def _read(
         fields = {key: fields_of(layout, index, names) for key, names in TRIADS.items()}
         return scales_of(str(path), layout.header_line, fields, units, quantity, rate_hz)
 
-    direct = None
-    if complete:
+    direct, usual = None, False
+    with loaded(path) as (buf, complete):
+        layout = sniff(path, buf)
         # what is wrong in a line is said before what is wrong with the columns: `parse` does
         with suppress(InputError, UsageError):
             index = named(Table(str(path), layout, np.empty((0, 0)), np.empty(0, dtype=np.int64)))
             scales, unit_notes = settled(index, units)
+            usual = complete
+        if usual:
             direct = _direct(buf, layout, index, scales)
+    del buf
     lines: Lines = Rows(str(path), layout)
     date_notes: Notes = ()
     if direct is None:
-        table = parse(path, buf, complete, layout, whole=False)
+        table = parse(path, *load(path), layout, whole=False)
         index, lines = named(table), table
         units, date_notes = clock_of_dates(table, index, units, "IMU rows")
         scales, unit_notes = settled(index, units)
         direct = _of_table(table, index, scales)
     clock, gyro, accel = direct
-    del buf, direct
+    del direct
     notes = (*open_end("IMU rows", complete), *unit_notes, *date_notes)
     if backward := _backward(layout, index):
         fields = ", ".join(str((layout.header_fields or ())[index[name]]) for name in backward)
@@ -243,7 +245,7 @@ def _factors(layout: Layout, index: Mapping[str, int], scales: Scales) -> dict[s
 
 
 def _direct(
-    buf: NDArray[np.uint8], layout: Layout, index: Mapping[str, int], scales: Scales
+    buf: Bytes, layout: Layout, index: Mapping[str, int], scales: Scales
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
     factors = _factors(layout, index, scales)

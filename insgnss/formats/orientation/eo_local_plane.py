@@ -22,9 +22,9 @@ from .exported import (
     OPK,
     angles_of,
     check_frame,
-    check_names,
     frame_attitude,
     position_sigma,
+    quoted_names,
     table_text,
 )
 
@@ -71,16 +71,16 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
     UsageError
         Another frame.
     InputError
-        Names with blanks.
+        A name with a line end; others that would not stand for themselves are quoted.
     DataError
         phi is +-90 deg.
     """
     check_frame(eo, "eo_local_plane", TANGENT)
-    check_names(eo.images, None)
+    images = quoted_names(eo.images, None)
     opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
     form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + " %.6f" * 3 + "\n"
-    atomic_write(path, table_text(header(eo), eo.images, form, table))
+    atomic_write(path, table_text(header(eo), images, form, table))
 
 
 def header(eo: FramedOrientation) -> str:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
+from ...base.staging import destination
 from ...geodesy.rotation import (
     CV_RUB,
     opk_from_rotation,
@@ -35,6 +36,7 @@ from ...records.framed import GEOGRAPHIC, TANGENT
 Array = NDArray[np.float64]
 
 LEAST_COSINE = 1e-6
+QUOTES = "\"'"
 COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
 CHUNK = 20_000  # rows formatted at once
 
@@ -79,7 +81,43 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
         if wrong:
             raise InputError(
                 f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
+                + (" itself, or in the export alone: --rename, output.rename" * (of == "image"))
             )
+
+
+def quoted_names(names: Sequence[str], separator: str | None, of: str = "image") -> tuple[str, ...]:
+    """Return names as a table of ours has them, which `text.layout` reads back.
+
+    Those that would not stand for themselves are in double quotation marks, doubled within.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The names.
+    separator : str, optional
+        None stands for blanks.
+    of : str
+        What they name, for the message.
+
+    Raises
+    ------
+    InputError
+        A name that is empty or has a line end.
+    """
+    return tuple(
+        '"' + name.replace('"', '""') + '"'
+        if _unfit(name, separator) or name[0] in QUOTES or name[-1] in QUOTES
+        else name
+        for name in _of_one_line(names, of)
+    )
+
+
+def _of_one_line(names: Sequence[str], of: str) -> Sequence[str]:
+    for name in names:
+        wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
+        if wrong:
+            raise InputError(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
+    return names
 
 
 def _unfit(name: str, separator: str | None) -> str:
@@ -120,6 +158,7 @@ def check_only(
     UsageError
         A file, or a directory with other files like these.
     """
+    directory = destination(directory)
     if directory.exists() and not directory.is_dir():
         raise UsageError(f"{directory}: is a file, a directory is written; give another name")
     other = (

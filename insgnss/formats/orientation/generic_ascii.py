@@ -39,7 +39,7 @@ from .ascii_columns import (
     has_plan,
     kind_of,
 )
-from .exported import check_names, comment_lines, table_text
+from .exported import check_names, comment_lines, quoted_names, table_text
 
 Array = NDArray[np.float64]
 
@@ -64,6 +64,7 @@ def write_generic_ascii(
     decimals_m: int = 4,
     decimals_angle: int | None = None,
     note: str = "",
+    quotes: bool = True,
 ) -> None:
     """Write a table in any frame.
 
@@ -93,6 +94,8 @@ def write_generic_ascii(
         0 to 12; by default 6, of radians 9.
     note : str
         A further line of the full header.
+    quotes : bool
+        Whether names that would break the table stand in quotation marks; else they are refused.
 
     Raises
     ------
@@ -115,7 +118,11 @@ def write_generic_ascii(
                 " leave it out for the usual ones"
             )
     separator = DELIMITERS[delimiter]
-    check_names(eo.images, None if delimiter == "blank" else separator)
+    own = None if delimiter == "blank" else separator
+    if quotes:
+        images: Sequence[str] = quoted_names(eo.images, own)
+    else:
+        check_names(images := eo.images, own)
     decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
@@ -128,7 +135,7 @@ def write_generic_ascii(
     atomic_write(
         path,
         table_text(
-            _header(eo, names, how, separator, header, note), eo.images, form, table, image_column
+            _header(eo, names, how, separator, header, note), images, form, table, image_column
         ),
     )
 

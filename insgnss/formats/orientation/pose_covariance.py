@@ -3,11 +3,11 @@ data_specs/pose_covariance.md.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError
+from ...base.staging import staged
 from ...records.block import Array
 from ..text.text import Source
 
@@ -27,7 +27,7 @@ def write_pose_covariance(images: Sequence[str], cov: Array, path: Source) -> No
     path : path
         The file.
     """
-    with Path(path).open("wb") as stream:
+    with staged(path) as work, work.open("wb") as stream:
         np.savez(stream, images=np.array(images), cov=cov)
 
 

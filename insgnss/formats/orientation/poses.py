@@ -1,9 +1,6 @@
 """What the exports of poses share: UTC instants, true north, heights above sea level, inverses."""
 
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +9,6 @@ from ...base.errors import DataError, InputError, UsageError
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
-from ..text.text import Source
 from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
@@ -144,25 +140,3 @@ def inverse_covariance(P: Array, description: str, who: Sequence[str]) -> Array:
             " eo_json instead"
         )
     return np.linalg.inv(R) / safe[:, :, None] / safe[:, None, :]
-
-
-@contextmanager
-def staged(path: Source) -> Iterator[Path]:
-    """Yield a path beside `path` for a library that writes files itself.
-
-    The file written there replaces `path` at the end, whole or not at all.
-    """
-    path = Path(path)
-    try:
-        room = tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise UsageError(
-            f"{path}: cannot be written: {error.strerror or error}; does the directory exist?"
-        ) from None
-    with room as name:
-        work = Path(name) / path.name
-        yield work
-        try:
-            work.replace(path)
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None

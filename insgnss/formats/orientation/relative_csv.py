@@ -18,7 +18,7 @@ from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaterni
 from ...records.relative import FORMS, RelativeControl
 from ..text.columns import Aliases, columns_of
 from ..text.text import Source, read_text_table
-from .exported import check_names
+from .exported import quoted_names
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
     Metres have 5 decimals, quaternions 12, standard deviations 6 (m) and 8 (deg), covariances 10
     digits.
     """
-    check_names(control.images, ",")
+    quoted = dict(zip(control.images, quoted_names(control.images, ","), strict=True))
     sigmas = [
         np.sqrt(np.diagonal(getattr(control, name), axis1=1, axis2=2)) * _DEGREES
         for name in WEIGHTINGS
@@ -92,7 +92,7 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
         + "\n"
     )
     rows = "".join(
-        form % (*names, *values)
+        form % (*(quoted[name] for name in names), *values)
         for names, values in zip(control.names, table.tolist(), strict=True)
     )
     atomic_write(path, header(control) + rows)

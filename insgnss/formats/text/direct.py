@@ -3,14 +3,13 @@
 The table is cut behind line ends into pieces that a processor's cache holds. A first pass counts
 the lines of each, so that the place of every row is known; then each thread takes the next piece,
 parses it into a table of that piece and puts the columns where they belong. So there is one copy of
-the numbers, and of a mapped file what has been read is given back to the system piece by piece.
+the numbers, and of a large file no more than a piece a thread is in memory.
 Pieces with lines that are no rows leave holes, which are closed at the end.
 
 Nothing is decided here: where anything is not as it should be, in whatever piece, None is returned
 and `text.parse` reads the file from its beginning, row by row, and says what and where.
 """
 
-import mmap
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,9 +20,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from .layout import Layout, decode, is_comment
+from .pieces import FileBytes
 
 Array = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
+Bytes = NDArray[np.uint8] | FileBytes
 
 PIECE = 1 << 18  # bytes
 THREADS = 2
@@ -66,7 +66,7 @@ def read_columns(
 
     Parameters
     ----------
-    buf : ndarray
+    buf : ndarray or FileBytes
         Bytes of the file, which end in a newline.
     layout : Layout
         How it is written.
@@ -123,9 +123,8 @@ class _Work:
 
     def __post_init__(self) -> None:
         self.stopped = threading.Event()
-        self._mapped = _map_of(self.buf)
 
-    def piece(self, k: int) -> Bytes:
+    def piece(self, k: int) -> NDArray[np.uint8]:
         return self.buf[self.layout.skip_to if k == 0 else self.ends[k - 1] : self.ends[k]]
 
     def parsed(self, k: int, lines: int) -> Array | None:
@@ -160,7 +159,6 @@ class _Work:
                     return
                 try:
                     job(k)
-                    self._give_back(k)
                 except BaseException as error:
                     failed.append(error)
                     self.stopped.set()
@@ -174,30 +172,13 @@ class _Work:
         if failed:
             raise failed[0]
 
-    def _give_back(self, k: int) -> None:
-        """Let go of the whole pages of a piece of a mapped file."""
-        if self._mapped is None:
-            return
-        page = mmap.PAGESIZE
-        first = -(-int(self.layout.skip_to if k == 0 else self.ends[k - 1]) // page) * page
-        length = int(self.ends[k]) // page * page - first
-        if length > 0:
-            self._mapped.madvise(mmap.MADV_DONTNEED, first, length)
-
-
-def _map_of(buf: Bytes) -> mmap.mmap | None:
-    """The map of a file that the bytes are, where pages of it can be let go of."""
-    base = buf.base.obj if isinstance(buf.base, memoryview) else buf.base
-    takes_advice = hasattr(mmap.mmap, "madvise") and hasattr(mmap, "MADV_DONTNEED")
-    return base if isinstance(base, mmap.mmap) and takes_advice else None
-
 
 def _ends(buf: Bytes, start: int) -> NDArray[np.int64]:
     """Ends of the pieces from `start` on, each behind a newline."""
     ends = []
     while start < buf.size:
         end = min(start + PIECE, buf.size)
-        while end < buf.size and buf[end - 1] != ord("\n"):
+        while end < buf.size and buf[end - 1 : end][0] != ord("\n"):
             near = bytes(buf[end : end + 4096]).find(b"\n")
             end = min(end + 4096, buf.size) if near < 0 else end + near + 1
         ends.append(end)

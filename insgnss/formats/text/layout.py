@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
@@ -31,6 +32,8 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 NUMBER = re.compile(
     r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
 )
+_QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
+_MASK = re.compile("\x00([0-9]+)\x00")
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _DELIMITERS = ("\t", ";", ",", None)
 
@@ -92,11 +95,37 @@ def printable(name: str) -> str:
 
 
 def split_fields(text: str, delimiter: str | None) -> list[str]:
-    """Return the fields of a line; one delimiter may close it."""
+    """Return the fields of a line; one delimiter may close it.
+
+    A delimiter within a field in double quotation marks separates nothing; the marks stay.
+    """
     text = text.strip(" \r\n") if delimiter == "\t" else text.strip()
+    masked, quotes = _masked(text)
     if delimiter is None:
-        return text.split()
-    return [field.strip() for field in text.removesuffix(delimiter).split(delimiter)]
+        fields = masked.split()
+    else:
+        fields = [field.strip() for field in masked.removesuffix(delimiter).split(delimiter)]
+    return [_MASK.sub(lambda m: quotes[int(m[1])], field) for field in fields] if quotes else fields
+
+
+def _masked(text: str) -> tuple[str, list[str]]:
+    """Return a line with a mark in the place of each field in quotation marks, and these fields."""
+    quotes: list[str] = []
+    if '"' not in text:
+        return text, quotes
+
+    def mark(match: re.Match[str]) -> str:
+        quotes.append(match[0])
+        return f"\x00{len(quotes) - 1}\x00"
+
+    return _QUOTED.sub(mark, text), quotes
+
+
+def unquoted(field: str) -> str:
+    """Return a field without its quotation marks, those doubled within it single."""
+    if len(field) > 1 and _QUOTED.fullmatch(field):
+        return field[1:-1].replace('""', '"')
+    return field.strip("\"'")
 
 
 def is_comment(text: str) -> bool:
@@ -115,7 +144,9 @@ def _has_number(text: str) -> bool:
     )
 
 
-def _sample(buf: NDArray[np.uint8]) -> tuple[list[tuple[int, int, str]], list[tuple[int, str]]]:
+def _sample(
+    buf: NDArray[np.uint8] | FileBytes,
+) -> tuple[list[tuple[int, int, str]], list[tuple[int, str]]]:
     """Return the first data lines (line, byte, text) and the comments (line, text) before them."""
     size = 1 << 16
     while True:
@@ -141,6 +172,7 @@ def _sample(buf: NDArray[np.uint8]) -> tuple[list[tuple[int, int, str]], list[tu
 def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
     if delimiter is None:
         return True
+    lines = [_masked(text)[0] for text in lines]
     if not all(delimiter in text for text in lines):
         return False
     if delimiter != ",":
@@ -164,7 +196,7 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
     return None
 
 
-def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
+def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> Layout:
     """Return the layout of the table in `buf`; InputError where there is no data line."""
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None

@@ -4,10 +4,10 @@ The rules are those of `layout`.
 """
 
 import math
-import mmap
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,13 +26,15 @@ from .layout import (
     shown,
     sniff,
     split_fields,
+    unquoted,
 )
+from .pieces import FileBytes, shrunk
 
 Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
-MAP_FROM = 1 << 22  # bytes; smaller files are simply read
+PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,7 @@ class TextTable:
 
     def strings(self, column: int) -> tuple[str, ...]:
         """Return a column as text, without quotation marks."""
-        return tuple(row[column].strip("\"'") for row in self.rows)
+        return tuple(unquoted(row[column]) for row in self.rows)
 
     def floats(self, column: int) -> Array:
         """Return a column as numbers (n,); InputError with the line for what is none."""
@@ -124,9 +126,6 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
 
     A byte order mark is turned to blanks.
     """
-    mapped = _mapped(path)
-    if mapped is not None:
-        return mapped, True
     buf = load_bytes(path, 1)
     if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError.at_line(path, 1, "is UTF-16 text; save it as UTF-8")
@@ -136,22 +135,19 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     return buf, bool(buf[-2] == ord("\n"))
 
 
-def _mapped(path: Source) -> NDArray[np.uint8] | None:
-    """Map a large file privately: no copy of it is made.
+@contextmanager
+def loaded(path: Source) -> Iterator[tuple[NDArray[np.uint8] | FileBytes, bool]]:
+    """Give the bytes of `load`, of a large file those of `FileBytes`: no copy of it is made.
 
-    It must start without byte order mark and end in a newline, else None.
+    A large file with a byte order mark or without a newline at its end is loaded all the same.
     """
-    try:
-        with Path(path).open("rb") as stream:
-            if os.fstat(stream.fileno()).st_size < MAP_FROM:
-                return None
-            buf = np.frombuffer(
-                mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY), dtype=np.uint8
-            )
-    except (OSError, ValueError):
-        return None
-    plain = buf[-1] == ord("\n") and bytes(buf[:2]) not in (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb")
-    return buf if plain else None
+    if not Path(path).is_file() or Path(path).stat().st_size < PIECES_FROM:
+        yield load(path)
+        return
+    with FileBytes(path) as buf:
+        bom = bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb")
+        plain = buf[buf.size - 1 : buf.size][0] == ord("\n") and not bom
+        yield (buf, True) if plain else load(path)
 
 
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
@@ -161,7 +157,7 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size
             buf = np.empty(size + room, dtype=np.uint8)
-            stream.readinto(buf.data[:size])
+            count = stream.readinto(buf.data[:size])
     except FileNotFoundError:
         raise InputError.at_line(
             path, None, "no such file; check the path in the flight file"
@@ -170,6 +166,8 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
         raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
     if size == 0:
         raise InputError.at_line(path, None, "is empty; copy it again from its source")
+    if count < size:
+        raise shrunk(path, count, size)
     return buf
 
 

@@ -33,6 +33,7 @@ from typing import BinaryIO, NamedTuple
 
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
+from ...base.scratch import ENGINE, scratch_directory
 from ...base.wording import named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes
@@ -172,8 +173,8 @@ def solve(
     }
     checks += check_names(command, texts["forward"], options)
     target = _made(Path(directory))
-    with tempfile.TemporaryDirectory(dir=target, prefix=".engine-") as scratch:
-        runs = _Runs(command, Path(scratch), options)
+    with scratch_directory(target, ENGINE) as scratch:
+        runs = _Runs(command, scratch, options)
         names = runs.stage(moving, standing, files)
 
         def whereabouts(observations: Observations) -> Whereabouts:

@@ -12,13 +12,14 @@ between inputs, makes of "good" a "usable with care".
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.scratch import scratch_directory
 from ...formats.gnss.pos_header import ROOTS
 from ...formats.gnss.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
 from ...formats.text.text import Source, load
@@ -112,8 +113,8 @@ def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         fields = lines[line - 1].split()
         fields[first : first + 6] = [b"0.0"] * 6
         lines[line - 1] = b" ".join(fields)
-    with TemporaryDirectory(prefix="insgnss-pos-") as scratch:
-        copy = Path(scratch) / Path(path).name
+    with scratch_directory(Path(gettempdir())) as scratch:
+        copy = scratch / Path(path).name
         copy.write_bytes(b"\n".join(lines))
         fixes = read_rtklib_pos(copy, sigma_m=UNKNOWN_SIGMA_M)
     finding = (

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_write, sha256
+from ...base.staging import together
 from .chart import Axes, Chart, Ink, Kind, Layer, Link, Mark, Scale
 from .drawn import FORMS, PAGE, Form, Paper, draw
 from .encoded import in_page
@@ -91,10 +92,11 @@ def figure_files(
     chosen = [chart for chart in charts if not only or chart.name in only]
     files = tuple(folder / f"{chart.name}.{form}" for chart in chosen)
     _refuse_present(folder, files, force)
-    folder.mkdir(parents=True, exist_ok=True)
     paper = Paper(width_mm, DPI)
-    for chart, file in zip(chosen, files, strict=True):
-        atomic_write(file, draw(chart, form, paper))
+    with together() as staging:
+        into = staging.tree(folder)
+        for chart, file in zip(chosen, files, strict=True):
+            atomic_write(into / file.name, draw(chart, form, paper))
     return Figures(page, files)
 
 

@@ -11,7 +11,6 @@ README.md
 """
 
 import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write
+from ...base.staging import is_vacant, together
 from ...formats.blocks.camera_toml import write_camera_toml
 from ...formats.blocks.ground_points import write_ground_points
 from ...formats.blocks.image_points import write_image_points
@@ -61,19 +61,12 @@ def write_survey(directory: str | os.PathLike[str], made: SimulatedSurvey) -> Pa
         The directory is not empty or cannot be written.
     """
     target = Path(directory).resolve()
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+    if not is_vacant(target):
         raise UsageError(f"{target}: exists and is not an empty directory; give another one")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        (temporary / "truth").mkdir(parents=True)
-        _write(temporary, made)
-        if target.exists():
-            target.rmdir()
-        temporary.rename(target)
-    except OSError as error:
-        raise UsageError(f"{target}: cannot be written: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+    with together() as staging:
+        root = staging.tree(target)
+        (root / "truth").mkdir()
+        _write(root, made)
     return target / "block.toml"
 
 

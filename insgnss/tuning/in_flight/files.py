@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write, sha256
+from ...base.staging import together
 from ...base.units import rounded
 from ...config.flight_file import Flight
 from ...prepare.gaps import nominal_interval
@@ -60,7 +61,7 @@ def beside(target: Path) -> tuple[Path, Path, Path]:
 
 
 def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
-    """Write the files, the noise model last and only where it is accepted.
+    """Write the files, all or none, the noise model only where it is accepted.
 
     Returns
     -------
@@ -74,13 +75,14 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     drawn = spectrum_figure(tuning)
     files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
-    if drawn:
-        atomic_write(picture, drawn)
     twin = json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n"
-    atomic_write(page, flight_page(tuning, twin).html())
-    atomic_write(table, twin)
-    if tuning.accepted:
-        write_noise_model(tuning.model, target, tuning.reasons)
+    with together():
+        if drawn:
+            atomic_write(picture, drawn)
+        atomic_write(page, flight_page(tuning, twin).html())
+        atomic_write(table, twin)
+        if tuning.accepted:
+            write_noise_model(tuning.model, target, tuning.reasons)
     return tuning
 
 

@@ -1,5 +1,5 @@
-"""The files of a tuning: noise model, table for machines, page, a figure a sensor. Each appears
-whole or not at all, the noise model last.
+"""The files of a tuning: noise model, table for machines, page, a figure a sensor. They appear
+together or not at all.
 """
 
 import json
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...base.errors import DataError
 from ...base.files import atomic_write
+from ...base.staging import together
 from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
 from ...stochastic.noise_file import model_of_text, text_of_model
 from ..recordings import AXES, SENSORS, StaticRecording
@@ -97,13 +98,14 @@ def write(result: TuneResult, target: Path) -> TuneResult:
     result = replace(result, files=files, notes=notes)
     if result.model is not None:
         _read_back(result, target)
-    for path, png in drawn.items():
-        atomic_write(path, png)
     twin = json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n"
-    atomic_write(page, static_page(result, twin).html())
-    atomic_write(table, twin)
-    if result.model is not None:
-        write_noise_model(result.model, target, _remarks(result))
+    with together():
+        for path, png in drawn.items():
+            atomic_write(path, png)
+        atomic_write(page, static_page(result, twin).html())
+        atomic_write(table, twin)
+        if result.model is not None:
+            write_noise_model(result.model, target, _remarks(result))
     return result
 
 

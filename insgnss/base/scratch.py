@@ -1,0 +1,212 @@
+"""Directories of one run, beside what it writes: locked while it lives, swept by the next run.
+
+The lock is on the directory itself and ends with the process, however that ends. Where a file
+system or an operating system has no such locks, directories of others are left alone.
+"""
+
+import atexit
+import json
+import os
+import shutil
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from .interrupts import deferred
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+PREFIX, ENGINE = ".insgnss-", ".engine-"
+PREFIXES = (PREFIX, ENGINE)
+JOURNAL, LEAD = "journal.json", "lead"
+Moves = list[tuple[str, str, str | None]]
+"""Source, goal, where the goal's old file goes; all relative to the directory of the journal."""
+
+
+class Scratch:
+    """A directory of this run, gone when it is closed or the process ends.
+
+    Parameters
+    ----------
+    where : Path
+        The existing directory that holds it; what dead runs left there is swept first.
+    prefix : str
+        Of its name, one of `PREFIXES`.
+    """
+
+    def __init__(self, where: Path, prefix: str = PREFIX) -> None:
+        sweep(where)
+        with deferred():
+            self.path, self._lock = _locked(where, prefix)
+            self._owner = os.getpid()
+            _OPEN.add(self)
+
+    def close(self) -> None:
+        """Remove the directory; without effect a second time and in a child of the process."""
+        with deferred():
+            if self in _OPEN and self._owner == os.getpid():
+                _OPEN.discard(self)
+                shutil.rmtree(self.path, ignore_errors=True)
+                self.leave()
+
+    def leave(self) -> None:
+        """Give up the lock and leave the directory, with its journal, to the next run."""
+        _OPEN.discard(self)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+_OPEN: set[Scratch] = set()
+
+
+@atexit.register
+def _close_all() -> None:
+    for own in tuple(_OPEN):
+        own.close()
+
+
+@contextmanager
+def scratch_directory(where: Path, prefix: str = PREFIX) -> Iterator[Path]:
+    """Give a directory of this run, in the directory `where`, for intermediate files."""
+    own = Scratch(where, prefix)
+    try:
+        yield own.path
+    finally:
+        own.close()
+
+
+def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
+    """Make a directory and lock it; again where a sweep was faster than the lock."""
+    while True:
+        path = Path(tempfile.mkdtemp(prefix=prefix, dir=where))
+        if fcntl is None:
+            return path, None
+        try:
+            descriptor = os.open(path, os.O_RDONLY)
+        except FileNotFoundError:
+            continue
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            continue
+        except OSError:  # a file system without locks, on which nobody sweeps either
+            os.close(descriptor)
+            return path, None
+        if path.exists():
+            return path, descriptor
+        os.close(descriptor)
+
+
+def sweep(*directories: Path) -> None:
+    """Remove what dead runs left in directories; undo moves within which they were killed.
+
+    The directories need not exist. A warning names files that were put back.
+    """
+    for directory in directories if fcntl is not None else ():
+        try:
+            with os.scandir(directory) as entries:
+                names = [entry.path for entry in entries if entry.name.startswith(PREFIXES)]
+        except OSError:
+            continue
+        for name in names:
+            _sweep(Path(name))
+
+
+def _sweep(path: Path) -> None:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError:  # no directory, of another user, or gone
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # its owner lives
+        os.close(descriptor)
+        return
+    with deferred():
+        try:
+            if (lead := _lead_of(path)) is not None:
+                _sweep(lead)  # has the journal of this one
+                if (lead / JOURNAL).exists():
+                    return
+            if (path / JOURNAL).exists() and undo(path):
+                warnings.warn(
+                    f"{path.parent}: an earlier run was killed while it moved its files there; the"
+                    " files from before it were put back",
+                    stacklevel=2,
+                )
+            shutil.rmtree(path, ignore_errors=True)
+        except OSError as error:
+            warnings.warn(
+                f"{path}: holds files from before a run that was killed; they cannot be put back:"
+                f" {error.strerror or error}; {path / JOURNAL} says where they belong",
+                stacklevel=2,
+            )
+        finally:
+            os.close(descriptor)
+
+
+def _lead_of(path: Path) -> Path | None:
+    """Return the directory that has the journal of `path`, where that is another one."""
+    with suppress(OSError, ValueError):
+        lead = path / str(json.loads((path / LEAD).read_text(encoding="ascii")))
+        return lead.resolve() if lead.exists() else None
+    return None
+
+
+def write_journal(lead: Path, made: list[str], moves: Moves) -> None:
+    """Write what is going to be moved, whole or not at all.
+
+    Parameters
+    ----------
+    lead : Path
+        The scratch directory that gets it.
+    made : list of str
+        Directories that are going to be made, in order.
+    moves : list
+        The moves in order.
+    """
+    text = json.dumps({"made": made, "moves": moves})
+    (lead / f"{JOURNAL}.new").write_text(text, encoding="ascii")
+    os.replace(lead / f"{JOURNAL}.new", lead / JOURNAL)
+
+
+def undo(lead: Path) -> bool:
+    """Undo the moves of a journal, however many were done; then remove the journal.
+
+    Parameters
+    ----------
+    lead : Path
+        The scratch directory that holds it.
+
+    Returns
+    -------
+    bool
+        Whether any file had been moved.
+
+    Raises
+    ------
+    OSError
+        A file that cannot be put back; the journal stays, and the next run tries again.
+    """
+    journal = json.loads((lead / JOURNAL).read_text(encoding="ascii"))
+    changed = False
+    for source, goal, aside in reversed(journal["moves"]):
+        if aside is None:
+            if os.path.lexists(lead / goal) and not os.path.lexists(lead / source):
+                os.replace(lead / goal, lead / source)
+                changed = True
+        elif os.path.lexists(lead / aside):
+            os.replace(lead / aside, lead / goal)
+            changed = True
+    for directory in reversed(journal["made"]):
+        with suppress(OSError):  # not made, or in use by now
+            os.rmdir(lead / directory)
+    os.unlink(lead / JOURNAL)
+    return changed

@@ -1,0 +1,291 @@
+"""Files that appear together: all of them, or none.
+
+They are written into scratch directories beside their places, on the same file system, and moved at
+the end. A journal says what is going to be moved: after an error the moves are undone, and after a
+kill the next run that writes there undoes them. Signals wait until the moves are over.
+"""
+
+import errno
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+
+from .errors import UsageError
+from .interrupts import deferred
+from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, sweep, undo, write_journal
+
+NEW, OLD = "new", "old"
+FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+
+Move = tuple[Path, Path]
+
+
+class Staging:
+    """Files and directories that `together` moves into their places.
+
+    Attributes
+    ----------
+    scratch : dict
+        The scratch directory of each directory that gets files or is made.
+    """
+
+    def __init__(self) -> None:
+        self.scratch: dict[Path, Scratch] = {}
+        self._files: dict[Path, Path] = {}  # goal: where it is written
+        self._trees: dict[Path, Path] = {}  # target: the directory that stands for it
+        self._count = 0
+
+    def file(self, goal: Path) -> Path:
+        """Return where to write a file that goes to `goal`, whose directory must exist.
+
+        A goal within a directory of `tree` is written at once: it is moved with that directory.
+        """
+        if self.holds(goal):
+            return goal
+        if goal not in self._files:
+            if not goal.parent.is_dir():
+                number = errno.ENOTDIR if goal.parent.exists() else errno.ENOENT
+                raise OSError(number, os.strerror(number), str(goal))
+            self._count += 1
+            folder = self._within(goal.parent) / f"file{self._count}"
+            folder.mkdir()  # one each, as a library may write others beside its own
+            self._files[goal] = folder / goal.name
+        return self._files[goal]
+
+    def tree(self, target: Path) -> Path:
+        """Return an empty directory whose content goes into the directory `target`.
+
+        The target is made with it where it is missing; files that are there already and are not
+        written again stay.
+        """
+        if self.holds(target):
+            target.mkdir(parents=True, exist_ok=True)
+            return target
+        if target not in self._trees:
+            if target.exists() and not target.is_dir():
+                raise UsageError(f"{target}: is a file, a directory is written; give another name")
+            above = next(d for d in (target, *target.absolute().parents) if d.exists())
+            sweep(target.absolute().parent)
+            try:
+                own = self._within(above) / f"{NEW}{len(self._trees)}"
+                own.mkdir()
+            except OSError as error:
+                problem = f"cannot be written: {error.strerror or error}"
+                raise UsageError(f"{target}: {problem}; give another directory") from None
+            self._trees[target] = own
+        return self._trees[target]
+
+    def holds(self, path: Path) -> bool:
+        """Tell whether a path is within a directory that `tree` returned, or is it."""
+        return any(path == own or own in path.parents for own in self._trees.values())
+
+    def destination(self, path: Path) -> Path:
+        """Return where `path`, within a directory of `tree`, goes to; others stay."""
+        for target, own in self._trees.items():
+            if path == own or own in path.parents:
+                return target / path.relative_to(own)
+        return path
+
+    def forget(self, goal: Path) -> None:
+        """Leave a file out that could not be written."""
+        written = self._files.pop(goal, goal if self.holds(goal) else None)
+        if written is not None:
+            written.unlink(missing_ok=True)
+
+    def goals(self) -> tuple[Path, ...]:
+        """Return the places of all files, those of directories in order of their names."""
+        of_trees = (
+            target / file.relative_to(own)
+            for target, own in self._trees.items()
+            for file in sorted(own.rglob("*"))
+            if file.is_file()
+        )
+        return (*of_trees, *self._files)
+
+    def _within(self, directory: Path) -> Path:
+        if directory not in self.scratch:
+            self.scratch[directory] = Scratch(directory)
+        return self.scratch[directory].path
+
+    def moves(self) -> tuple[list[Path], list[Move]]:
+        """Return the directories to be made, in order, and what goes where."""
+        made: list[Path] = []
+        moves: list[Move] = []
+        for target, own in self._trees.items():
+            missing = [d for d in (target, *target.parents) if not d.exists()]
+            made += [d for d in reversed(missing[1:]) if d not in made]
+            moves += _merged(own, target)
+        moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
+        for source, goal in moves:
+            if goal.is_dir() and not source.is_dir():
+                raise UsageError(f"{goal}: is a directory and in the way of a file")
+            if source.is_dir() and os.path.lexists(goal):
+                raise UsageError(f"{goal}: is a file and in the way of a directory")
+        return made, moves
+
+    def commit(self) -> None:
+        """Move everything into its place, or leave everything as it was.
+
+        Raises
+        ------
+        UsageError
+            Where something cannot be moved.
+        """
+        made, moves = self.moves()
+        if not moves:
+            return
+        with deferred():
+            if len(moves) == 1 and not made:
+                _renamed(*moves[0])
+                return
+            lead = next(iter(self.scratch.values())).path
+            try:
+                asides = self._write_journals(lead, made, moves)
+                for directory in made:
+                    directory.mkdir()
+                for (source, goal), aside in zip(moves, asides, strict=True):
+                    if aside is not None:
+                        os.rename(goal, aside)
+                    os.rename(source, goal)
+                os.unlink(lead / JOURNAL)  # from here on the new files stand
+            except BaseException as error:
+                self._put_back(lead, error)
+                raise
+
+    def _write_journals(self, lead: Path, made: list[Path], moves: list[Move]) -> list[Path | None]:
+        """Write what is going to be moved; return where old files are kept."""
+        real = cache(os.path.realpath)
+
+        def seen_from(base: Path, path: Path) -> str:  # so that both may be moved together
+            return os.path.join(os.path.relpath(real(path.parent), real(base)), path.name)
+
+        owners = {own: own.parent for own in self._trees.values()}
+        owners |= {file: file.parent.parent for file in self._files.values()}
+        asides: list[Path | None] = []
+        rows: Moves = []
+        for source, goal in moves:
+            owner = next(owners[path] for path in (source, *source.parents) if path in owners)
+            aside = owner / f"{OLD}{len(rows)}" if os.path.lexists(goal) else None
+            asides.append(aside)
+            kept = None if aside is None else seen_from(lead, aside)
+            rows.append((seen_from(lead, source), seen_from(lead, goal), kept))
+        for other in self.scratch.values():
+            if other.path != lead:
+                (other.path / LEAD).write_text(json.dumps(seen_from(other.path, lead)), "ascii")
+        write_journal(lead, [seen_from(lead, directory) for directory in made], rows)
+        return asides
+
+    def _put_back(self, lead: Path, error: BaseException) -> None:
+        """Undo the moves of a journal, if it was written; UsageError for an error of the system."""
+        reason = getattr(error, "strerror", None) or str(error)
+        path = getattr(error, "filename2", None) or getattr(error, "filename", None)
+        message = f"{path or next(iter(self.scratch))}: cannot be written: {reason}"
+        try:
+            if (lead / JOURNAL).exists():
+                undo(lead)
+        except OSError as second:
+            for own in self.scratch.values():
+                own.leave()
+            raise UsageError(
+                f"{message}; and what was there could not all be put back: {second.strerror}: it is"
+                f" in {lead}, from where the next run that writes here puts it back"
+            ) from None
+        if isinstance(error, OSError):
+            raise UsageError(f"{message}; all files are as they were") from None
+
+    def close(self) -> None:
+        """Remove the scratch directories."""
+        with deferred():
+            for scratch in self.scratch.values():
+                scratch.close()
+
+
+def _merged(source: Path, target: Path) -> list[Move]:
+    """Return the moves that bring a directory into another one, new branches as a whole."""
+    if not os.path.lexists(target):
+        return [(source, target)]
+    moves: list[Move] = []
+    for entry in sorted(source.iterdir()):
+        goal = target / entry.name
+        if entry.name.startswith(PREFIXES):
+            continue
+        moves += _merged(entry, goal) if entry.is_dir() and goal.is_dir() else [(entry, goal)]
+    return moves
+
+
+def _renamed(source: Path, goal: Path) -> None:
+    """Move one file or directory, which takes the place of a file at once."""
+    try:
+        os.replace(source, goal)
+    except OSError as error:
+        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
+
+
+_OPEN: ContextVar[Staging | None] = ContextVar("open staging", default=None)
+
+
+@contextmanager
+def together() -> Iterator[Staging]:
+    """Give the staging whose files move when the block is over, and not after an error in it.
+
+    A block within another one has the staging of that, and its files move with those.
+
+    Raises
+    ------
+    UsageError
+        Where a file cannot be written or moved, such as on a full disk.
+    """
+    if (outer := _OPEN.get()) is not None:
+        yield outer
+        return
+    staging = Staging()
+    token = _OPEN.set(staging)
+    try:
+        try:
+            yield staging
+        except OSError as error:
+            if (path := _location(staging, error)) is None:
+                raise
+            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+        staging.commit()
+    finally:
+        _OPEN.reset(token)
+        staging.close()
+
+
+def _location(staging: Staging, error: OSError) -> Path | None:
+    """Return what could not be written; None where the error is of something else."""
+    candidates = (*staging._trees, *staging._files, *staging.scratch)
+    path = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
+    if path is not None and staging.holds(path):
+        return staging.destination(path)
+    return candidates[0] if error.errno in FULL and candidates else None
+
+
+@contextmanager
+def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a path for a library that writes a file itself; what it wrote there goes to `path`."""
+    with together() as staging:
+        try:
+            own = staging.file(Path(path))
+        except OSError as error:
+            raise UsageError(
+                f"{path}: cannot be written: {error.strerror or error}; does the directory exist?"
+            ) from None
+        yield own
+
+
+def destination(path: Path) -> Path:
+    """Return where a path goes to that may be within a directory of the open staging."""
+    staging = _OPEN.get()
+    return path if staging is None else staging.destination(path)
+
+
+def is_vacant(directory: Path) -> bool:
+    """Tell whether a directory is missing or empty, but for what dead runs left in it."""
+    sweep(directory)
+    return not directory.exists() or (directory.is_dir() and not any(directory.iterdir()))

@@ -1,0 +1,53 @@
+"""Results of other measurements are not overwritten: what is known of them, and the verbs."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from insgnss.base.errors import UsageError
+from insgnss.base.files import sha256
+from insgnss.base.provenance import KEY, hashes_of, other_results, refuse_other_results
+
+
+def results(root: Path, **files: str) -> Path:
+    """A document of results that were made from files of this content."""
+    for name, text in files.items():
+        (root / f"{name}.csv").write_text(text)
+    inputs = [root / f"{name}.csv" for name in files]
+    (root / "report.json").write_text(json.dumps({KEY: hashes_of(inputs, root)}))
+    return root / "report.json"
+
+
+def test_results_of_the_same_measurements_are_not_in_the_way(tmp_path: Path) -> None:
+    """Oracle: hashes of the same bytes under another name, and files that are settings."""
+    document = results(tmp_path, imu="a", gnss="b", settings="c")
+    (tmp_path / "moved.csv").write_text("a")
+    assert other_results(document, [tmp_path / "moved.csv", tmp_path / "gnss.csv"]) is None
+    (tmp_path / "settings.csv").write_text("changed")
+    assert other_results(document, [tmp_path / "imu.csv", tmp_path / "gnss.csv"]) is None
+    assert other_results(tmp_path / "none.json", [tmp_path / "imu.csv"]) is None
+
+
+def test_results_of_others_are_refused(tmp_path: Path) -> None:
+    """Oracle: a file that changed, of the same size and name; --force; one of two is enough."""
+    document = results(tmp_path, imu="a", gnss="b")
+    files = [tmp_path / "imu.csv", tmp_path / "gnss.csv"]
+    before = sha256(files[1])
+    files[1].write_text("B")
+    assert sha256(files[1]) != before  # kept by what the system says of a file, not by its name
+    with pytest.raises(UsageError, match=r"process: .*gnss\.csv is not what report\.json was made"):
+        refuse_other_results("process", document, files)
+    refuse_other_results("process", document, files, force=True)
+    assert other_results(document, files, one_is_enough=True) is None
+    files[0].write_text("A")
+    assert "imu.csv is not what" in str(other_results(document, files, one_is_enough=True))
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"inputs_sha256": 3}', "\xff"])
+def test_a_document_that_does_not_say_is_refused(tmp_path: Path, text: str) -> None:
+    """Oracle: what is no document of results."""
+    (tmp_path / "report.json").write_text(text, encoding="latin-1")
+    reason = other_results(tmp_path / "report.json", [])
+    assert reason is not None
+    assert reason.endswith("does not say what it was made from")
