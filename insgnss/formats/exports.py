@@ -208,7 +208,7 @@ EXPORTS: dict[str, Export] = {
         "COLMAP text model with known poses",
         "bundle.colmap:write_colmap",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("camera", "shift"),
+        options=("camera", "shift", "database"),
         several=True,
         needs=("camera",),
     ),
