@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import InputError, UsageError, near
+from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
@@ -103,7 +104,7 @@ def export(
         return Exported(path, "tangent plane", ())
     kind = _kind(name, form, target)
     projection = (
-        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch)
+        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch, form.any_unit)
         if kind == PROJECTED
         else None
     )
@@ -120,6 +121,18 @@ def export(
     else:
         form.write(framed, path, **options)
     notes = _notes(form, projection, framed)
+    if (
+        projection is not None
+        and projection.units != (METRE, METRE)
+        and "length_unit" not in options
+    ):
+        plan, height = (unit.plural for unit in projection.units)
+        units = plan if plan == height else f"{plan}, heights in {height}"
+        notes = (
+            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+            " unit",
+            *notes,
+        )
     if projection is None and eo.datum is not None:
         in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
         notes = (f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}", *notes)

@@ -48,6 +48,9 @@ class Export:
         first.
     relative : bool
         Whether the writer takes relative control (`orient.relative`) instead of the orientation.
+    any_unit : bool
+        Whether a projected CRS may count in feet: positions and their standard deviations stand in
+        its unit then.
     frame : str
         Module and function that turn a frame into the one that the file is really in; empty where
         it stays.
@@ -65,6 +68,7 @@ class Export:
     needs: tuple[str, ...] = ()
     crs_order: bool = False
     relative: bool = False
+    any_unit: bool = False
     frame: str = ""
 
     @property
@@ -110,18 +114,21 @@ EXPORTS: dict[str, Export] = {
         "bundle.metashape:write_metashape",
         (GEOGRAPHIC, PROJECTED, TANGENT),
         reader="bundle.metashape:read_metashape",
+        any_unit=True,
     ),
     "metashape_opk": Export(
         "metashape_opk.csv",
         _REFERENCE + "omega phi kappa of the grid",
         "bundle.metashape:write_metashape_opk",
         (PROJECTED, GEOGRAPHIC, TANGENT),
+        any_unit=True,
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
         _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
         "bundle.metashape:write_metashape_offset",
         (GEOGRAPHIC, PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -129,12 +136,14 @@ EXPORTS: dict[str, Export] = {
         "bundle.pix4d:write_pix4d_matic",
         (GEOGRAPHIC, PROJECTED),
         crs_order=True,
+        any_unit=True,
     ),
     "pix4d_mapper": Export(
         "pix4d_mapper.csv",
         "PIX4Dmapper: X Y Z omega phi kappa",
         "bundle.pix4d:write_pix4d_mapper",
         (PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "odm": Export(
         "geo.txt",
@@ -173,6 +182,7 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, TANGENT, GEOGRAPHIC),
         options=("width_px", "height_px", "focal_px"),
         frame="bundle.bentley:on_ellipsoid",
+        any_unit=True,
     ),
     "inpho_prj": Export(
         "inpho.prj",
@@ -181,9 +191,14 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, TANGENT),
         options=("focal_mm", "ground_m", "camera"),
         needs=("focal_mm", "ground_m"),
+        any_unit=True,
     ),
     "inpho_ascii": Export(
-        "inpho.txt", "Inpho GNSS/INS table", "bundle.inpho:write_inpho_ascii", (PROJECTED, TANGENT)
+        "inpho.txt",
+        "Inpho GNSS/INS table",
+        "bundle.inpho:write_inpho_ascii",
+        (PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "generic_ascii": Export(
         "eo_table.txt",
@@ -200,8 +215,10 @@ EXPORTS: dict[str, Export] = {
             "north",
             "decimals_m",
             "decimals_angle",
+            "length_unit",
         ),
         reader="orientation.generic_ascii:read_generic_ascii",
+        any_unit=True,
     ),
     "colmap": Export(
         "colmap",
@@ -261,6 +278,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
         options=("dialect", "camera"),
+        any_unit=True,
     ),
     "kml": Export(
         "eo.kml",
@@ -268,12 +286,14 @@ EXPORTS: dict[str, Export] = {
         "gis.kml:write_kml",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="sea level",
+        any_unit=True,
     ),
     "geopackage": Export(
         "eo.gpkg",
         "GeoPackage: images and track",
         "gis.geopackage:write_geopackage",
         (GEOGRAPHIC, PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "image_tags": Export(
         "tagged_images",
@@ -283,6 +303,7 @@ EXPORTS: dict[str, Export] = {
         options=("images", "missing", "heights", "gimbal", "rtk_flag"),
         several=True,
         needs=("images",),
+        any_unit=True,
     ),
     "rtklib_pos": Export(
         "antenna.pos",
@@ -293,6 +314,7 @@ EXPORTS: dict[str, Export] = {
         options=("lever_m", "quality"),
         reader="gnss.rtklib_pos:read_rtklib_pos",
         needs=("lever_m",),
+        any_unit=True,
     ),
     "eo_json": Export(
         "eo.json",
@@ -313,6 +335,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
         (PROJECTED, TANGENT, GEOGRAPHIC),
         experimental="place of the accuracies and meaning of angles with latitude, longitude",
+        any_unit=True,
     ),
     "realitycapture_accuracy": Export(
         "realitycapture_experimental.csv",
@@ -320,6 +343,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
         (GEOGRAPHIC, TANGENT, PROJECTED),
         experimental="names of accuracies; north of yaw in a projected CRS",
+        any_unit=True,
     ),
     "patb": Export(
         "patb_experimental.ori",
@@ -327,6 +351,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.patb:write_patb",
         (PROJECTED, TANGENT),
         experimental="direction of the matrix",
+        any_unit=True,
     ),
     **{
         name: Export(
@@ -336,6 +361,7 @@ EXPERIMENTAL: dict[str, Export] = {
             (PROJECTED, TANGENT),
             reader="orientation.generic_ascii:read_generic_ascii",
             experimental=_UNVERIFIED,
+            any_unit=True,
         )
         for name, tool in (
             ("bingo", "BINGO"),

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write
+from ...base.units import METRE
 from ...records import Array, FramedOrientation
 from ...records.framed import PROJECTED
 from ..orientation.exported import OPK, angles_of, check_frame, frame_attitude
@@ -54,6 +55,11 @@ def write_geojson(
         raise UsageError(f"dialect {dialect!r} is none of {', '.join(DIALECTS)}")
     if dialect == "orthority":
         check_frame(eo, "geojson of orthority", PROJECTED)
+        if eo.frame.units != (METRE, METRE):
+            raise UsageError(
+                f"geojson of orthority takes metres, {eo.frame.name} counts in"
+                f" {eo.frame.units[0].plural}; use its metric sibling"
+            )
         if eo.frame.northing_first:
             raise UsageError(
                 f"{eo.frame.name} names northing first, orthority takes easting first; use its"
