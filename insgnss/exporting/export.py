@@ -108,7 +108,8 @@ def export(
         if kind == PROJECTED
         else None
     )
-    if "sea level" in (form.heights, options.get("heights")):
+    above_ground = bool(form.without_geoid) and options.get("altitude", "absolute") != "absolute"
+    if "sea level" in (form.heights, options.get("heights")) and not above_ground:
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
         raise UsageError(
@@ -212,7 +213,7 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     if target.geoid is None:
         raise UsageError(
             f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid"
-            " GRID, output.geoid)"
+            f" GRID, output.geoid){EXPORTS[name].without_geoid}"
         )
     return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
 

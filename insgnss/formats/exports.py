@@ -48,6 +48,9 @@ class Export:
         first.
     relative : bool
         Whether the writer takes relative control (`orient.relative`) instead of the orientation.
+    without_geoid : str
+        What a user without a grid of geoid heights can give in its place, by the option `altitude`;
+        empty where nothing.
     any_unit : bool
         Whether a projected CRS may count in feet: positions and their standard deviations stand in
         its unit then.
@@ -70,6 +73,7 @@ class Export:
     relative: bool = False
     any_unit: bool = False
     frame: str = ""
+    without_geoid: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -282,10 +286,15 @@ EXPORTS: dict[str, Export] = {
     ),
     "kml": Export(
         "eo.kml",
-        "KML: track and photographs above sea level",
+        "KML: track and photographs above sea level, or above the ground without a geoid",
         "gis.kml:write_kml",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="sea level",
+        options=("altitude", "ground_m"),
+        without_geoid=(
+            ", or --set altitude=relative --set ground_m=M (of the ground above the ellipsoid),"
+            " or --set altitude=clamped"
+        ),
         any_unit=True,
     ),
     "geopackage": Export(
