@@ -18,6 +18,7 @@ from .errors import InputError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
 FOOT_M = 0.3048  # m, the international foot
+US_FOOT_M = 1200.0 / 3937.0  # m, the foot of the US survey
 
 _NAMES = ("angle", "length", "time")
 
@@ -49,6 +50,36 @@ class Unit:
         """In words: "angle time^-1/2", or "1" where there is none."""
         named = [(name, e) for name, e in zip(_NAMES, self.exponents, strict=True) if e]
         return " ".join(name if e == 1 else f"{name}^{e}" for name, e in named) or "1"
+
+
+@dataclass(frozen=True)
+class LengthUnit:
+    """A unit in which coordinates stand.
+
+    Parameters
+    ----------
+    name : str
+        Its name as the registry of CRSs has it.
+    metres : float
+        Its length, m.
+    """
+
+    name: str
+    metres: float
+
+    @property
+    def plural(self) -> str:
+        """The name of several."""
+        return self.name.replace("foot", "feet") if "foot" in self.name else f"{self.name}s"
+
+
+METRE = LengthUnit("metre", 1.0)
+LENGTH_UNITS = {
+    "m": METRE,
+    "ft": LengthUnit("foot", FOOT_M),
+    "us-ft": LengthUnit("US survey foot", US_FOOT_M),
+}
+"""Units of lengths that tables may stand in, by the names that PROJ has for them."""
 
 
 def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:

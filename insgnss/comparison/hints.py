@@ -54,7 +54,7 @@ class Hints:
 
     def projected(self, code: str) -> MapProjection:
         """Return the projection of a CRS that a file names."""
-        return MapProjection(code, self.geoid, self.datum, self.epoch)
+        return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
 
 
 def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:

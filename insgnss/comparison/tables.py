@@ -94,6 +94,8 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
     frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
+    unit_m = np.ones(3) if frame.projection is None else frame.projection.unit_m
+    x = x * unit_m
     lat, lon, h, C_fE = frame.resolved(
         np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if frame.kind == "geographic" else x, path
     )
@@ -114,7 +116,7 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         time=time,
         gps_week=week if week is not None else hints.gps_week,
         C_Ex=R if north else C_Ef @ R,
-        cov_position=turned(C_Ef, diagonal(s_position)),
+        cov_position=turned(C_Ef, diagonal(None if s_position is None else s_position * unit_m)),
         cov_attitude=P if north else turned(C_Ef, P),
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,

@@ -272,7 +272,7 @@ def _output(table: Table) -> Output:
     from ..geodesy.projection import MapProjection
 
     try:
-        MapProjection(output.crs, output.geoid)
+        MapProjection(output.crs, output.geoid, any_unit=True)
     except UsageError as error:
         raise table.error("crs", str(error)) from None
     return output

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..base.errors import InputError, UsageError, near
 from ..base.staging import together
+from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
@@ -135,11 +136,12 @@ def _export(
         return Exported(path, "tangent plane", ())
     kind = _kind(name, form, target)
     projection = (
-        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch)
+        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch, form.any_unit)
         if kind == PROJECTED
         else None
     )
-    if "sea level" in (form.heights, options.get("heights")):
+    above_ground = bool(form.without_geoid) and options.get("altitude", "absolute") != "absolute"
+    if "sea level" in (form.heights, options.get("heights")) and not above_ground:
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
         raise UsageError(
@@ -152,6 +154,18 @@ def _export(
     else:
         form.write(framed, path, **options)
     notes = _notes(form, projection, framed)
+    if (
+        projection is not None
+        and projection.units != (METRE, METRE)
+        and "length_unit" not in options
+    ):
+        plan, height = (unit.plural for unit in projection.units)
+        units = plan if plan == height else f"{plan}, heights in {height}"
+        notes = (
+            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+            " unit",
+            *notes,
+        )
     if projection is None and eo.datum is not None:
         in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
         notes = (f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}", *notes)
@@ -231,7 +245,7 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     if target.geoid is None:
         raise UsageError(
             f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid"
-            " GRID, output.geoid)"
+            f" GRID, output.geoid){EXPORTS[name].without_geoid}"
         )
     return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
 

@@ -48,6 +48,12 @@ class Export:
         first.
     relative : bool
         Whether the writer takes relative control (`orient.relative`) instead of the orientation.
+    without_geoid : str
+        What a user without a grid of geoid heights can give in its place, by the option `altitude`;
+        empty where nothing.
+    any_unit : bool
+        Whether a projected CRS may count in feet: positions and their standard deviations stand in
+        its unit then.
     frame : str
         Module and function that turn a frame into the one that the file is really in; empty where
         it stays.
@@ -65,7 +71,9 @@ class Export:
     needs: tuple[str, ...] = ()
     crs_order: bool = False
     relative: bool = False
+    any_unit: bool = False
     frame: str = ""
+    without_geoid: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -110,18 +118,21 @@ EXPORTS: dict[str, Export] = {
         "bundle.metashape:write_metashape",
         (GEOGRAPHIC, PROJECTED, TANGENT),
         reader="bundle.metashape:read_metashape",
+        any_unit=True,
     ),
     "metashape_opk": Export(
         "metashape_opk.csv",
         _REFERENCE + "omega phi kappa of the grid",
         "bundle.metashape:write_metashape_opk",
         (PROJECTED, GEOGRAPHIC, TANGENT),
+        any_unit=True,
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
         _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
         "bundle.metashape:write_metashape_offset",
         (GEOGRAPHIC, PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -129,12 +140,14 @@ EXPORTS: dict[str, Export] = {
         "bundle.pix4d:write_pix4d_matic",
         (GEOGRAPHIC, PROJECTED),
         crs_order=True,
+        any_unit=True,
     ),
     "pix4d_mapper": Export(
         "pix4d_mapper.csv",
         "PIX4Dmapper: X Y Z omega phi kappa",
         "bundle.pix4d:write_pix4d_mapper",
         (PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "odm": Export(
         "geo.txt",
@@ -173,6 +186,7 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, TANGENT, GEOGRAPHIC),
         options=("width_px", "height_px", "focal_px"),
         frame="bundle.bentley:on_ellipsoid",
+        any_unit=True,
     ),
     "inpho_prj": Export(
         "inpho.prj",
@@ -181,9 +195,14 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, TANGENT),
         options=("focal_mm", "ground_m", "camera"),
         needs=("focal_mm", "ground_m"),
+        any_unit=True,
     ),
     "inpho_ascii": Export(
-        "inpho.txt", "Inpho GNSS/INS table", "bundle.inpho:write_inpho_ascii", (PROJECTED, TANGENT)
+        "inpho.txt",
+        "Inpho GNSS/INS table",
+        "bundle.inpho:write_inpho_ascii",
+        (PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "generic_ascii": Export(
         "eo_table.txt",
@@ -200,15 +219,17 @@ EXPORTS: dict[str, Export] = {
             "north",
             "decimals_m",
             "decimals_angle",
+            "length_unit",
         ),
         reader="orientation.generic_ascii:read_generic_ascii",
+        any_unit=True,
     ),
     "colmap": Export(
         "colmap",
         "COLMAP text model with known poses",
         "bundle.colmap:write_colmap",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("camera", "shift"),
+        options=("camera", "shift", "database"),
         several=True,
         needs=("camera",),
     ),
@@ -261,19 +282,27 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
         options=("dialect", "camera"),
+        any_unit=True,
     ),
     "kml": Export(
         "eo.kml",
-        "KML: track and photographs above sea level",
+        "KML: track and photographs above sea level, or above the ground without a geoid",
         "gis.kml:write_kml",
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="sea level",
+        options=("altitude", "ground_m"),
+        without_geoid=(
+            ", or --set altitude=relative --set ground_m=M (of the ground above the ellipsoid),"
+            " or --set altitude=clamped"
+        ),
+        any_unit=True,
     ),
     "geopackage": Export(
         "eo.gpkg",
         "GeoPackage: images and track",
         "gis.geopackage:write_geopackage",
         (GEOGRAPHIC, PROJECTED, TANGENT),
+        any_unit=True,
     ),
     "image_tags": Export(
         "tagged_images",
@@ -283,6 +312,7 @@ EXPORTS: dict[str, Export] = {
         options=("images", "missing", "heights", "gimbal", "rtk_flag"),
         several=True,
         needs=("images",),
+        any_unit=True,
     ),
     "rtklib_pos": Export(
         "antenna.pos",
@@ -293,6 +323,7 @@ EXPORTS: dict[str, Export] = {
         options=("lever_m", "quality"),
         reader="gnss.rtklib_pos:read_rtklib_pos",
         needs=("lever_m",),
+        any_unit=True,
     ),
     "eo_json": Export(
         "eo.json",
@@ -313,6 +344,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
         (PROJECTED, TANGENT, GEOGRAPHIC),
         experimental="place of the accuracies and meaning of angles with latitude, longitude",
+        any_unit=True,
     ),
     "realitycapture_accuracy": Export(
         "realitycapture_experimental.csv",
@@ -320,6 +352,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
         (GEOGRAPHIC, TANGENT, PROJECTED),
         experimental="names of accuracies; north of yaw in a projected CRS",
+        any_unit=True,
     ),
     "patb": Export(
         "patb_experimental.ori",
@@ -327,6 +360,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.patb:write_patb",
         (PROJECTED, TANGENT),
         experimental="direction of the matrix",
+        any_unit=True,
     ),
     **{
         name: Export(
@@ -336,6 +370,7 @@ EXPERIMENTAL: dict[str, Export] = {
             (PROJECTED, TANGENT),
             reader="orientation.generic_ascii:read_generic_ascii",
             experimental=_UNVERIFIED,
+            any_unit=True,
         )
         for name, tool in (
             ("bingo", "BINGO"),

@@ -15,6 +15,8 @@ G and m are central differences of the projection over `STEP_RAD` (6 m), exact t
 for every projection, for axes that are not east and north, and with what the datum of the CRS turns
 (for LV95 the convergence at the Bessel ellipsoid's own longitude is wrong by 2 seconds of arc).
 
+Coordinates here are metres, also those of a CRS that counts in feet: `units` says in which.
+
 Horizontal coordinates go through the datum of the CRS in three dimensions: the normals of two
 ellipsoids differ by seconds of arc. Heights do not: they stay those above WGS84's ellipsoid, as
 GNSS gives them, unless the CRS has a vertical part or a geoid is named.
@@ -25,7 +27,6 @@ are there. Where it knows a more accurate one at the flight whose grid is not in
 projected: a British grid would be off by 2 m.
 """
 
-import warnings
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
+from ..base.units import METRE, LengthUnit
 from .earth import curvature_radii
+from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operations
 
 Array = NDArray[np.float64]
 
@@ -48,7 +51,6 @@ HOW = (
 )
 
 
-AROUND_DEG = 0.1  # of the area of the points, in which transformations are looked for
 DATUMS = (
     "give the geographic CRS of the base's coordinates, such as EPSG:4937 (ETRS89), EPSG:9989"
     " (ITRF2020), EPSG:6319 (NAD83(2011)), EPSG:7843 (GDA2020)"
@@ -70,11 +72,14 @@ class MapProjection:
         Geographic CRS of the positions that are projected ("EPSG:4937"); None: WGS 84.
     epoch : float, optional
         Their epoch, decimal year, for a datum that moves.
+    any_unit : bool
+        Whether the CRS may count in other units than metres, which is for callers that heed
+        `units`.
 
     Raises
     ------
     UsageError
-        For a CRS that is unknown, not projected or counts in other units than metres, for a geoid
+        For a CRS that is unknown, not projected or counts in other units than it may, for a geoid
         beside a CRS with heights of its own, for a geoid file that does not exist, and for what
         `source_crs` refuses.
     """
@@ -85,6 +90,7 @@ class MapProjection:
         geoid: Path | None = None,
         datum: str | None = None,
         epoch: float | None = None,
+        any_unit: bool = False,
     ) -> None:
         self._source, self._epoch = source_crs(datum, epoch), epoch
         self._looked: set[tuple[float, ...]] = set()
@@ -94,15 +100,11 @@ class MapProjection:
             raise UsageError(
                 f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
             )
-        factor = {axis.unit_conversion_factor for axis in self.horizontal.axis_info[:2]}
-        if factor != {1.0}:
-            raise UsageError(
-                f"CRS {definition!r} counts in {self.horizontal.axis_info[0].unit_name}, metres are"
-                " needed; give its metric sibling"
-            )
+        if self.units != (METRE, METRE) and not any_unit:
+            raise UsageError(_not_metric(definition, self.horizontal, self.units))
         if geoid is not None and self.crs.is_compound:
             raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
-        self.geoid = None if geoid is None else _geoid_file(geoid)
+        self.geoid = None if geoid is None else geoid_file(geoid)
 
     @property
     def name(self) -> str:
@@ -121,6 +123,28 @@ class MapProjection:
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
         return "above the ellipsoid of WGS84" if self.geoid is None else _above(self.geoid)
+
+    @cached_property
+    def units(self) -> tuple[LengthUnit, LengthUnit]:
+        """The units in which the CRS counts in plan and in height.
+
+        Heights of a CRS without a vertical part are in the unit of the plan.
+        """
+        plan = self.horizontal.axis_info[0]
+        vertical = self.crs.sub_crs_list[1].axis_info[0] if self.crs.is_compound else plan
+        first, second = (
+            METRE
+            if axis.unit_conversion_factor == 1.0
+            else LengthUnit(axis.unit_name, axis.unit_conversion_factor)
+            for axis in (plan, vertical)
+        )
+        return first, second
+
+    @property
+    def unit_m(self) -> Array:
+        """(3,) metres of one unit of easting, northing and height of the CRS."""
+        plan, height = self.units
+        return np.array([plan.metres, plan.metres, height.metres])
 
     @property
     def northing_first(self) -> bool:
@@ -165,10 +189,17 @@ class MapProjection:
         if not self.crs.is_compound and self.geoid is None:
             return np.column_stack([horizontal, h])
         epoch = self._epoch if self.crs.is_compound else None
-        _, _, z = _run(
-            self._heights, self.heights, np.degrees(lon), np.degrees(lat), h, epoch=epoch
-        )
-        return np.column_stack([horizontal, z])
+        try:
+            _, _, z = _run(
+                self._heights, self.heights, np.degrees(lon), np.degrees(lat), h, epoch=epoch
+            )
+        except InputError:
+            if self.crs.is_compound and (
+                why := lacking_heights(self.name, self._source, self.crs, lat, lon)
+            ):
+                raise InputError(why) from None
+            raise
+        return np.column_stack([horizontal, z * self.units[1].metres])
 
     def forward_horizontal(self, lat: Array, lon: Array, h: Array) -> Array:
         """Project geodetic coordinates to the first two coordinates of `forward`.
@@ -194,36 +225,24 @@ class MapProjection:
         x, y, _ = _run(
             self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h, epoch=self._epoch
         )
-        return np.column_stack([x, y])
+        return np.column_stack([x, y]) * self.units[0].metres
 
     def _refuse_missing_grid(self, lat: Array, lon: Array) -> None:
         """InputError where PROJ knows a better transformation here, whose grid is not there."""
-        from pyproj.aoi import AreaOfInterest
-        from pyproj.transformer import TransformerGroup
-
         if lat.size == 0 or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
             return
-        ends = np.degrees([lon.min(), lat.min(), lon.max(), lat.max()])
-        box = tuple((np.floor(ends / AROUND_DEG) * AROUND_DEG).tolist())
+        box = box_around(lat, lon)
         if box in self._looked:
             return
-        west, south, east, north = box
-        area: Any = AreaOfInterest(west, south, east + AROUND_DEG, min(north + AROUND_DEG, 90.0))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pyproj's own words on what is refused here
-            group = TransformerGroup(
-                self._source,
-                self.horizontal.to_3d(),
-                always_xy=True,
-                area_of_interest=area,
-                allow_ballpark=False,
-            )
+        group = operations(self._source, self.horizontal.to_3d(), lat, lon)
         best = group.unavailable_operations[:1]
         if not group.best_available and best and group.transformers:
             used = group.transformers[0].accuracy
             if 0.0 <= best[0].accuracy < used or used < 0.0:
                 grids = [grid.short_name for grid in best[0].grids if not grid.available]
-                raise InputError(_lacking(self.name, grids, best[0].accuracy, used))
+                own = self.horizontal.geodetic_crs
+                datum = " ".join([own.name, *(":".join(own.to_authority() or ()),)]).strip()
+                raise InputError(lacking_plan(self.name, grids, best[0].accuracy, used, datum))
         self._looked.add(box)
 
     def inverse(self, coordinates: Array) -> tuple[Array, Array, Array]:
@@ -250,8 +269,9 @@ class MapProjection:
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         x = np.asarray(coordinates, dtype=np.float64)
+        plan = x[:, :2] / self.units[0].metres
         lon, lat, _ = _run(
-            self._horizontal, self.name, x[:, 0], x[:, 1], x[:, 2], True, self._epoch
+            self._horizontal, self.name, plan[:, 0], plan[:, 1], x[:, 2], True, self._epoch
         )
         lat, lon, h = np.radians(lat), np.radians(lon), x[:, 2].copy()
         M, N = curvature_radii(lat)
@@ -395,7 +415,9 @@ class MapProjection:
         """
         own = _transformer(self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d())
         x, y, _ = _run(own, self.name, np.degrees(lon), np.degrees(lat), h)
-        apart = np.column_stack([x, y]) - self.forward_horizontal(lat, lon, h)
+        apart = np.column_stack([x, y]) * self.units[0].metres - self.forward_horizontal(
+            lat, lon, h
+        )
         return float(np.hypot(*apart.T).max(initial=0.0))
 
 
@@ -505,14 +527,25 @@ def is_geographic(definition: str) -> bool:
     return bool(_crs(definition).is_geographic)
 
 
-def _lacking(name: str, grids: list[str], best_m: float, used_m: float) -> str:
-    """Why nothing is projected without a grid, and how to get it."""
-    used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
-    files = " and ".join(grids)
-    commands = ", ".join(f"`pyproj sync --file {grid}`" for grid in grids)
+def _not_metric(definition: str, crs: Any, units: tuple[LengthUnit, LengthUnit]) -> str:
+    """Why a CRS is refused that counts in feet, and which one counts in metres."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    plan, height = units
+    if plan == METRE:
+        return (
+            f"CRS {definition!r} has heights in {height.plural}, metres are needed here; give"
+            " heights in metres, such as +5703 (NAVD88)"
+        )
+    try:
+        code = CRS.from_user_input(crs.name.partition(" (ft")[0]).to_authority()
+    except CRSError:
+        code = None
+    sibling = f", {':'.join(code)}" if code and crs.name.endswith(")") else ""
     return (
-        f"CRS {name}: its datum is reached to {best_m:g} m by the grid {files}, which is not"
-        f" installed, and to {used} without; get it by {commands}, or name another CRS"
+        f"CRS {definition!r} counts in {plan.plural}, metres are needed here; give its metric"
+        f" sibling{sibling}"
     )
 
 
@@ -552,7 +585,7 @@ def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
     InputError
         For a grid that PROJ does not read or that does not reach the points.
     """
-    grid = _geoid_file(geoid)
+    grid = geoid_file(geoid)
     return -_run(
         _geoid_transformer(grid), _above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size)
     )[2]
@@ -560,14 +593,6 @@ def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
 
 def _above(geoid: Path) -> str:
     return f"above the geoid {geoid.name}"
-
-
-def _geoid_file(geoid: Path) -> Path:
-    if not Path(geoid).is_file():
-        raise UsageError(
-            f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx"
-        )
-    return Path(geoid).resolve()  # a bare name would be looked for among PROJ's own grids
 
 
 def _geoid_transformer(geoid: Path) -> Any:

@@ -158,5 +158,6 @@ def _axes(
         crs=projection.code,
         wkt=wkt,
         northing_first=projection.northing_first,
+        units=projection.units,
     )
     return projection.axes(lat, lon, h) @ C_Em, x, frame

@@ -127,15 +127,20 @@ def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
     InputError
         Where a grid of the CRS is missing or does not reach the first or the last fix, and a format
         is to be written in it.
+    UsageError
+        Where such a format takes metres only and the CRS counts in feet.
     """
     from ..geodesy.projection import MapProjection
 
     output = flight.output
-    wanted = any(PROJECTED in EXPORTS[name].frames for name in output.formats)
+    wanted = [form for name in output.formats if PROJECTED in (form := EXPORTS[name]).frames]
     if output.crs is None or not wanted or flight.camera is None:
         return
     ends = [0, -1]
-    projection = MapProjection(output.crs, output.geoid, flight.gnss.datum, flight.gnss.epoch)
+    source = flight.gnss.datum, flight.gnss.epoch
+    projection = MapProjection(
+        output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
+    )
     try:
         projection.forward(gnss.lat[ends], gnss.lon[ends], gnss.height[ends])
     except InputError as error:

@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..base.errors import InputError
+from ..base.units import METRE, LengthUnit
 from ._checked import Array, frozen
 
 KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
@@ -35,6 +38,9 @@ class MapFrame:
         Whether the CRS itself names latitude or northing first; coordinates here never do.
     scaled_from_m : float, optional
         Height of the ground, m, if heights were scaled from there.
+    units : tuple of LengthUnit
+        Those of the CRS, of plan and of heights. Coordinates here are metres all the same; a
+        file that names the CRS has them in its units.
     """
 
     kind: str
@@ -45,6 +51,13 @@ class MapFrame:
     origin: tuple[float, ...] = ()
     northing_first: bool = False
     scaled_from_m: float | None = None
+    units: tuple[LengthUnit, LengthUnit] = (METRE, METRE)
+
+    @property
+    def unit_m(self) -> Array:
+        """(3,) metres of one unit of each coordinate."""
+        plan, height = self.units
+        return np.array([plan.metres, plan.metres, height.metres])
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +76,7 @@ class FramedOrientation:
         The frame.
     coordinates : ndarray
         (n, 3) E N U m; X Y Z m; longitude rad, latitude rad, height m; or easting, northing,
-        height m.
+        height m, whatever the unit of the CRS.
     C_fc : ndarray
         (n, 3, 3) camera (x image right, y image down, z viewing direction) to the frame's axes at
         the image.

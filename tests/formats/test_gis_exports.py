@@ -31,11 +31,12 @@ from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.formats.gis.geojson import write_geojson
+from insgnss.formats.gis.geojson import cut_at_antimeridian, write_geojson
 from insgnss.formats.gis.geopackage import write_geopackage
 from insgnss.formats.gis.kml import camera_angles, write_kml
 from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.formats.gnss.rtklib_pos_write import antenna_fixes, write_antenna_pos
+from insgnss.orient.frame import in_frame
 from insgnss.orient.mounting import Mounting
 from insgnss.records import FramedOrientation, Trajectory
 
@@ -102,6 +103,51 @@ def test_geojson_of_orthority_reprojects(tmp_path: Path, where: str) -> None:
         eo, [(Place(where, np.array(p["xyz"])), opk(p["opk"]), False) for p in properties]
     )
     assert {p["camera"] for p in properties} == {'my "camera" 50%'}
+
+
+@pytest.mark.parametrize(
+    ("longitudes", "pieces"),
+    [
+        (
+            [179.998, 179.9995, -179.999, -179.998],
+            [[179.998, 179.9995, 180], [-180, -179.999, -179.998]],
+        ),
+        ([-179.999, 179.999, -179.999], [[-179.999, -180], [180, 179.999, 180], [-180, -179.999]]),
+        ([179.999, 180.0, -179.999], [[179.999, 180], [-180, -179.999]]),
+        ([180.0, -179.999, -179.998], [[-180, -179.999, -179.998]]),
+        ([6.5, 6.6], [[6.5, 6.6]]),
+        ([-180.0], []),
+    ],
+)
+def test_a_track_is_cut_at_the_antimeridian(
+    longitudes: list[float], pieces: list[list[float]]
+) -> None:
+    """Oracle: RFC 7946 3.1.9, by hand; latitude and height are linear along the way."""
+    x = np.array([[lon, -17.0 + 0.1 * k, 100.0 + k] for k, lon in enumerate(longitudes)])
+    cut = cut_at_antimeridian(x)
+    assert [line[:, 0].tolist() for line in cut] == pieces
+    east = np.unwrap(np.array(longitudes), period=360.0)
+    for line in cut:
+        lon = line[:, 0] + 360.0 * np.round((east.mean() - line[:, 0]) / 360.0)
+        if np.all(np.diff(east) > 0.0):
+            assert_allclose(line[:, 1], np.interp(lon, east, x[:, 1]), atol=1e-9)
+            assert_allclose(line[:, 2], np.interp(lon, east, x[:, 2]), atol=1e-7)
+
+
+def test_geojson_across_the_antimeridian(tmp_path: Path) -> None:
+    """Oracle: json, and RFC 7946: no part of a line is longer than half the Earth."""
+    position = np.array([[60.0 * k - 90.0, 5.0 * k, 100.0] for k in range(4)])
+    eo = exterior(np.broadcast_to(D, (4, 3, 3)), position)
+    eo = replace(eo, origin=np.array([*np.radians([-17.0, 180.0]), 0.0]))
+    write_geojson(in_frame(eo, "geographic"), tmp_path / "a.geojson")
+    *points, line = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert len(points) == 4
+    assert line["geometry"]["type"] == "MultiLineString"
+    first, second = (np.array(piece) for piece in line["geometry"]["coordinates"])
+    assert first[-1, 0] == 180.0
+    assert second[0, 0] == -180.0
+    assert (first[-1, 1:] == second[0, 1:]).all()
+    assert max(np.abs(np.diff(piece[:, 0])).max() for piece in (first, second)) < 1e-3
 
 
 def test_geojson_covariance(tmp_path: Path) -> None:
@@ -195,6 +241,38 @@ def test_kml_needs_a_geoid(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="undulation_m: 'egm96' is no height of a geoid"):
         write_kml(eo, tmp_path / "a.kml", undulation_m="egm96")
     assert not list(tmp_path.iterdir())
+
+
+def test_kml_without_a_geoid(tmp_path: Path) -> None:
+    """Oracle: KML 2.2: altitudes above the ground are those above the ellipsoid less its height; a
+    clamped track has none, and no cameras that would lie in the grass.
+    """
+    eo = framed(block(), "geographic")
+    write_kml(eo, tmp_path / "r.kml", altitude="relative", ground_m=500.0)
+    root = ET.parse(tmp_path / "r.kml").getroot()
+    assert {e.text for e in root.iter(f"{KML}altitudeMode")} == {"relativeToGround"}
+    cameras = [float(e.findtext(f"{KML}altitude") or "nan") for e in root.iter(f"{KML}Camera")]
+    assert_allclose(cameras, eo.geodetic[:, 2] - 500.0, atol=0.51e-4)
+    assert "altitudes: above the ground" in (root.findtext(f".//{KML}description") or "")
+    write_kml(eo, tmp_path / "c.kml", altitude="clamped")
+    root = ET.parse(tmp_path / "c.kml").getroot()
+    assert {e.text for e in root.iter(f"{KML}altitudeMode")} == {"clampToGround"}
+    assert root.find(f".//{KML}Camera") is None
+    assert len(list(root.iter(f"{KML}Point"))) == len(eo.images)
+    height = root.find(f".//{KML}Data[@name='ellipsoidal_height_m']/{KML}value")
+    assert height is not None
+    assert float(height.text or "") == pytest.approx(eo.geodetic[0, 2], abs=1e-6)
+    for options, message in (
+        ({"altitude": "relative"}, "ground_m, the height of the ground above the ellipsoid"),
+        ({"ground_m": 500.0}, "belongs to relative altitudes"),
+        ({"altitude": "clamped", "undulation_m": 49.0}, "clamped altitudes need no geoid"),
+        ({"altitude": "flat"}, "altitude 'flat' is none of absolute, relative, clamped"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            write_kml(eo, tmp_path / "x.kml", **options)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="ground_m 5000 m is not below the images"):
+        write_kml(eo, tmp_path / "x.kml", altitude="relative", ground_m=5000.0)
+    assert not (tmp_path / "x.kml").exists()
 
 
 def test_kml_angles_of_known_cameras() -> None:

@@ -126,13 +126,13 @@ def edge_errors(eo: FramedOrientation, path: Path, draws: int) -> tuple[Array, A
 def test_g2o_information_is_that_of_its_error(tmp_path: Path) -> None:
     """Oracle: Monte Carlo of g2o's own error, Z^-1 T_i^-1 T_j with scipy (4000 draws)."""
     eo = correlated()
-    write_g2o(eo, tmp_path / "a.g2o")
+    write_g2o(eo, tmp_path / "a.g2o", rotation="quaternion")
     e, information = edge_errors(eo, tmp_path / "a.g2o", 4000)
     L = np.linalg.cholesky(information)
     assert_allclose(L.T @ np.cov(e.T) @ L, np.eye(6), atol=0.004)
     chi2 = np.einsum("ni,ij,nj->n", e, information, e)
     assert chi2.mean() == pytest.approx(6.0, abs=0.01)
-    write_g2o(eo, tmp_path / "v.g2o", rotation="vector")
+    write_g2o(eo, tmp_path / "v.g2o")
     _, vector = edge_errors(eo, tmp_path / "v.g2o", 200)
     half = np.diag([1, 1, 1, 0.5, 0.5, 0.5])
     assert_allclose(vector, half @ information @ half, rtol=1e-6)
@@ -143,8 +143,8 @@ def test_g2o_cross_covariance_counts(tmp_path: Path) -> None:
     certain.
     """
     eo = correlated()
-    write_g2o(eo, tmp_path / "a.g2o")
-    write_g2o(independent(eo), tmp_path / "b.g2o")
+    write_g2o(eo, tmp_path / "a.g2o", rotation="quaternion")
+    write_g2o(independent(eo), tmp_path / "b.g2o", rotation="quaternion")
     a, b = (edge_errors(eo, tmp_path / f"{name}.g2o", 200)[1] for name in "ab")
     sigma_a, sigma_b = (np.sqrt(np.diag(np.linalg.inv(Q))) for Q in (a, b))
     assert (sigma_b > 1.1 * sigma_a).all()
@@ -165,7 +165,7 @@ def test_g2o_cross_covariance_is_not_its_transpose(tmp_path: Path) -> None:
     L = np.block([[first, np.zeros((6, 6))], [second, first / 2.0]])
     P = L @ L.T
     eo = replace(eo, cov=np.stack([P[:6, :6], P[6:, 6:]]), cross=P[None, :6, 6:])
-    write_g2o(eo, tmp_path / "a.g2o")
+    write_g2o(eo, tmp_path / "a.g2o", rotation="quaternion")
     upper = rows(tmp_path / "a.g2o", "EDGE_SE3:QUAT 0 1 ")[0][10:]
     information = np.zeros((6, 6))
     information[np.triu_indices(6)] = np.array(upper, dtype=float)
@@ -198,6 +198,26 @@ def test_g2o_vertices_reproject(tmp_path: Path, where: str) -> None:
         for r in rows(tmp_path / "a.g2o", "VERTEX_SE3:QUAT")
     ]
     assert_reprojects(eo, read)
+
+
+def test_g2o_is_by_default_what_gtsam_takes(tmp_path: Path) -> None:
+    """Oracle: GTSAM's reader and its between factor: the columns of a root of the joint covariance,
+    as displacements of a hundredth, have squared errors of 6 in all, the dimension.
+    """
+    gtsam = oracle("gtsam")
+    eo = correlated(2)
+    write_g2o(eo, tmp_path / "a.g2o")
+    graph, values = gtsam.readG2o(str(tmp_path / "a.g2o"), True)
+    joint = np.block([[eo.cov[0], eo.cross[0]], [eo.cross[0].T, eo.cov[1]]])
+    size, axes = np.linalg.eigh(joint)
+    squares = 0.0
+    for x in 0.01 * (axes * np.sqrt(size.clip(0.0))).T:
+        for j in (0, 1):
+            R = Rotation.from_rotvec(x[3 + 6 * j : 6 + 6 * j]) * Rotation.from_matrix(eo.C_fc[j])
+            pose = gtsam.Pose3(gtsam.Rot3(R.as_matrix()), eo.coordinates[j] + x[6 * j : 6 * j + 3])
+            values.update(j, pose)
+        squares += 1e4 * 2.0 * graph.at(0).error(values)
+    assert squares == pytest.approx(6.0, abs=0.02)
 
 
 @pytest.mark.slow

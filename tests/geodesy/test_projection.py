@@ -103,7 +103,9 @@ def test_geoid_of_the_users(tmp_path: Path) -> None:
         ("EPSG:99999", "is unknown; give an EPSG code"),
         ("nonsense", "is unknown"),
         ("EPSG:4326", "is not projected"),
-        ("EPSG:2263", "counts in US survey foot"),
+        ("EPSG:2263", "counts in US survey feet, .* its metric sibling, EPSG:32118"),
+        ("EPSG:2256", "counts in feet, .* its metric sibling, EPSG:32100"),
+        ("EPSG:6347+6360", r"has heights in US survey feet, .* \+5703"),
         ("EPSG:5513", "left-handed"),
         ("EPSG:3857", "not conformal"),
     ],
@@ -124,6 +126,82 @@ def test_heights_whose_grid_is_not_here() -> None:
         MapProjection("EPSG:2056+5728", __file__)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="does not exist"):
         MapProjection("EPSG:2056", "nowhere.gtx")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match=r"`pyproj sync --file ch_swisstopo_nowhere\.tif`"):
+        MapProjection("EPSG:2056", "ch_swisstopo_nowhere.tif")  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "datum", "grid", "lat", "lon"),
+    [
+        ("EPSG:6347+5703", "EPSG:6319", "us_noaa_g2018u0.tif", 40.7, -74.0),
+        ("EPSG:6539+6360", None, "us_noaa_g2018u0.tif", 40.7, -74.0),
+        ("EPSG:2154+5720", None, "fr_ign_RAF18.tif", 46.0, 3.0),
+    ],
+)
+def test_heights_that_several_grids_would_reach(
+    code: str, datum: str | None, grid: str, lat: float, lon: float
+) -> None:
+    """Oracle: the registry of PROJ: GEOID18 for NAVD88, RAF18 for NGF-IGN69, the only ones that lie
+    on the datum of the plan; the command is that of pyproj.
+    """
+    if _is_there(grid):
+        pytest.skip(f"{grid} is installed")
+    projection = MapProjection(code, None, datum, any_unit=True)
+    with pytest.raises(
+        InputError, match=rf"need a grid: {grid} is not .*`pyproj sync --file {grid}`"
+    ):
+        projection.forward(np.radians([lat]), np.radians([lon]), np.array([100.0]))
+
+
+@pytest.mark.parametrize(
+    ("code", "sibling", "datum", "metres"),
+    [
+        ("EPSG:2263", "EPSG:32118", "EPSG:4269", 1200.0 / 3937.0),
+        ("EPSG:6539", "EPSG:6538", "EPSG:6319", 1200.0 / 3937.0),
+        ("EPSG:2232", "EPSG:26954", "EPSG:4269", 1200.0 / 3937.0),
+        ("EPSG:2256", "EPSG:32100", "EPSG:4269", 0.3048),
+    ],
+)
+def test_a_crs_in_feet_is_its_metric_sibling(
+    code: str, sibling: str, datum: str, metres: float
+) -> None:
+    """Oracle: PROJ's own numbers of the CRS times the foot by definition (1200/3937 m of the US
+    survey, 0.3048 m), and the sibling in metres: the same axes, the same way back.
+    """
+    from pyproj import Transformer
+
+    area = {"EPSG:2232": (39.5, -105.5), "EPSG:2256": (46.5, -110.0)}.get(code, (40.75, -73.9))
+    lat, lon, h = np.radians([area[0]] * 2), np.radians([area[1], area[1] + 0.01]), H[:2]
+    feet = MapProjection(code, None, datum, any_unit=True)
+    x = feet.forward(lat, lon, h)
+    raw = Transformer.from_crs(datum, code, always_xy=True).transform(*np.degrees([lon, lat]))
+    assert [unit.metres for unit in feet.units] == pytest.approx([metres, metres], rel=1e-12)
+    assert np.abs(x[:, :2] - metres * np.column_stack(raw)).max() < 1e-6
+    assert (x[:, 2] == h).all()
+    assert np.abs(x - MapProjection(sibling, None, datum).forward(lat, lon, h)).max() < 1e-4
+    back = feet.inverse(x)
+    assert np.abs(np.array([back[0] - lat, back[1] - lon])).max() < 1e-11
+    metric = MapProjection(sibling, None, datum)
+    assert np.abs(feet.axes(lat, lon, h) - metric.axes(lat, lon, h)).max() < 1e-9
+    assert feet.ground_scale(lat, lon, h) == pytest.approx(metric.ground_scale(lat, lon, h))
+
+
+@pytest.mark.slow
+def test_heights_in_feet_are_metres_here(tmp_path: Path) -> None:
+    """Oracle: a geoid 33 m below the ellipsoid; heights of the CRS are in feet of the US survey."""
+    grid = tmp_path / "geoid.gtx"
+    head = struct.pack(">4d2i", 40.0, -75.0, 0.1, 0.1, 20, 20)
+    grid.write_bytes(head + np.full(400, -33.0).astype(">f4").tobytes())
+    text = f"+proj=utm +zone=18 +datum=WGS84 +units=m +geoidgrids={grid} +vunits=us-ft +type=crs"
+    lat, lon, h = np.radians([40.7]), np.radians([-74.0]), np.array([100.0])
+    projection = MapProjection(text, any_unit=True)
+    x = projection.forward(lat, lon, h)
+    assert x[0, 2] == pytest.approx(133.0, abs=1e-4)
+    assert projection.inverse(x)[2][0] == pytest.approx(100.0, abs=1e-6)
+    assert projection.unit_m == pytest.approx([1.0, 1.0, 1200.0 / 3937.0])
+    with pytest.raises(UsageError, match="has heights in US survey feet"):
+        MapProjection(text)
 
 
 OSTN15 = "uk_os_OSTN15_NTv2_OSGBtoETRS.tif"

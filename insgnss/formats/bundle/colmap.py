@@ -7,11 +7,12 @@
 
 The camera's axes are ours (x right, y down, z viewing direction). A prior has no place for the
 heading, nor for the correlation of position and attitude. Coordinates beyond `FAR_M` lose digits in
-single precision: a shift is subtracted and said in the files.
+single precision: a shift is subtracted and said in the files. Numbers count from 1, or are those of
+a database (`colmap_database`).
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -27,11 +28,12 @@ from ..orientation.exported import check_frame, check_names, check_only, comment
 from ..orientation.poses import vector
 from ..text.text import Source
 from .camera import Camera, camera_of
+from .colmap_database import DatabaseImage, names_in_database, read_colmap_database
 
 FAR_M, NEAR_M = 1e5, 1e4
 ROUND_M = 1e3
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
-MODEL = ("cameras.txt", "images.txt", "points3D.txt")
+POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)
 # COLMAP takes a binary model before a text
 PARTS = ("cameras", "images", "points3D", "frames", "rigs")
 
@@ -41,6 +43,7 @@ def write_colmap(
     path: Source,
     camera: str | None = None,
     shift: str | Sequence[float] | None = None,
+    database: Source | None = None,
 ) -> None:
     """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`.
 
@@ -53,39 +56,79 @@ def write_colmap(
     path : path
         The directory.
     camera : str
-        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation.
+        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation; with `database` in the place of its
+        cameras.
     shift : (3,) m, or text with commas
         Subtracted from the positions; by default whole kilometres where these exceed 100 km, else
         none.
+    database : path, optional
+        COLMAP's database, whose numbers and names of images, cameras, rigs and frames are taken,
+        so that the model belongs to its features and matches; else images count from 1.
 
     Raises
     ------
     UsageError
-        A frame that is not Cartesian, a missing camera, or a `path` with another model (binary, or
-        with rigs).
+        A frame that is not Cartesian, a missing camera, one of another kind or size than those of
+        the database, or a `path` with another model (binary, or with rigs).
     InputError
-        Names with blanks.
+        Names with blanks, or a database that lacks an image or cannot be read.
     """
     check_frame(eo, "colmap", *CARTESIAN)
-    check_names(eo.images, None)
-    model = camera_of(camera, "colmap")
-    offset = _shift(eo, shift)
-    R = eo.C_fc.swapaxes(1, 2)
-    T = -(R @ (eo.coordinates - offset)[:, :, None])[:, :, 0]
-    number = np.arange(1, len(eo.images) + 1)
-    table = np.column_stack([quaternion_from_rotation(R), T])
-    form = "%s" + " %.12f" * 4 + " %.6f" * 3 + " 1 %s\n\n"
-    rows = [
-        (form % (i, *row, name))
-        for i, row, name in zip(number.tolist(), table.tolist(), eo.images, strict=True)
-    ]
+    if database is None:
+        check_names(eo.images, None)
+        images = tuple(DatabaseImage(k, 1, name) for k, name in enumerate(eo.images, start=1))
+        cameras = {1: camera_of(camera, "colmap")}
+    else:
+        numbered = read_colmap_database(database, eo.images)
+        images, cameras = numbered.images, numbered.cameras
+        check_names([image.name for image in images], None)
+        if camera is not None:
+            cameras = _calibrated(camera_of(camera, "colmap"), cameras, database)
     directory = Path(path)
+    texts = _model_texts(eo, images, cameras, _shift(eo, shift))
     check_only(
         directory,
-        MODEL,
+        tuple(texts),
         lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")),
         "a model",
     )
+    with together() as staging:
+        into = staging.tree(directory)
+        for name, text in texts.items():
+            atomic_write(into / name, text)
+
+
+def _calibrated(
+    model: Camera, cameras: Mapping[int, Camera], database: Source
+) -> dict[int, Camera]:
+    """Return `model` in the place of all cameras of a database, of whose kind and size it is."""
+    for number, own in cameras.items():
+        if (own.width, own.height) != (model.width, model.height):
+            raise UsageError(
+                f"colmap: camera is {model.width} x {model.height} px, camera {number} of"
+                f" {database} {own.width} x {own.height}; give that of these images, or leave it"
+                " out for the cameras of the database"
+            )
+        if own.model != model.model:
+            raise UsageError(
+                f"colmap: camera is a {model.model}, camera {number} of {database} a {own.model},"
+                f" and COLMAP takes no other; give it as {own.model}, or extract features with"
+                f" --ImageReader.camera_model {model.model}"
+            )
+    return dict.fromkeys(cameras, model)
+
+
+def _model_texts(
+    eo: FramedOrientation,
+    images: Sequence[DatabaseImage],
+    cameras: Mapping[int, Camera],
+    offset: Array,
+) -> dict[str, list[str]]:
+    """Return the files of a model by name; with those of rigs and frames where images have them."""
+    R = eo.C_fc.swapaxes(1, 2)
+    T = -(R @ (eo.coordinates - offset)[:, :, None])[:, :, 0]
+    table = np.column_stack([quaternion_from_rotation(R), T])
+    poses = [POSE % tuple(row) for row in table.tolist()]
     subtracted = (
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
@@ -93,13 +136,30 @@ def write_colmap(
     head = comment_lines(
         eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
     )
-    with together() as staging:
-        into = staging.tree(directory)
-        atomic_write(
-            into / "cameras.txt", f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 {model.line}\n"
-        )
-        atomic_write(into / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n")
-        atomic_write(into / "images.txt", [head, *rows])
+    rows = [
+        f"{image.number} {pose} {image.camera} {image.name}\n\n"
+        for image, pose in zip(images, poses, strict=True)
+    ]
+    lines = [f"{number} {model.line}\n" for number, model in sorted(cameras.items())]
+    texts = {
+        "cameras.txt": ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n", *lines],
+        "points3D.txt": ["# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n"],
+        "images.txt": [head, *rows],
+    }
+    if any(image.frame is not None for image in images):
+        rigs = dict.fromkeys((image.rig, image.camera) for image in images)
+        texts["rigs.txt"] = [
+            "# RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID; each of one camera\n",
+            *(f"{rig} 1 CAMERA {sensor}\n" for rig, sensor in rigs),
+        ]
+        texts["frames.txt"] = [
+            "# FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS, then CAMERA CAMERA_ID IMAGE_ID\n",
+            *(
+                f"{image.frame} {image.rig} {pose} 1 CAMERA {image.camera} {image.number}\n"
+                for image, pose in zip(images, poses, strict=True)
+            ),
+        ]
+    return texts
 
 
 def _shift(eo: FramedOrientation, shift: str | Sequence[float] | None) -> Array:
@@ -213,14 +273,7 @@ def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) ->
 
 def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> list[Any]:
     ids = {image.name: image.data_id for image in db.read_all_images()}
-    missing = [name for name in eo.images if name not in ids]
-    if missing:
-        message = (
-            f"has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} are missing); extract"
-            " features of all images first"
-        )
-        raise InputError.at_line(database, None, message)
-    return [ids[name] for name in eo.images]
+    return [ids[name] for name in names_in_database(eo.images, tuple(ids), database)]
 
 
 def _write_priors(

@@ -26,6 +26,7 @@ from ..orientation.exported import (
     check_names,
     comment_lines,
     frame_attitude,
+    places,
     table_text,
 )
 from ..text.text import Source
@@ -67,7 +68,7 @@ def write_inpho_prj(
     focal_mm : float
         Focal length, mm.
     ground_m : float
-        Height of the terrain in the frame's heights, m.
+        Height of the terrain in the frame's heights, m; the file has it in the unit of the CRS.
     camera : str
         Name of the camera in the project.
 
@@ -92,9 +93,11 @@ def write_inpho_prj(
         raise UsageError(
             f"inpho_prj: {got}; give them, such as --set focal_mm=35 --set ground_m=500"
         )
-    form = PHOTO.format(camera=camera.replace("%", "%%"), ground=ground_m, focal=focal_mm)
+    form = PHOTO.format(
+        camera=camera.replace("%", "%%"), ground=ground_m / eo.frame.units[1].metres, focal=focal_mm
+    )
     R, _ = frame_attitude(eo)
-    table = np.hstack([eo.coordinates, R.swapaxes(1, 2).reshape(-1, 9)])
+    table = np.hstack([places(eo), R.swapaxes(1, 2).reshape(-1, 9)])
     atomic_write(path, _blocks(eo, photo_ids(eo.images), form, table))
 
 
@@ -123,7 +126,7 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
     ids = photo_ids(eo.images)
     check_names(ids, None)
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    table = np.hstack([eo.coordinates, np.degrees(opk), (eo.time % WEEK_S)[:, None]])
+    table = np.hstack([places(eo), np.degrees(opk), (eo.time % WEEK_S)[:, None]])
     words = (
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y"
         " up, z back) to the frame"

@@ -48,7 +48,7 @@ from ..orientation.exported import (
     one_line,
     place_form,
     places,
-    position_sigma,
+    places_sigma,
     table_text,
 )
 from ..text.columns import Aliases, columns_of
@@ -175,7 +175,7 @@ def _write(
     check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
     check_names(eo.images, ",")
     angles, sigma = angles_of(eo, *attitude, angle_set)
-    table = np.hstack([places(eo), np.degrees(angles), position_sigma(eo), np.degrees(sigma)])
+    table = np.hstack([places(eo), np.degrees(angles), places_sigma(eo), np.degrees(sigma)])
     form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
     position = ("X", "Y", "Z")
     if eo.frame.kind != GEOGRAPHIC:

@@ -82,6 +82,4 @@ def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
     check_names(eo.images, ",")
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     form = "%s" + ",%.4f" * 3 + ",%.6f" * 3 + "\n"
-    atomic_write(
-        path, table_text("", eo.images, form, np.hstack([eo.coordinates, np.degrees(opk)]))
-    )
+    atomic_write(path, table_text("", eo.images, form, np.hstack([places(eo), np.degrees(opk)])))

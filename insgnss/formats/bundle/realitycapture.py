@@ -24,7 +24,7 @@ from ..orientation.exported import (
     north_attitude,
     place_form,
     places,
-    position_sigma,
+    places_sigma,
     table_text,
 )
 from ..text.text import Source
@@ -79,7 +79,7 @@ def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None
     form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3
     columns = f"#name,{'latitude,longitude' if geographic else 'x,y'},altitude,yaw,pitch,roll"
     if accuracies:
-        table = np.hstack([table, position_sigma(eo), np.degrees(sigma)])
+        table = np.hstack([table, places_sigma(eo), np.degrees(sigma)])
         form += ",%.5f" * 3 + ",%.6f" * 3
         columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
     head = comment_lines(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"

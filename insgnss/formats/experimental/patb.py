@@ -19,6 +19,7 @@ from ..orientation.exported import (
     check_names,
     comment_lines,
     frame_attitude,
+    places,
     table_text,
 )
 from ..text.text import Source
@@ -43,7 +44,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
     check_names(eo.images, "\n")
     numbers = photo_numbers(eo.images)
     R, _ = frame_attitude(eo)
-    table = np.hstack([eo.coordinates, R.reshape(-1, 9)])
+    table = np.hstack([places(eo), R.reshape(-1, 9)])
     head = comment_lines(
         eo,
         "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to"

@@ -1,7 +1,9 @@
 r"""KML for Google Earth and other globes: images with cameras, and the track, data_specs/kml.md.
 
 `altitudeMode` absolute means above mean sea level, for which the geoid's heights N are needed: H =
-h - N.
+h - N. Without them altitudes may be relative to the ground, whose height above the ellipsoid the
+caller knows (relativeToGround: the globe counts from its own terrain), or left out (clampToGround:
+the track lies on the terrain, and there are no cameras).
 
 A KML camera looks along its -Z with Y up in the picture and X to the right, the axes right, up,
 back of photogrammetry, and is turned by heading (clockwise from north) about Z, tilt about X, roll
@@ -16,10 +18,13 @@ yaw, pitch, roll of the image's top stand beside them as data.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 from xml.sax.saxutils import escape
 
 import numpy as np
 
+from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
@@ -27,6 +32,22 @@ from ..orientation.poses import local_sigma, sea_level, sentences, true_north_yp
 from ..text.text import Source
 
 NADIR = 1e-9
+CLAMPED = "clampToGround"
+
+
+@dataclass(frozen=True)
+class AltitudeMode:
+    """What altitudes count from: KML's word, and ours."""
+
+    name: str
+    words: str
+
+
+MODES = {
+    "absolute": AltitudeMode("absolute", "above mean sea level"),
+    "relative": AltitudeMode("relativeToGround", "above the ground"),
+    "clamped": AltitudeMode(CLAMPED, "none, the track lies on the ground"),
+}
 NAMES = (
     "yaw_deg",
     "pitch_deg",
@@ -39,7 +60,11 @@ NAMES = (
 
 
 def write_kml(
-    eo: FramedOrientation, path: Source, undulation_m: float | Sequence[float] | Array | None = None
+    eo: FramedOrientation,
+    path: Source,
+    undulation_m: float | Sequence[float] | Array | None = None,
+    altitude: Literal["absolute", "relative", "clamped"] = "absolute",
+    ground_m: float | None = None,
 ) -> None:
     """Write degrees with 10 decimals (position) and 6 (angles), metres with 4, in any frame.
 
@@ -52,18 +77,51 @@ def write_kml(
     path : path
         The file.
     undulation_m : float or (n,)
-        Heights of the geoid above the ellipsoid at the images, or one for all, m.
+        Heights of the geoid above the ellipsoid at the images, or one for all, m; of absolute
+        altitudes.
+    altitude : {"absolute", "relative", "clamped"}
+        Above mean sea level, above the ground, or none.
+    ground_m : float
+        Height of the ground above the ellipsoid of WGS84, m; of relative altitudes.
 
     Raises
     ------
     UsageError
-        `undulation_m` is missing.
+        `undulation_m` of absolute or `ground_m` of relative altitudes is missing, or one of them is
+        given with others; another word for `altitude`.
     InputError
-        `undulation_m` is no height of a geoid.
+        `undulation_m` is no height of a geoid, or the ground is not below the images.
     """
-    height = sea_level(eo, undulation_m, "kml")
+    if altitude not in MODES:
+        raise UsageError(f"kml: altitude {altitude!r} is none of {', '.join(MODES)}")
+    if altitude != "absolute" and undulation_m is not None:
+        raise UsageError(f"kml: {altitude} altitudes need no geoid; leave it out")
+    if (ground_m is not None) != (altitude == "relative"):
+        raise UsageError(
+            "kml: ground_m, the height of the ground above the ellipsoid, belongs to relative"
+            " altitudes; give both, such as --set altitude=relative --set ground_m=512.3, or none"
+        )
+    height = eo.geodetic[:, 2]
+    if altitude == "absolute":
+        height = sea_level(eo, undulation_m, "kml")
+    elif ground_m is not None:
+        height = _above_ground(height, ground_m)
+    elif altitude == "clamped":
+        height = np.zeros(len(eo.images))
     position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
-    atomic_write(path, _document(eo, position))
+    atomic_write(path, _document(eo, position, MODES[altitude]))
+
+
+def _above_ground(height: Array, ground_m: float) -> Array:
+    """Return heights (n,) above a ground that lies below all of them."""
+    above = height - ground_m
+    if not (above > 0.0).all():
+        raise InputError(
+            f"kml: ground_m {ground_m:g} m is not below the images, the lowest of which is"
+            f" {height.min():.1f} m above the ellipsoid; give the height of the ground above the"
+            " ellipsoid of WGS84"
+        )
+    return above
 
 
 def camera_angles(R: Array) -> Array:
@@ -83,8 +141,8 @@ def camera_angles(R: Array) -> Array:
     return np.column_stack([heading % (2.0 * np.pi), np.arctan2(across, R[:, 2, 2]), roll])
 
 
-def _document(eo: FramedOrientation, position: Array) -> Iterator[str]:
-    description = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
+def _document(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Iterator[str]:
+    description = escape("\n".join(sentences(eo, f"altitudes: {mode.words}")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
@@ -95,19 +153,24 @@ def _document(eo: FramedOrientation, position: Array) -> Iterator[str]:
     yield "</IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
     if len(position) > 1:
         line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in position.tolist())
-        yield "<Placemark><name>track</name><LineString><altitudeMode>absolute</altitudeMode>"
+        tessellated = "<tessellate>1</tessellate>" if mode.name == CLAMPED else ""
+        yield f"<Placemark><name>track</name><LineString>{tessellated}"
+        yield f"<altitudeMode>{mode.name}</altitudeMode>"
         yield f"<coordinates>{line}</coordinates></LineString></Placemark>\n"
     yield "<Folder><name>images</name>\n"
-    yield from _placemarks(eo, position)
+    yield from _placemarks(eo, position, mode)
     yield "</Folder>\n</Document>\n</kml>\n"
 
 
-def _placemarks(eo: FramedOrientation, position: Array) -> Iterator[str]:
+def _placemarks(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Iterator[str]:
     camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude>"
     camera += "<altitude>%.4f</altitude><heading>%.6f</heading>"
-    camera += "<tilt>%.6f</tilt><roll>%.6f</roll><altitudeMode>absolute</altitudeMode></Camera>"
+    camera += "<tilt>%.6f</tilt><roll>%.6f</roll>"
+    camera += f"<altitudeMode>{mode.name}</altitudeMode></Camera>"
+    if mode.name == CLAMPED:  # a camera on the ground would show nothing
+        camera = ""
     data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in NAMES)
-    point = "<Point><altitudeMode>absolute</altitudeMode>"
+    point = f"<Point><altitudeMode>{mode.name}</altitudeMode>"
     point += "<coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
     form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
     form += "<styleUrl>#photo</styleUrl>"
@@ -117,4 +180,5 @@ def _placemarks(eo: FramedOrientation, position: Array) -> Iterator[str]:
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
     rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
-        yield form % (escape(name), *x, *turn, when, *row, *x)
+        seen = (*x, *turn) if camera else ()
+        yield form % (escape(name), *seen, when, *row, *x)

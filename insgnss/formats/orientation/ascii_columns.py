@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.units import METRE, LengthUnit
 from ...geodesy.gpstime import WEEK_S
 from ...geodesy.rotation import CV_RUB, NED_ENU, quaternion_from_rotation
 from ...records import FramedOrientation
@@ -37,8 +38,8 @@ from .exported import (
     AngleSet,
     angles_of,
     places,
+    places_sigma,
     plan_and_height_sigma,
-    position_sigma,
 )
 
 Array = NDArray[np.float64]
@@ -64,12 +65,15 @@ class Conventions:
         North of yaw, one of `NORTHS`.
     unit : str
         Unit of angles.
+    lengths : tuple of LengthUnit
+        Units of plan and of heights, those of standard deviations included.
     """
 
     camera_axes: str = "RUB"
     attitude: str = DIRECTIONS[0]
     north: str = NORTHS[0]
     unit: str = "deg"
+    lengths: tuple[LengthUnit, LengthUnit] = (METRE, METRE)
 
 
 @dataclass(frozen=True)
@@ -145,9 +149,11 @@ GROUPS: dict[str, Group] = {
     "llh": Group(
         ("lat", "lon", "h"),
         "geodetic",
-        lambda eo, _: np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]]),
+        lambda eo, _: np.column_stack(
+            [np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2] / eo.frame.unit_m[2]]
+        ),
     ),
-    "s_xyz": Group(("sx", "sy", "sz"), "sigma", lambda eo, _: position_sigma(eo)),
+    "s_xyz": Group(("sx", "sy", "sz"), "sigma", lambda eo, _: places_sigma(eo)),
     "s_plan": Group(
         ("s_horizontal", "s_vertical"), "sigma", lambda eo, _: plan_and_height_sigma(eo)
     ),
@@ -186,6 +192,11 @@ def kind_of(column: str, frame_kind: str) -> str:
     if column in ("lat", "lon") or (column in ("x", "y") and frame_kind == GEOGRAPHIC):
         return "degree"
     return "metre" if kind in ("place", "geodetic") else kind
+
+
+def of_height(column: str) -> bool:
+    """Tell whether a length counts in the unit of heights."""
+    return column in ("z", "sz", "h", "s_vertical")
 
 
 def has_plan(frame_kind: str) -> bool:

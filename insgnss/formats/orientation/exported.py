@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.staging import destination
+from ...base.units import METRE
 from ...geodesy.rotation import (
     CV_RUB,
     opk_from_rotation,
@@ -258,11 +259,12 @@ def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
 def places(eo: FramedOrientation) -> Array:
     """Return coordinates (n, 3) as files have them.
 
-    Longitude and latitude are in degrees, everything else in m.
+    Longitude and latitude are in degrees, everything else in the unit of the CRS: m as a rule.
     """
     if eo.frame.kind != GEOGRAPHIC:
-        return eo.coordinates
-    return np.column_stack([np.degrees(eo.coordinates[:, :2]), eo.coordinates[:, 2]])
+        return eo.coordinates / eo.frame.unit_m
+    height = eo.coordinates[:, 2] / eo.frame.unit_m[2]
+    return np.column_stack([np.degrees(eo.coordinates[:, :2]), height])
 
 
 def place_form(eo: FramedOrientation, separator: str) -> str:
@@ -276,12 +278,17 @@ def position_sigma(eo: FramedOrientation) -> Array:
     return np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2)[:, :3])
 
 
+def places_sigma(eo: FramedOrientation) -> Array:
+    """Return standard deviations (n, 3) along the frame's axes, in the units of `places`."""
+    return position_sigma(eo) / eo.frame.unit_m
+
+
 def plan_and_height_sigma(eo: FramedOrientation) -> Array:
-    """Return horizontal and vertical standard deviations (n, 2), m.
+    """Return horizontal and vertical standard deviations (n, 2), in the units of `places_sigma`.
 
     The horizontal one is the root mean square of both; not of a geocentric frame.
     """
-    s = position_sigma(eo)
+    s = places_sigma(eo)
     return np.column_stack([np.sqrt(0.5 * (s[:, 0] ** 2 + s[:, 1] ** 2)), s[:, 2]])
 
 
@@ -324,6 +331,10 @@ def frame_words(eo: FramedOrientation) -> str:
     heights = f", heights {eo.frame.heights}" if eo.frame.heights else ""
     if eo.frame.scaled_from_m is not None:
         heights += f", scaled from the ground at {eo.frame.scaled_from_m:.2f} m"
+    plan, height = eo.frame.units
+    if plan != METRE or height != METRE:
+        differ = f", heights in {height.plural}" if height != plan else ""
+        heights += f", coordinates and their standard deviations in {plan.plural}{differ}"
     return " ".join(f"{eo.frame.name}{heights}".split())
 
 

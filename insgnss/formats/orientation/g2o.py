@@ -19,8 +19,10 @@ to first order, so that the error of the estimate Z is
 
 with P_ij the cross-covariance of the smoother: what both poses err alike drops out. The half in
 (G.2) makes the information of the rotation four times that of the rotation vector, which GTSAM
-takes in its place when it reads the file; `rotation = "vector"` leaves the half out for it. The
-order (t, R) is the file's; GTSAM turns it into its own.
+takes in its place when it reads the file. The half is left out by default, since most who read such
+files today do so through GTSAM, or take the numbers for those of a rotation vector; `rotation =
+"quaternion"` keeps it for g2o's own optimiser. The order (t, R) is the file's; GTSAM turns it into
+its own.
 """
 
 from typing import Literal
@@ -41,8 +43,8 @@ from .tum import wxyz_last
 
 ROTATIONS = {"quaternion": 0.5, "vector": 1.0}
 WORDS = {
-    "quaternion": "quaternion vector (half the rotation vector)",
-    "vector": "rotation vector (GTSAM)",
+    "quaternion": "quaternion vector (half the rotation vector, g2o's own error)",
+    "vector": "rotation vector (GTSAM's error; g2o's own needs rotation=quaternion)",
 }
 
 
@@ -50,7 +52,7 @@ def write_g2o(
     eo: FramedOrientation,
     path: Source,
     max_gap_s: float = GAP_S,
-    rotation: Literal["quaternion", "vector"] = "quaternion",
+    rotation: Literal["quaternion", "vector"] = "vector",
 ) -> None:
     """Write vertices, numbered from 0 in the order of the images, and edges between neighbours.
 
@@ -63,7 +65,8 @@ def write_g2o(
     max_gap_s : float
         Exposures farther apart than this are not joined, s.
     rotation : {"quaternion", "vector"}
-        What the information of rotations belongs to (G.2).
+        What the information of rotations belongs to (G.2): "vector" for GTSAM, "quaternion" for
+        g2o.
 
     Raises
     ------

@@ -7,7 +7,7 @@ the reader refuses.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
+from ...base.units import LENGTH_UNITS, METRE, LengthUnit
 from ...geodesy.rotation import (
     CV_RUB,
     NED_ENU,
@@ -38,6 +39,7 @@ from .ascii_columns import (
     Conventions,
     has_plan,
     kind_of,
+    of_height,
 )
 from .exported import check_names, comment_lines, quoted_names, table_text
 
@@ -63,6 +65,7 @@ def write_generic_ascii(
     north: str | None = None,
     decimals_m: int = 4,
     decimals_angle: int | None = None,
+    length_unit: str | None = None,
     note: str = "",
     quotes: bool = True,
 ) -> None:
@@ -92,6 +95,8 @@ def write_generic_ascii(
         0 to 12; standard deviations of lengths have one more.
     decimals_angle : int, optional
         0 to 12; by default 6, of radians 9.
+    length_unit : {"m", "ft", "us-ft"}, optional
+        Unit of coordinates, heights and their standard deviations; by default that of the CRS.
     note : str
         A further line of the full header.
     quotes : bool
@@ -106,9 +111,16 @@ def write_generic_ascii(
     DataError
         An angle set that is singular.
     """
-    how = Conventions(
-        camera_axes, attitude, north or ("frame" if eo.frame.kind == TANGENT else "true"), unit
-    )
+    if length_unit is not None:
+        if length_unit not in LENGTH_UNITS:
+            raise UsageError(
+                f"generic_ascii: length_unit {length_unit!r} is unknown; it is one of"
+                f" {', '.join(LENGTH_UNITS)}"
+            )
+        own = LENGTH_UNITS[length_unit]
+        eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
+    facing = north or ("frame" if eo.frame.kind == TANGENT else "true")
+    how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
     names = _names(columns)
     _check(eo, names, how, delimiter, header)
     for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
@@ -229,7 +241,26 @@ def _header(
         f"camera axes: {how.camera_axes} ({CAMERA_AXES[how.camera_axes]})",
     ]
     lines += [f"attitude: {how.attitude}", f"north: {how.north}", f"angle unit: {how.unit}"]
+    if how.lengths != (METRE, METRE):
+        lines.append(f"length units: {_length_words(how.lengths)}")
     return comment_lines(eo, *lines) + "#" + (" " if separator == " " else "") + line
+
+
+def _length_words(units: tuple[LengthUnit, LengthUnit]) -> str:
+    """Return the units of plan and heights with their lengths, as `_lengths` reads them."""
+    plan, height = (f"{unit.name} = {unit.metres:.16g} m" for unit in units)
+    return f"plan {plan}, heights {height}"
+
+
+def _lengths(words: str) -> tuple[LengthUnit, LengthUnit]:
+    """Return what `_length_words` has written; ValueError for other words."""
+    units = re.fullmatch(r"plan (.+) = (\S+) m, heights (.+) = (\S+) m", words)
+    if units is None:
+        raise ValueError(words)
+    plan, height = LengthUnit(units[1], float(units[2])), LengthUnit(units[3], float(units[4]))
+    if not (0.0 < plan.metres < np.inf and 0.0 < height.metres < np.inf):
+        raise ValueError(words)
+    return plan, height
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,12 +338,16 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
     words = _header_words(path)
     try:
         kind, axes = words["frame kind"], words["camera axes"].split()[0]
-        how = Conventions(axes, words["attitude"], words["north"], words["angle unit"])
+        lengths = _lengths(words["length units"]) if "length units" in words else (METRE, METRE)
+        how = Conventions(axes, words["attitude"], words["north"], words["angle unit"], lengths)
     except KeyError as missing:
         message = (
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
+        raise InputError.at_line(path, None, message) from None
+    except ValueError:
+        message = f"length units {words['length units']!r} are unknown; export the table again"
         raise InputError.at_line(path, None, message) from None
     if (
         how.unit not in ANGLE_UNITS
@@ -341,7 +376,11 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
     kind = kind_of(name, frame_kind)
     if kind == "degree":
         return np.radians(table.floats(k))
-    return table.floats(k) / ANGLE_UNITS[how.unit] if kind.startswith("angle") else table.floats(k)
+    if kind.startswith("angle"):
+        return table.floats(k) / ANGLE_UNITS[how.unit]
+    if kind in ("metre", "sigma"):
+        return table.floats(k) * how.lengths[of_height(name)].metres
+    return table.floats(k)
 
 
 def _header_words(path: Source) -> dict[str, str]:

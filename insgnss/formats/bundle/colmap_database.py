@@ -1,0 +1,212 @@
+"""What a database of COLMAP calls its images, cameras, rigs and frames, data_specs/colmap.md.
+
+A model with known poses belongs to a database by these numbers: the program triangulates points by
+the image's number, and takes the camera by its own. Databases are SQLite files, their parameters
+little endian doubles; those older than COLMAP 3.12 know neither rigs nor frames.
+"""
+
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ..text.layout import shown
+from ..text.text import Source
+from .camera import Camera
+
+MODELS = (
+    *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
+    *("FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"),
+    *("RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION", "SIMPLE_FISHEYE", "FISHEYE"),
+    *("EUCM", "EQUIRECTANGULAR"),
+)
+"""Camera models of COLMAP by their number."""
+FILE_HEAD = b"SQLite format 3\0"
+
+
+@dataclass(frozen=True)
+class DatabaseImage:
+    """One image of a database.
+
+    Parameters
+    ----------
+    number, camera : int
+        Its number and that of its camera.
+    name : str
+        Its name there, perhaps with folders.
+    rig, frame : int or None
+        Those that it stands in alone; None where the database has none.
+    """
+
+    number: int
+    camera: int
+    name: str
+    rig: int | None = None
+    frame: int | None = None
+
+
+@dataclass(frozen=True)
+class ColmapDatabase:
+    """Images by the names of an exterior orientation, and cameras by their numbers.
+
+    Parameters
+    ----------
+    images : tuple of DatabaseImage
+        In the order of the orientation.
+    cameras : dict
+        Cameras of these images by number.
+    """
+
+    images: tuple[DatabaseImage, ...]
+    cameras: dict[int, Camera]
+
+
+def read_colmap_database(path: Source, images: Sequence[str]) -> ColmapDatabase:
+    """Read the numbers of images and their cameras; the file stays as it is.
+
+    Parameters
+    ----------
+    path : path
+        The database.
+    images : sequence of str
+        Names of the images; those of the database may have folders before them.
+
+    Returns
+    -------
+    ColmapDatabase
+        The images and their cameras.
+
+    Raises
+    ------
+    InputError
+        No database of COLMAP, an image that it lacks, or a camera that is damaged.
+    UsageError
+        Images in a rig of several cameras.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            head = stream.read(len(FILE_HEAD))
+    except OSError as error:
+        problem = f"cannot be read: {error.strerror or error}"
+        raise InputError.at_line(path, None, problem) from None
+    if head != FILE_HEAD:
+        raise _no_database(path, "no SQLite file")
+    connection = sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)
+    try:
+        stored = {
+            str(name): (int(number), int(camera))
+            for number, name, camera in connection.execute(
+                "SELECT image_id, name, camera_id FROM images"
+            )
+        }
+        frames = _frames(connection)
+        rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
+        given = {int(row[0]): row[1:] for row in rows}
+    except (sqlite3.Error, TypeError, ValueError) as error:
+        raise _no_database(path, str(error)) from None
+    finally:
+        connection.close()
+    chosen = []
+    for name in names_in_database(images, tuple(stored), path):
+        number, camera = stored[name]
+        rig, frame, count = frames.get(number, (None, None, 1))
+        if count > 1:
+            raise UsageError(
+                f"{path}: image {shown(name)} stands in a rig of several cameras, whose poses"
+                " COLMAP takes from the rig; give a database without rigs"
+            )
+        if frames and frame is None:
+            raise InputError.at_line(
+                path, None, f"image {shown(name)} stands in no frame; extract features again"
+            )
+        chosen.append(DatabaseImage(number, camera, name, rig, frame))
+    used = sorted({image.camera for image in chosen})
+    return ColmapDatabase(tuple(chosen), {k: _camera(path, k, given.get(k)) for k in used})
+
+
+def names_in_database(images: Sequence[str], names: Sequence[str], path: object) -> list[str]:
+    """Return the names that images have in a database, where these may have folders before them.
+
+    Parameters
+    ----------
+    images : sequence of str
+        Names to look for.
+    names : sequence of str
+        Those of the database.
+    path : path
+        The database, for the message.
+
+    Returns
+    -------
+    list of str
+        One for each image: the very name, or the only one that ends in it.
+
+    Raises
+    ------
+    InputError
+        Images that the database lacks or has in several folders.
+    """
+    by_file: dict[str, list[str]] = {}
+    for name in names:
+        by_file.setdefault(name.replace("\\", "/").rpartition("/")[2], []).append(name)
+    whole = set(names)
+    choices = [[image] if image in whole else by_file.get(image, []) for image in images]
+    if missing := [image for image, own in zip(images, choices, strict=True) if not own]:
+        message = (
+            f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing); extract"
+            " features of all images first"
+        )
+        raise InputError.at_line(path, None, message)
+    if doubles := [own for own in choices if len(own) > 1]:
+        message = (
+            f"has {shown(doubles[0][0])} and {shown(doubles[0][1])}: which of both the orientation"
+            " means is not known; name its images with their folders"
+        )
+        raise InputError.at_line(path, None, message)
+    return [own[0] for own in choices]
+
+
+def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
+    """Return rig, frame, and number of images of that frame and of sensors of that rig, by image.
+
+    The number is the larger one. Databases without frames give none.
+    """
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+    if not {"rigs", "rig_sensors", "frames", "frame_data"} <= tables:
+        return {}
+    images = "SELECT frame_id, COUNT(*) AS n FROM frame_data GROUP BY frame_id"
+    sensors = "SELECT rig_id, COUNT(*) + 1 AS n FROM rig_sensors GROUP BY rig_id"
+    query = (
+        "SELECT d.data_id, f.rig_id, f.frame_id, MAX(i.n, COALESCE(s.n, 1)) FROM frame_data d"
+        f" JOIN frames f ON f.frame_id = d.frame_id JOIN ({images}) i ON i.frame_id = f.frame_id"
+        f" LEFT JOIN ({sensors}) s ON s.rig_id = f.rig_id WHERE d.sensor_type = 0"
+    )
+    return {
+        int(image): (int(rig), int(frame), int(count))
+        for image, rig, frame, count in connection.execute(query)
+    }
+
+
+def _camera(path: Source, number: int, row: tuple[int, int, int, bytes] | None) -> Camera:
+    """Return a camera of the database."""
+    if row is None:
+        raise InputError.at_line(path, None, f"has no camera {number}; extract features again")
+    model, width, height, blob = row
+    if not isinstance(model, int) or not 0 <= model < len(MODELS) or len(blob or b"") % 8:
+        raise InputError.at_line(
+            path, None, f"camera {number}: model {model!r} is none of COLMAP's known here"
+        )
+    parameters = np.frombuffer(blob or b"", dtype="<f8")
+    if not np.isfinite(parameters).all():
+        raise InputError.at_line(path, None, f"camera {number} has parameters that are no numbers")
+    return Camera(MODELS[model], int(width), int(height), tuple(parameters.tolist()))
+
+
+def _no_database(path: Source, why: str) -> InputError:
+    short = " ".join(why.split())[:120]
+    return InputError.at_line(
+        path, None, f"is no database of COLMAP: {short}; give its database.db"
+    )

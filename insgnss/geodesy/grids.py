@@ -1,0 +1,190 @@
+"""Grids of datum shifts and geoid heights: where a named one is, how to get one that is missing.
+
+PROJ brings no such grids along. `pyproj sync --file NAME` gets one by its file name into the user's
+directory of PROJ; the program `projsync` of PROJ does not come with Python's package.
+"""
+
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+
+Array = NDArray[np.float64]
+
+AROUND_DEG = 0.1  # of the area of the points, in which transformations are looked for
+# how PROJ names its grids: country, agency, name
+OF_PROJ = re.compile(r"[a-z]{2,3}_[a-z0-9]+_\S+\.tif")
+
+
+def sync_commands(grids: Sequence[str]) -> str:
+    """Return the commands that get PROJ's grids.
+
+    Parameters
+    ----------
+    grids : sequence of str
+        Their file names.
+
+    Returns
+    -------
+    str
+        One command for each, with commas between them.
+    """
+    return ", ".join(f"`pyproj sync --file {grid}`" for grid in grids)
+
+
+def geoid_file(geoid: Path) -> Path:
+    """Return the whole path of a grid of geoid heights.
+
+    Parameters
+    ----------
+    geoid : Path
+        The file, or the bare name of one in PROJ's directories, such as us_noaa_g2018u0.tif.
+
+    Returns
+    -------
+    Path
+        Whole, since PROJ would look for a bare name among its own grids only.
+
+    Raises
+    ------
+    UsageError
+        Where the file does not exist, with how to get a grid of PROJ.
+    """
+    from pyproj.datadir import get_data_dir, get_user_data_dir
+
+    given = Path(geoid)
+    if given.is_file():
+        return given.resolve()
+    if given.name == str(given):
+        for directory in (get_user_data_dir(), *re.split("[;:]", get_data_dir())):
+            if (Path(directory) / given).is_file():
+                return (Path(directory) / given).resolve()
+    if OF_PROJ.fullmatch(given.name):
+        raise UsageError(
+            f"geoid {geoid}: does not exist here nor among PROJ's grids; get it by"
+            f" {sync_commands([given.name])}"
+        )
+    raise UsageError(
+        f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx"
+    )
+
+
+def operations(source: Any, target: Any, lat: Array, lon: Array) -> Any:
+    """Return PROJ's transformations between two CRSs around points.
+
+    Parameters
+    ----------
+    source, target : pyproj.CRS
+        From and to.
+    lat, lon : ndarray, (n,)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    pyproj.transformer.TransformerGroup
+        Those whose grids are there, and those that lack some.
+    """
+    from pyproj.transformer import TransformerGroup
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pyproj's own words on what callers refuse
+        return TransformerGroup(
+            source,
+            target,
+            always_xy=True,
+            area_of_interest=_area(lat, lon),
+            allow_ballpark=False,
+        )
+
+
+def box_around(lat: Array, lon: Array) -> tuple[float, float, float, float]:
+    """Return the sides of the area of points, at whole steps of `AROUND_DEG`.
+
+    Parameters
+    ----------
+    lat, lon : ndarray, (n,)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    tuple of float
+        West, south, east and north, deg; the latter two without the last step.
+    """
+    ends = np.degrees([lon.min(), lat.min(), lon.max(), lat.max()])
+    west, south, east, north = (np.floor(ends / AROUND_DEG) * AROUND_DEG).tolist()
+    return west, south, east, north
+
+
+def _area(lat: Array, lon: Array) -> Any:
+    from pyproj.aoi import AreaOfInterest
+
+    west, south, east, north = box_around(lat, lon)
+    return AreaOfInterest(west, south, east + AROUND_DEG, min(north + AROUND_DEG, 90.0))
+
+
+def lacking_plan(name: str, grids: Sequence[str], best_m: float, used_m: float, datum: str) -> str:
+    """Return why nothing is projected without a grid of a datum shift, and how to get it.
+
+    Parameters
+    ----------
+    name : str
+        The CRS.
+    grids : sequence of str
+        What is missing.
+    best_m, used_m : float
+        Accuracies with and without it, m; negative where unknown.
+    datum : str
+        Name and code of the datum of the CRS.
+
+    Returns
+    -------
+    str
+        The message.
+    """
+    used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
+    return (
+        f"CRS {name}: its datum is reached to {best_m:g} m by the grid {' and '.join(grids)}, which"
+        f" is not installed, and to {used} without; get it by {sync_commands(grids)}, or name"
+        f" another CRS, or the datum of the base's coordinates where it is {datum} (gnss.datum)"
+    )
+
+
+def lacking_heights(name: str, source: Any, target: Any, lat: Array, lon: Array) -> str:
+    """Return why heights of a CRS are not reached, by the grids that are missing.
+
+    Parameters
+    ----------
+    name : str
+        The CRS.
+    source, target : pyproj.CRS
+        From and to, heights included.
+    lat, lon : ndarray, (n,)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    str
+        The message, empty where no grid of PROJ's would help. Of several ways it names the one
+        that lacks the fewest grids, of these the most accurate one.
+    """
+    ways = []
+    for operation in operations(source, target, lat, lon).unavailable_operations:
+        missing = [grid for grid in operation.grids if not grid.available]
+        if missing and all(grid.url for grid in missing):
+            accuracy = operation.accuracy if operation.accuracy >= 0.0 else np.inf
+            ways.append((len(missing), accuracy, [grid.short_name for grid in missing]))
+    if not ways:
+        return ""
+    count, _, grids = min(ways)
+    need, them = ("a grid", "it") if count == 1 else ("grids", "them")
+    return (
+        f"CRS {name}: its heights need {need}: {' and '.join(grids)}"
+        f" {'is' if count == 1 else 'are'} not installed; get {them} by {sync_commands(grids)}, or"
+        " name a geoid file and a horizontal CRS instead"
+    )
