@@ -245,7 +245,7 @@ class RawGnss(EngineSettings):
     ionosphere: bool = option(
         True,
         "correct fixed positions for the ionosphere between base and rover, which the "
-        "engine leaves out, as the two bands show it: flights of 10 minutes at least, up to 10 km "
+        "engine leaves out, as the two bands show it: flights of 5 minutes at least, up to 10 km "
         "from the base",
         cli="--no-ionosphere",
         cli_meaning="leave the ionosphere between base and rover in the positions",

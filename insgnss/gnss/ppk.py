@@ -40,7 +40,13 @@ from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
 from .options import EngineOptions, base_position
 from .phase.double_differences import FAR_M
-from .phase.ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
+from .phase.ionosphere import (
+    LEAST_EPOCHS,
+    LEAST_GAIN,
+    LEAST_S,
+    engine_models_it,
+    ionosphere_correction,
+)
 from .phase.signal_quality import signal_numbers, signals_of
 from .phase.troposphere import (
     Atmosphere,
@@ -404,7 +410,8 @@ def _without_ionosphere(
             f" to {FAR_M / 1e3:.0f} km away"
         )
         return fixes, Check(name, reason, expected, "note", advice)
-    vertical, north, east = correction.ionosphere.value.mean(axis=0)
+    vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
+    north, east = north + local[0], east + local[1]
     moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
     middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
     finding = (
@@ -412,6 +419,13 @@ def _without_ionosphere(
         " the east: "
     )
     finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
+    if correction.gain < LEAST_GAIN:
+        sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
+        finding += (
+            f"; the gradient does not move heights, of whose variance the flight shows"
+            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_GAIN:.0f} % are needed):"
+            f" they are uncertain by {sigma:.1f} mm"
+        )
     return _moved(fixes, correction.correction_ned, correction.cov_ned), Check(
         name, finding, expected
     )
