@@ -116,7 +116,9 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
         raise UsageError(f"ppk: --out {given.out} is a file, a directory is expected")
+    from ..formats.positions.camera_positions import PRODUCT, write_camera_positions
     from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
+    from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk
 
     if name := positions_of_others(given.out):
@@ -129,6 +131,11 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     progress("writing")
     written, missing = write_antenna_files(result.fixes, result.events, given.out, origin)
     result = result if missing is None else replace(result, checks=(*result.checks, missing))
+    if result.events is not None:
+        positions, of_camera = camera_positions(result.fixes, result.events)
+        write_camera_positions(positions, given.out / PRODUCT)
+        result = replace(result, checks=(*result.checks, *of_camera))
+        written = (*written, given.out / PRODUCT)
     beside = tuple(given.out / name for name in (FIGURE, DOCUMENT, PAGE))
     run = PpkRun(result, inputs, (*written, *result.files.values(), *beside))
     _write_report(run, *beside)
