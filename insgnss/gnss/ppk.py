@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import DataError
+from ..config.ppk_options import all_of
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, named
 from ..formats import read_events
@@ -75,6 +76,7 @@ from .quality.solution_quality import (
     verdict,
 )
 from .rinex.camera_events import RoverEvents, camera_events, unasked_events
+from .rinex.joined import joined
 from .rinex.navigation_message import Navigation, read_navigation
 from .rinex.observations import Observations, read_observations
 from .satellites.satellite_geometry import Sky, common_sky, epochs_of
@@ -92,8 +94,8 @@ class PpkInput:
 
     Parameters
     ----------
-    rover, base : Path
-        RINEX 2 or 3 observations, plain or packed.
+    rover, base : Path or tuple of Path
+        RINEX 2 or 3 observations, plain or packed; several files of a receiver are joined.
     navigation : tuple of Path
         RINEX 2 or 3 navigation files, plain or packed.
     options : EngineOptions
@@ -121,8 +123,8 @@ class PpkInput:
         Whether somebody said what stands at the base's coordinates; a note where not.
     """
 
-    rover: Path
-    base: Path
+    rover: Path | tuple[Path, ...]
+    base: Path | tuple[Path, ...]
     navigation: tuple[Path, ...]
     options: EngineOptions = field(default_factory=EngineOptions)
     covariance: CovarianceModel = MODEL
@@ -200,6 +202,8 @@ def solve_ppk(
     InputError, UsageError, DataError
         Of the steps, each in one line.
     """
+    if isinstance(given.rover, tuple) or isinstance(given.base, tuple):
+        return _solve_joined(given, directory, progress)
     if directory is None:
         with TemporaryDirectory(prefix="insgnss-ppk-") as scratch:
             return replace(solve_ppk(given, Path(scratch), progress), files={})
@@ -259,6 +263,27 @@ def solve_ppk(
     )
     result.write(files["solution"])
     return result
+
+
+def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | None) -> PpkResult:
+    """Solve receivers of which several files are given, joined to one each."""
+    with TemporaryDirectory(prefix="insgnss-joined-") as scratch:
+        rover, base = (
+            joined(all_of(files), Path(scratch) / name)
+            for files, name in ((given.rover, "rover"), (given.base, "base"))
+        )
+        result = solve_ppk(replace(given, rover=rover.path, base=base.path), directory, progress)
+    source = str(all_of(given.rover)[0])
+    checks = tuple(check for one in (rover, base) for check in one.checks)
+    events = result.events
+    if events is not None and events.source == str(rover.path):
+        events = replace(events, source=source)
+    return replace(
+        result,
+        fixes=replace(result.fixes, source=source),
+        events=events,
+        checks=(*checks, *result.checks),
+    )
 
 
 @dataclass(frozen=True, eq=False)
