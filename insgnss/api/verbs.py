@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..config.block_tables.aerial_control import ControlKind
     from ..config.flight_file import Flight
     from ..inspection.described import FlightInspection
+    from ..inspection.rinex.result import RinexInspection
     from ..inspection.run import Inspection
     from ..processing.pipeline import ProcessResult
     from ..simulation.dataset import Dataset
@@ -123,7 +124,7 @@ def adjust_block(
 
 def inspect(
     source: "Flight | Source | Sequence[Source]", *, progress: Progress = _quiet
-) -> "FlightInspection | Inspection":
+) -> "FlightInspection | Inspection | RinexInspection":
     """Say what a recording is, without processing it.
 
     Parameters

@@ -109,3 +109,23 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, str | int | None):
         return value
     return json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)
+
+
+def is_pattern(name: str | Path) -> bool:
+    """Return whether a path is one of several files: it has * or ? and is no file itself."""
+    return any(sign in str(name) for sign in "*?") and not Path(name).is_file()
+
+
+def expanded(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """Return paths with the files of each pattern in its place, by name; one without files stays.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files, and patterns with * or ? in their last part.
+    """
+    out: list[Path] = []
+    for path in paths:
+        there = sorted(path.parent.glob(path.name)) if is_pattern(path) else []
+        out += [file for file in there if file.is_file()] or [path]
+    return tuple(out)

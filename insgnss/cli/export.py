@@ -15,6 +15,7 @@ EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metas
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
   insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
+  insgnss export ppk/camera_positions.csv metashape
   insgnss export --proof metashape proof_scene"""
 
 
@@ -46,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "eo",
         type=Path,
         metavar="EO",
-        help="the eo.json of a processed flight (with --proof: a format below)",
+        help="the eo.json of a processed flight, or the camera_positions.csv of ppk, for metashape,"
+        " pix4d_matic, pix4d_mapper and odm (with --proof: a format below)",
     )
     parser.add_argument(
         "format",
@@ -106,6 +108,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Do what the parsed command line asks for."""
+    if given.eo.suffix.lower() == ".csv":
+        return _positions_verb(given, progress)
     from ..exporting.export import Target, export, known_format
     from ..exporting.options import typed_options
 
@@ -133,6 +137,25 @@ def _refuse_others(out: Path, eo: Path) -> None:
             f"export: {out} is there, beside {master}, which is not {eo}; give another --out, or"
             " --force"
         )
+
+
+def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+    """Write camera positions of PPK in a format that takes them without angles."""
+    from ..exporting.export import Target
+    from ..exporting.positions import export_positions, position_format
+    from ..formats.positions.camera_positions import read_camera_positions
+
+    form = position_format(given.format)
+    if given.settings:
+        raise UsageError("export: camera positions take no --set; leave it out")
+    target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
+    out = given.out or given.eo.parent / form.product
+    if out.resolve() == given.eo.resolve():
+        raise UsageError(f"export: {out} holds the camera positions themselves; give --out")
+    positions = read_camera_positions(given.eo)
+    progress(f"writing {out}")
+    done = export_positions(positions, given.format, out, target)
+    return ExportResult(given.format, (done.file,), done.notes)
 
 
 def frame_kind(word: str | None) -> str | None:

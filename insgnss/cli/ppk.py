@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
-from ..base.files import atomic_write, json_ready
+from ..base.files import atomic_write, expanded, json_ready
 from ..base.provenance import KEY, hashes_of, refuse_other_results
 from ..base.staging import together
 from ..base.wording import spoken_as
@@ -16,7 +16,7 @@ from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
 from ..config.command_line import add_options, given_of, names_of
 from ..config.flight_file import TangentPlaneTable
 from ..config.gnss_options import GnssInput
-from ..config.ppk_options import Air, EngineSettings, RawGnss
+from ..config.ppk_options import Air, EngineSettings, RawGnss, all_of
 from ..config.schema import check, is_place, swapped
 from .console import Progress
 from .verb import Verb, show_result
@@ -29,6 +29,7 @@ EXAMPLE = """\
       --base-position 46.5712345,6.5412345,512.345
   insgnss ppk rover.obs --base base.obs --navigation base.nav \\
       --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
+  insgnss ppk rover.obs --base 'cors/abcd*.18o.gz' --navigation brdc.18n
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
 FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
@@ -85,7 +86,8 @@ class PpkRun:
         """JSON-able."""
         from .. import __version__
 
-        result = self.result
+        result, given = self.result, self.given
+        measured = (*all_of(given.rover), *all_of(given.base), *given.navigation)
         return {
             "insgnss": __version__,
             "engine": result.engine,
@@ -93,8 +95,8 @@ class PpkRun:
             "verdict": result.verdict,
             "quality": result.quality,
             "checks": [asdict(check) for check in result.checks],
-            "input": asdict(self.given),
-            KEY: hashes_of((self.given.rover, self.given.base, *self.given.navigation), Path()),
+            "input": asdict(given),
+            KEY: hashes_of(measured, Path()),
             "files": [str(path) for path in self.files],
         }
 
@@ -122,7 +124,9 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
         raise UsageError(f"ppk: --out {given.out} is a file, a directory is expected")
+    from ..formats.positions.camera_positions import PRODUCT, write_camera_positions
     from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
+    from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk
 
     if name := positions_of_others(given.out):
@@ -130,13 +134,19 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
             f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give"
             " another directory"
         )
-    refuse_other_results("ppk", given.out / DOCUMENT, (given.rover, given.base), given.force)
+    measured = (*all_of(inputs.rover), *all_of(inputs.base))
+    refuse_other_results("ppk", given.out / DOCUMENT, measured, given.force)
     with together() as staging:
         into = staging.tree(given.out)
         result = solve_ppk(inputs, into, progress)
         progress("writing")
         written, missing = write_antenna_files(result.fixes, result.events, into, origin)
         result = result if missing is None else replace(result, checks=(*result.checks, missing))
+        if result.events is not None:
+            positions, of_camera = camera_positions(result.fixes, result.events)
+            write_camera_positions(positions, into / PRODUCT)
+            result = replace(result, checks=(*result.checks, *of_camera))
+            written = (*written, into / PRODUCT)
         beside = tuple(into / name for name in (FIGURE, DOCUMENT, PAGE))
         files = (*written, *result.files.values(), *beside)
         run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
@@ -153,7 +163,7 @@ def _write_report(run: PpkRun, figure: Path, document: Path, page: Path) -> None
     atomic_write(figure, draw_sheet([ppk_charts(result.series)]))
     document_data = json_ready(run.as_dict())
     twin = json.dumps(document_data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    files = [given.rover, given.base, *given.navigation]
+    files = [*all_of(given.rover), *all_of(given.base), *given.navigation]
     atomic_write(page, ppk_page(document_data, result.checks, result.series, files, twin).html())
     atomic_write(document, twin)
 
@@ -161,8 +171,8 @@ def _write_report(run: PpkRun, figure: Path, document: Path, page: Path) -> None
 def _refuse_absent(given: argparse.Namespace) -> None:
     """InputError with the option of the first file that is not there."""
     named = [
-        ("ROVER", given.rover),
-        ("--base", given.base),
+        *(("ROVER", file) for file in all_of(one_or_several(given.rover))),
+        *(("--base", file) for file in all_of(one_or_several(given.base))),
         *(("--navigation", file) for file in given.navigation),
     ]
     named += [
@@ -213,8 +223,8 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     check(Air(**air), "gnss.atmosphere")
     same = {name: raw[name] for name in ("wet_delay", "ionosphere") if name in raw}
     return PpkInput(
-        rover=given.rover,
-        base=given.base,
+        rover=one_or_several(given.rover),
+        base=one_or_several(given.base),
         navigation=tuple(given.navigation),
         options=EngineOptions(**settings),
         covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
@@ -250,6 +260,12 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
             "ppk: --pressure, --temperature and --humidity are of what --no-wet-delay and"
             " --no-ionosphere leave out; keep one"
         )
+
+
+def one_or_several(paths: Sequence[Path]) -> Path | tuple[Path, ...]:
+    """The files that the command line names, each pattern in it replaced by its files."""
+    files = expanded(paths)
+    return files[0] if len(files) == 1 else files
 
 
 def _named_values(words: Sequence[str]) -> dict[str, str]:

@@ -21,11 +21,12 @@ _TYPES: dict[str, Any] = {
     "file": Path,
     "files": Path,
     "images": Path,
+    "observations": Path,
     "number": float,
     "numbers": float,
     "whole": int,
 }
-_LISTS = ("event_numbers", "files", "rtklib", "texts")
+_LISTS = ("event_numbers", "files", "observations", "rtklib", "texts")
 
 
 def add_options(
@@ -107,7 +108,10 @@ def _add(parser: argparse.ArgumentParser, item: Declared, required: bool) -> Non
     stated, kind = item.option, item.kind
     words = stated.cli_meaning or stated.meaning
     if not stated.cli.startswith("-"):
-        parser.add_argument(item.name, type=Path, metavar=stated.cli, help=_percent(words))
+        count = "+" if kind in _LISTS else None
+        parser.add_argument(
+            item.name, type=Path, metavar=stated.cli, help=_percent(words), nargs=count
+        )
         return
     more: dict[str, Any] = {"dest": item.name, "default": None, "help": _help(item, required)}
     if kind == "flag":

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..base.files import expanded, is_pattern
 from ..base.tables import Table, near
 from .schema import Declared, is_place, swapped
 
@@ -102,6 +103,21 @@ def files(table: Table, item: Declared) -> tuple[Path, ...]:
     return files
 
 
+def observations(table: Table, item: Declared) -> Path | tuple[Path, ...]:
+    """The path of a file, or of several: a list of names and patterns such as base/*.18o."""
+    given = table.data.get(item.name)
+    if isinstance(given, str) and not is_pattern(given):
+        return table.file(item.name)
+    names = (table.text(item.name),) if isinstance(given, str) else table.texts(item.name, ())
+    paths = expanded(table.resolve(name) for name in names)
+    if missing := [path for path in paths if not path.is_file()]:
+        problem = f"{missing[0]} does not exist; paths are relative to {table.path.name}"
+        raise table.error(item.name, problem)
+    if not paths:
+        raise table.error(item.name, "is an empty list; name the files")
+    return paths[0] if len(paths) == 1 else paths
+
+
 def directory(table: Table, item: Declared) -> Path:
     """The name of a directory that is there or is to be made, relative to the file or absolute."""
     return Path(table.text(item.name))
@@ -188,6 +204,7 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "names": names,
     "number": number,
     "numbers": numbers,
+    "observations": observations,
     "origin": origin,
     "place": geodetic_position,
     "program": program,

@@ -207,19 +207,25 @@ class RawGnss(EngineSettings):
     base_position is latitude, longitude (deg) and ellipsoidal height (m).
     """
 
-    rover: Path = option(
+    rover: Path | tuple[Path, ...] = option(
         ...,
         "observations of the rover, RINEX 2 or 3 (plain, .gz, .Z, Hatanaka; rinex.md), solved by "
-        "PPK instead of gnss.file: `pip install '.[ppk]'`",
+        "PPK instead of gnss.file: `pip install '.[ppk]'`; files that follow each other as a list "
+        "or a pattern (rover/*.18o)",
+        kind="observations",
+        form="path or list of paths",
         cli="ROVER",
-        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed",
+        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed; several files that "
+        "follow each other are joined",
     )
-    base: Path = option(
+    base: Path | tuple[Path, ...] = option(
         ...,
-        "observations of the base, likewise",
+        "observations of the base, likewise: hourly files of a station",
+        kind="observations",
+        form="path or list of paths",
         cli="--base",
         metavar="FILE",
-        cli_meaning="observations of the base",
+        cli_meaning="observations of the base; several files (hourly ones) are joined",
     )
     navigation: tuple[Path, ...] = option(
         ...,
@@ -245,7 +251,7 @@ class RawGnss(EngineSettings):
     ionosphere: bool = option(
         True,
         "correct fixed positions for the ionosphere between base and rover, which the "
-        "engine leaves out, as the two bands show it: flights of 10 minutes at least, up to 10 km "
+        "engine leaves out, as the two bands show it: flights of 5 minutes at least, up to 10 km "
         "from the base",
         cli="--no-ionosphere",
         cli_meaning="leave the ionosphere between base and rover in the positions",
@@ -268,7 +274,12 @@ class RawGnss(EngineSettings):
     def files(self) -> tuple[Path, ...]:
         """Every file that the solution depends on."""
         antex = (self.antex,) if self.antex else ()
-        return (self.rover, self.base, *self.navigation, *antex)
+        return (*all_of(self.rover), *all_of(self.base), *self.navigation, *antex)
+
+
+def all_of(files: Path | tuple[Path, ...]) -> tuple[Path, ...]:
+    """Return one file or several as a tuple."""
+    return files if isinstance(files, tuple) else (files,)
 
 
 OF_POSITIONS = (

@@ -246,6 +246,10 @@ def _usual_form(item: Declared, value: Any) -> Any:
         from ..stochastic.model import shipped_models
 
         return Path(value) if value not in shipped_models() and Path(value).is_file() else value
+    if item.kind == "observations" and isinstance(value, str | os.PathLike):
+        return Path(value)
+    if item.kind == "observations" and isinstance(value, list | tuple):
+        return tuple(map(Path, value))
     if item.kind in ("numbers", "place", "sigmas") and hasattr(value, "tolist"):
         value = value.tolist()
         return tuple(value) if isinstance(value, list) else value
@@ -349,6 +353,11 @@ def _no_paths(item: Declared, value: Any) -> str:
     return "" if isinstance(value, tuple) else "must be a list of files"
 
 
+def _no_observations(item: Declared, value: Any) -> str:
+    several = isinstance(value, tuple) and value and all(isinstance(one, Path) for one in value)
+    return "" if several else _other_class(Path, value)
+
+
 def _no_event_numbers(item: Declared, value: Any) -> str:
     right = isinstance(value, tuple) and all(is_number(k) and k >= 1 and k % 1 == 0 for k in value)
     return "" if right else "must be a list of whole numbers from 1, as the events are counted"
@@ -445,6 +454,7 @@ _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
     "names": _no_names,
     "noise": _no_noise,
     "number": _out_of_range,
+    "observations": _no_observations,
     "numbers": _no_numbers,
     "place": _no_place,
     "program": _no_text,

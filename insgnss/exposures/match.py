@@ -81,7 +81,7 @@ def name_events(
         names = [images[k] for k in given]
         taken, doubts = (None, ()) if taken_s is None else _taken(path, taken_s, images, given)
         notes += doubts + _Match(path, time, number, names, taken, notes).checked()
-    return CameraEvents(tuple(names), time, events.gps_week, path, notes)
+    return replace(events[number - 1], images=tuple(names), source=path, notes=notes)
 
 
 def check_delay(delay_s: float) -> None:

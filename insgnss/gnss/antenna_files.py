@@ -122,7 +122,7 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     position = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
     first = np.clip(after[covered] - 2, 0, fixes.time.size - FEW)
     rows = first[:, None] + np.arange(FEW)
-    interpolated = _cubic(fixes.time[rows], position[rows], time[covered])
+    interpolated = cubic(fixes.time[rows], position[rows], time[covered])
     linear = (
         fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
     )  # a gap beside: the cubic would swing
@@ -133,8 +133,23 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     return out, covered
 
 
-def _cubic(node: Array, value: Array, time: Array) -> Array:
-    """Values (m, 3) at `time` (m,) of Lagrange's cubics through nodes (m, 4), values (m, 4, 3)."""
+def cubic(node: Array, value: Array, time: Array) -> Array:
+    """Interpolate by Lagrange's cubics.
+
+    Parameters
+    ----------
+    node : ndarray, shape (m, 4)
+        Times, s.
+    value : ndarray, shape (m, 4, 3)
+        Values there.
+    time : ndarray, shape (m,)
+        s.
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+        Values at `time`.
+    """
     out = np.zeros((time.size, 3))
     for k in range(FEW):
         others = [j for j in range(FEW) if j != k]

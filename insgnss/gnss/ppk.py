@@ -27,6 +27,7 @@ import numpy as np
 from ..base.errors import DataError
 from ..base.scratch import scratch_directory
 from ..base.staging import together
+from ..config.ppk_options import all_of
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, named
 from ..formats import read_events
@@ -42,7 +43,13 @@ from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
 from .options import EngineOptions, base_position
 from .phase.double_differences import FAR_M
-from .phase.ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
+from .phase.ionosphere import (
+    LEAST_EPOCHS,
+    LEAST_GAIN,
+    LEAST_S,
+    engine_models_it,
+    ionosphere_correction,
+)
 from .phase.signal_quality import signal_numbers, signals_of
 from .phase.troposphere import (
     Atmosphere,
@@ -71,6 +78,7 @@ from .quality.solution_quality import (
     verdict,
 )
 from .rinex.camera_events import RoverEvents, camera_events, unasked_events
+from .rinex.joined import joined
 from .rinex.navigation_message import Navigation, read_navigation
 from .rinex.observations import Observations, read_observations
 from .satellites.satellite_geometry import Sky, common_sky, epochs_of
@@ -88,8 +96,8 @@ class PpkInput:
 
     Parameters
     ----------
-    rover, base : Path
-        RINEX 2 or 3 observations, plain or packed.
+    rover, base : Path or tuple of Path
+        RINEX 2 or 3 observations, plain or packed; several files of a receiver are joined.
     navigation : tuple of Path
         RINEX 2 or 3 navigation files, plain or packed.
     options : EngineOptions
@@ -117,8 +125,8 @@ class PpkInput:
         Whether somebody said what stands at the base's coordinates; a note where not.
     """
 
-    rover: Path
-    base: Path
+    rover: Path | tuple[Path, ...]
+    base: Path | tuple[Path, ...]
     navigation: tuple[Path, ...]
     options: EngineOptions = field(default_factory=EngineOptions)
     covariance: CovarianceModel = MODEL
@@ -196,6 +204,8 @@ def solve_ppk(
     InputError, UsageError, DataError
         Of the steps, each in one line.
     """
+    if isinstance(given.rover, tuple) or isinstance(given.base, tuple):
+        return _solve_joined(given, directory, progress)
     if directory is None:
         with scratch_directory(Path(gettempdir())) as scratch:
             return replace(_solved_in(given, scratch, progress or _quiet), files={})
@@ -267,6 +277,27 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     )
     result.write(files["solution"])
     return result
+
+
+def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | None) -> PpkResult:
+    """Solve receivers of which several files are given, joined to one each."""
+    with scratch_directory(Path(gettempdir())) as scratch:
+        rover, base = (
+            joined(all_of(files), scratch / name)
+            for files, name in ((given.rover, "rover"), (given.base, "base"))
+        )
+        result = solve_ppk(replace(given, rover=rover.path, base=base.path), directory, progress)
+    source = str(all_of(given.rover)[0])
+    checks = tuple(check for one in (rover, base) for check in one.checks)
+    events = result.events
+    if events is not None and events.source == str(rover.path):
+        events = replace(events, source=source)
+    return replace(
+        result,
+        fixes=replace(result.fixes, source=source),
+        events=events,
+        checks=(*checks, *result.checks),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -418,7 +449,8 @@ def _without_ionosphere(
             f" to {FAR_M / 1e3:.0f} km away"
         )
         return fixes, Check(name, reason, expected, "note", advice)
-    vertical, north, east = correction.ionosphere.value.mean(axis=0)
+    vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
+    north, east = north + local[0], east + local[1]
     moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
     middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
     finding = (
@@ -426,6 +458,13 @@ def _without_ionosphere(
         " the east: "
     )
     finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
+    if correction.gain < LEAST_GAIN:
+        sigma = 1e3 * float(np.median(correction.cov_ned[:, 2, 2]) ** 0.5)
+        finding += (
+            f"; the gradient does not move heights, of whose variance the flight shows"
+            f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_GAIN:.0f} % are needed):"
+            f" they are uncertain by {sigma:.1f} mm"
+        )
     return _moved(fixes, correction.correction_ned, correction.cov_ned), Check(
         name, finding, expected
     )

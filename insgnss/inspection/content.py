@@ -16,11 +16,13 @@ from ..records import Check, GnssFixes, ImuSamples
 from .alone import Alone
 from .draft import Draft
 from .noise import draft_noise
+from .rinex.result import draft_raw_gnss
 from .sensing import Sensing
 from .sources import Source
 
 if TYPE_CHECKING:
     from ..recognise.recognition import Recognition
+    from .rinex.survey import Survey
 
 SURE = 0.9
 KNOWN_S = 0.005  # a latency known to this needs no state
@@ -72,6 +74,7 @@ def draft_flight(
     week: tuple[int, str] | None,
     alone: Alone,
     event_clock: tuple[str, str, bool],
+    rinex: "Survey | None" = None,
 ) -> tuple[Draft | None, str]:
     """Draft the flight file.
 
@@ -91,6 +94,8 @@ def draft_flight(
         What was found without a receiver.
     event_clock : tuple of str, str, bool
         Whose clock stamps the exposures, why, and whether that is sure (`clock_of_events`).
+    rinex : Survey, optional
+        RINEX files, which stand for fixes where there are none.
 
     Returns
     -------
@@ -99,14 +104,20 @@ def draft_flight(
     """
     by_role = {source.role: source for source in sources}
     site = by_role["imu"].site
-    if gnss is None and site is None:
+    raw_gnss = rinex is not None and not rinex.missing and site is None and gnss is None
+    if rinex is not None and rinex.missing and site is None and gnss is None:
+        return None, f"no fixes of a receiver, and the RINEX files lack {rinex.missing}"
+    if gnss is None and site is None and not raw_gnss:
         return None, _missing(by_role["imu"], sensing, alone)
     draft = Draft(remarks=REMARKS)
     draft.add("", "name", name)
     if week is not None:
         draft.add("", "gps_week", week[0], week[1])
     _imu(draft, by_role["imu"], raw, sensing, recognition, axes, alone.units)
-    if gnss is None:
+    if raw_gnss:
+        assert rinex is not None
+        draft_raw_gnss(draft, rinex)
+    elif gnss is None:
         assert site is not None
         draft.add(
             "gnss",
@@ -120,8 +131,11 @@ def draft_flight(
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
         draft.add("camera", "clock", *event_clock)
+    elif raw_gnss and rinex is not None and rinex.rover is not None and rinex.rover.events:
+        words = f"{rinex.rover.events} camera events are in the rover's file; name their images"
+        draft.add("camera", "images", "photos", words, False)
     _mounting(draft, "events" in by_role)
-    if gnss is not None:
+    if gnss is not None or raw_gnss:
         _filter(draft, recognition)
     draft.add("output", "directory", "results")
     return draft, ""

@@ -115,6 +115,8 @@ def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
     value = entry.value
     if isinstance(value, Path):
         value = _relative(value, folder)
+    elif isinstance(value, list):
+        value = [_relative(item, folder) if isinstance(item, Path) else item for item in value]
     text = f"{entry.key} = {toml(value)}"
     yield text if entry.sure else f"# {text}"
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from ..recognise.turns import Forces
     from ..report.charts.chart import Chart
     from ..report.verb_page import VerbPage
+    from .rinex.result import RinexInspection
+    from .rinex.survey import Survey
 
 DATA_KEYS = (
     "accel_file",
@@ -103,7 +105,9 @@ class Inspection(InspectionData):
         return document(self)
 
 
-def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspection:
+def inspect_files(
+    paths: Sequence[Path], progress: Progress = quiet
+) -> "Inspection | RinexInspection":
     """Inspect files and directories that no flight file describes.
 
     Parameters
@@ -114,7 +118,8 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
 
     Returns
     -------
-    Inspection
+    Inspection or RinexInspection
+        The latter where there is RINEX and no IMU.
 
     Raises
     ------
@@ -122,9 +127,17 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         Where nothing, or not one recording, is found, and where a file cannot be read.
     """
     from .content import in_units_of_file
+    from .rinex.result import RinexInspection
+    from .rinex.survey import survey
 
     progress("looking")
     discovery = discover(paths)
+    sensed = bool(discovery.of("imu") or discovery.of("gyro") or discovery.of("accel"))
+    rinex = None if sensed and discovery.of("gnss") else survey(paths)
+    if rinex is not None and not (rinex.receivers or rinex.navigation):
+        rinex = None
+    if rinex is not None and not sensed:
+        return RinexInspection(_name(paths), rinex)
     imu_source, gnss_source, events_source = _choose(discovery, paths)
     if gnss_source is not None:
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
@@ -135,6 +148,8 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         imu, gnss, events = _read(imu_source, gnss_source, events_source)
     clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
+    if known_week is not None and rinex is not None and rinex.rover is not None:
+        known_week = rinex.rover.gps_week, f"of the epochs of {rinex.rover.files[0].name}"
     sources = tuple(
         source for source in (imu_source, gnss_source, events_source) if source is not None
     )
@@ -154,6 +169,7 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         unrecognised,
         known_week,
         clock,
+        rinex,
     )
 
 
@@ -330,6 +346,7 @@ def _inspection(
     unrecognised: str,
     week: tuple[int, str] | None,
     clock: tuple[str, str, bool],
+    rinex: "Survey | None" = None,
 ) -> Inspection:
     from ..prepare.axes import parse_axes
     from ..prepare.fix_quality import with_floors
@@ -378,7 +395,7 @@ def _inspection(
             *strangers(recognition),
         ]
     draft, missing = draft_flight(
-        name, sources, raw, gnss, sensing, recognition, axes, week, alone, clock
+        name, sources, raw, gnss, sensing, recognition, axes, week, alone, clock, rinex
     )
     if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"

@@ -345,6 +345,8 @@ class CameraEvents(Rows):
     gps_week : GPS week of `time`, None where it is not known.
     source : where the events come from, for messages; the path of a file.
     notes : what the reader found odd and did about it.
+    offset_ned : (n, 3) m, camera minus antenna, north, east, down, where the drone states it.
+    sigma_s : (n,) standard deviation of `time`, s, where it is known to be one that matters.
 
     Raises
     ------
@@ -360,7 +362,7 @@ class CameraEvents(Rows):
     <CameraEvents 1 images, TOW 12.0 to 12.0 s, week 2008>
     """
 
-    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time")
+    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time", "offset_ned", "sigma_s")
     _NOUN: ClassVar[str] = "images"
     _NAMES: ClassVar[str | None] = "images"
 
@@ -369,10 +371,16 @@ class CameraEvents(Rows):
     gps_week: int | None = None
     source: str = ""
     notes: tuple[Check, ...] = ()
+    offset_ned: Array | None = None
+    sigma_s: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
         frozen(self, "time", (len(self.images),))
+        if self.offset_ned is not None:
+            frozen(self, "offset_ned", (len(self.images), 3))
+        if self.sigma_s is not None:
+            frozen(self, "sigma_s", (len(self.images),))
         increasing(self, self.time)
         if len(set(self.images)) != len(self.images):
             twice = next(name for i, name in enumerate(self.images) if name in self.images[:i])

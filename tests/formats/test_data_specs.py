@@ -25,6 +25,7 @@ from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
 from insgnss.formats.orientation.relative_csv import read_relative_csv
+from insgnss.formats.positions.camera_positions import read_camera_positions
 from insgnss.formats.trajectory.odyn import read_odyn_poses
 from insgnss.formats.trajectory.sbet import read_sbet
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
@@ -43,6 +44,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "aimu": read_imu,
     "events": read_events,
     "mrk": read_events,
+    "camera_positions": read_camera_positions,
     "psins": read_imu,
     "ardupilot": read_imu,
     "barometer": read_barometer,

@@ -11,7 +11,9 @@ from insgnss.gnss.phase.double_differences import DoubleDifferences, _two_bands,
 from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
     LEAST_S,
+    LOCAL,
     SHELL_M,
+    VALUES,
     VERTICAL_M,
     Ionosphere,
     engine_models_it,
@@ -20,6 +22,7 @@ from insgnss.gnss.phase.ionosphere import (
     hats,
     ionosphere_correction,
     mean_kappa,
+    moved_by,
     shell_design,
 )
 from insgnss.gnss.phase.troposphere import Atmosphere, mapping
@@ -156,14 +159,15 @@ SEEN = {  # of satellites 5 to 8, which are another system's, by the number of t
 }
 
 
-def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
-    """Double differences of a sky that turns, with V, G of `truth` (n, 3), h, t.
+def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None, every=10.0):
+    """Double differences of a sky that turns, with V, G and, if any, L of `truth` (n, 3 or 5), h,
+    t, `every` s.
 
     noise : m, of each phase at the zenith.
 
     seen : a value of `SEEN`; None for nine satellites of one system throughout.
     """
-    time, north, east, up = walk(minutes)
+    time, north, east, up = walk(minutes, every)
     fixes = fixes_at(north, east, up, time)
     sky = sky_of(time.size)
     some = np.isin(np.arange(sky.epoch.size) % 60, [3, 11, 17, 24, 30, 38, 45, 51, 58])
@@ -175,7 +179,8 @@ def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
     )
     sky = replace(sky, azimuth=sky.azimuth + 1.2e-4 * time[sky.epoch])
     D = shell_design(fixes, sky, BASE)
-    delay = np.einsum("mi,mi->m", D, truth(time)[sky.epoch])
+    there = truth(time)[sky.epoch]
+    delay = np.einsum("mi,mi->m", D[:, : there.shape[1]], there)
     rng, n = np.random.default_rng(seed), time.size
     x, c = 5e-3 * rng.standard_normal((n, 3)), rng.standard_normal((n, 2, 2))
     which = np.tile(np.arange(9), n)
@@ -210,17 +215,25 @@ def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
     return DoubleDifferences(*(values[there] for values in (*rows, up[sky.epoch])))
 
 
+def total(value):
+    """V and G + L (n, 3) of values (n, 5): the plane's gradient, and its difference."""
+    return value @ TOTAL.T
+
+
 def linear(V, rate, *G):
     return lambda time: np.column_stack([V + rate * time, *(np.full(time.size, g) for g in G)])
 
 
 @pytest.mark.parametrize("seen", SEEN.values(), ids=SEEN)
-def test_what_is_put_in_is_found(seen):
+def test_what_is_put_in_is_found(monkeypatch, seen):
     """Oracle: phases made by (I.1) to (I.3) without noise: V, G, h and t come back, positions and
     clocks of any size do not matter.
+
+    At the one height of this rover z is the same as t, and is taken for nothing.
     """
+    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR, 1e-9, 1e-3]))
     found = fit(made(linear(4.0, 1e-4, 1.2e-6, -2.1e-6), h=7e-3, t=1e-5, seen=seen))
-    value, _ = found.interpolate([0.0, 1350.0, 2690.0])
+    value = total(found.interpolate([0.0, 1350.0, 2690.0])[0])
     np.testing.assert_allclose(
         value,
         [[4.0, 1.2e-6, -2.1e-6], [4.135, 1.2e-6, -2.1e-6], [4.269, 1.2e-6, -2.1e-6]],
@@ -236,8 +249,11 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
     squares have the mean 1.
 
     15 draws of 3 values: chi-square of 45 lies between 0.45 and 1.8 of its mean but for 1 in 1000.
-    `CORRELATED_S` would count white noise of 10 s as three times what it is; here it counts once.
+    `CORRELATED_S` would count white noise of 10 s as twenty times what it is; here it counts once.
+    What is drawn has no L, z and p, of which nothing is expected here.
     """
+    monkeypatch.setattr(room, "LOCAL", 1e-9)
+    monkeypatch.setattr(room, "NUISANCES", np.array([room.OFFSET_M, room.AIR, 1e-6, 1e-6]))
     monkeypatch.setattr(room, "CORRELATED_S", 10.0)
     squares = []
     for seed in range(15):
@@ -248,8 +264,8 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
         ] + [VERTICAL_M[0], 0.0, 0.0]
         found = fit(made(linear(V, 0.0, *G), noise=2e-3, seed=seed, seen=seen))
         value, cov = found.interpolate([1350.0])
-        off = value[0] - [V, *G]
-        squares.append(off @ np.linalg.solve(cov[0], off) / 3.0)
+        off = value[0, :3] - [V, *G]
+        squares.append(off @ np.linalg.solve(cov[0, :3, :3], off) / 3.0)
     assert 0.45 < np.mean(squares) < 1.8
 
 
@@ -286,10 +302,11 @@ def test_noise_is_measured(seen):
     np.testing.assert_allclose(sigma, 2e-3 * np.array([2.0, 0.5]) ** 0.5, rtol=0.1)
 
 
-def test_errors_that_last_widen_what_is_found():
+def test_errors_that_last_widen_what_is_found(monkeypatch):
     """Oracle: white noise of the same size: what stays for 200 s counts as one error in its 20
     epochs, root of 20 / 3 wider.
     """
+    monkeypatch.setattr(room, "CORRELATED_S", 30.0)
     truth = linear(3.0, 0.0, 0.0, 0.0)
     white, lasting = made(truth, noise=2e-3), made(truth)
     rng = np.random.default_rng(5)
@@ -307,8 +324,64 @@ def test_errors_that_last_widen_what_is_found():
 
 def test_short_flights_measure_nothing():
     """Oracle: the limit that is documented."""
-    assert fit(made(linear(3.0, 0.0, 0.0, 0.0), minutes=LEAST_S / 60.0 - 1.0)) is None
-    assert fit(made(linear(3.0, 0.0, 0.0, 0.0), minutes=LEAST_S / 60.0 + 1.0)) is not None
+    short, longer = (
+        made(linear(3.0, 0.0, 0.0, 0.0), minutes=LEAST_S / 60.0 + more, every=4.0)
+        for more in (-0.5, 0.5)
+    )
+    assert fit(short) is None
+    assert fit(longer) is not None
+
+
+def slow_reflections(d, seed, sigma_m=2e-4, each_s=200.0):
+    """Errors (m, 2) m that each satellite keeps for a time, over the sine of the elevation."""
+    block = (d.time / each_s).astype(int)
+    drawn = np.random.default_rng(seed).standard_normal((block.max() + 1, 9, 2))
+    return sigma_m * drawn[block, d.satellite] / np.sin(d.elevation)[:, None]
+
+
+@pytest.mark.slow
+def test_a_slope_over_the_kilometres_is_no_plane_of_the_sky():
+    """Oracle: the slope of 1.5 mm/km between base and rover that is put in, under a sky that is
+    even, with reflections of 200 s: its errors are of the size of its standard deviations.
+
+    12 draws of 2 values: chi-square of 24 is below 1.8 of its mean but for 1 in 100. A fit that
+    takes the sky's plane for the slope, and 30 s for the longest reflections, has 3.0.
+    """
+    squares = []
+    for seed in range(12):
+        slope = 1.5e-6 * np.array([np.cos(seed), np.sin(seed)])
+        d = made(linear(3.0, 0.0, 0.0, 0.0, *slope), seed=seed)
+        found = fit(replace(d, parts=d.parts + slow_reflections(d, 50 + seed)))
+        value, cov = found.interpolate([1350.0])
+        off = total(value)[0, 1:] - slope
+        squares.append(off @ np.linalg.solve((TOTAL @ cov[0] @ TOTAL.T)[1:, 1:], off) / 2.0)
+    assert np.mean(squares) < 1.8
+
+
+@pytest.mark.parametrize(("left", "moves"), [(0.99, False), (0.5, True)])
+def test_heights_move_as_far_as_the_flight_shows(left, moves):
+    """Oracle: (I.7) by hand: of gradients as uncertain as before but for a hundredth the height
+    keeps the delay V alone and all of its uncertainty; half of the variance is enough to move it.
+    """
+    before = np.array([1.0, *4 * [left]]) * np.array([1.0, GRADIENT, GRADIENT, LOCAL, LOCAL]) ** 2
+    of_one_time = Ionosphere(
+        np.array([0.0]),
+        np.array([[3.0, 1e-6, 0.0, 1e-6, 0.0]]),
+        np.diag(before),
+        (0.0, 1.0),
+        (0.0, 1.0),
+        2,
+        (1.0, 1.0),
+        (1.0, 1.0),
+    )
+    each = np.zeros((2, 3, VALUES))
+    each[:, 0, 0], each[:, 2, 0], each[:, 2, [1, 3]] = 1e-3, 2e-4, 5e3
+    moved, cov, gain = moved_by(each, of_one_time, np.zeros(2), np.ones(2, dtype=bool))
+    assert gain == pytest.approx(1.0 - left)
+    np.testing.assert_allclose(moved[0], [3e-3, 0.0, 6e-4 + (1e-2 if moves else 0.0)])
+    slope = (left if moves else 1.0) * 25e6 * (GRADIENT**2 + LOCAL**2)
+    assert cov[0, 2, 2] == pytest.approx(4e-8 + slope)
+    assert cov[0, 0, 2] == pytest.approx(2e-7)
 
 
 def test_expectation_is_of_means_and_changes():
@@ -316,10 +389,10 @@ def test_expectation_is_of_means_and_changes():
     knots = np.array([0.0, 600.0, 1200.0, 1800.0])
     expected, information = expectation(knots)
     cov = np.linalg.inv(information)
-    mean = np.zeros(14)
-    mean[0:12:3] = 0.25
-    change = np.zeros(14)
-    change[[4, 1]] = 1.0, -1.0
+    mean = np.zeros(24)
+    mean[0:20:5] = 0.25
+    change = np.zeros(24)
+    change[[6, 1]] = 1.0, -1.0
     assert mean @ cov @ mean == pytest.approx(VERTICAL_M[1] ** 2)
     assert change @ cov @ change == pytest.approx(room.CHANGE[1] ** 2)
     assert mean @ expected == pytest.approx(VERTICAL_M[0])
@@ -330,10 +403,10 @@ def test_expectation_is_of_means_and_changes():
 def test_covariance_between_knots():
     """Oracle: the closed form of the variance of a linear interpolation."""
     rng = np.random.default_rng(3)
-    root = rng.standard_normal((6, 6))
+    root = rng.standard_normal((10, 10))
     iono = Ionosphere(
         np.array([0.0, 10.0]),
-        np.arange(6.0).reshape(2, 3),
+        np.arange(10.0).reshape(2, 5),
         root @ root.T,
         (0.0, 1.0),
         (0.0, 1.0),
@@ -341,9 +414,9 @@ def test_covariance_between_knots():
         (1.0, 1.0),
         (1.0, 1.0),
     )
-    J = np.hstack([0.7 * np.eye(3), 0.3 * np.eye(3)])
+    J = np.hstack([0.7 * np.eye(5), 0.3 * np.eye(5)])
     value, cov = iono.interpolate([3.0])
-    np.testing.assert_allclose(value[0], [0.9, 1.9, 2.9])
+    np.testing.assert_allclose(value[0], [1.5, 2.5, 3.5, 4.5, 5.5])
     np.testing.assert_allclose(cov[0], J @ root @ root.T @ J.T)
 
 
@@ -395,6 +468,7 @@ def simulated(tmp_path, seed, **options):
 
 
 AIR = Atmosphere(957.0, 18.0, 0.6)
+TOTAL = np.array([[1, 0, 0, 0, 0], [0, 1, 0, 1, 0], [0, 0, 1, 0, 1]])
 
 
 def truth_of(shell):
@@ -414,7 +488,7 @@ def test_v_and_g_of_a_simulated_flight_without_noise(tmp_path, shells):
     """
     rover, base, navigation, fixes, raw = simulated(tmp_path, 3, **WITHOUT)
     found, _ = found_in(rover, base, navigation, fixes, raw)
-    off = found.ionosphere.value.mean(axis=0) - truth_of(shells[0])
+    off = total(found.ionosphere.value).mean(axis=0) - truth_of(shells[0])
     assert (np.abs(off) < [0.3, 1.5e-7, 1.5e-7]).all(), off
 
 
@@ -426,7 +500,8 @@ def test_v_and_g_of_simulated_flights(tmp_path, shells, seed):
     rover, base, navigation, fixes, raw = simulated(tmp_path, seed, **WITH)
     found, _ = found_in(rover, base, navigation, fixes, raw)
     value, cov = found.ionosphere.interpolate([fixes.time.mean()])
-    assert (np.abs(value[0] - truth_of(shells[0])) < 3.0 * np.sqrt(np.diag(cov[0]))).all()
+    off, sd = total(value)[0] - truth_of(shells[0]), np.sqrt(np.diag(TOTAL @ cov[0] @ TOTAL.T))
+    assert (np.abs(off) < 3.0 * sd).all()
     sigma = np.sqrt(np.diagonal(found.cov_ned, axis1=1, axis2=2))
     assert (sigma.max(axis=0) < [4e-3, 4e-3, 8e-3]).all()
 

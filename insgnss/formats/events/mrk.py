@@ -12,7 +12,7 @@ exposure must be numbers and is used by nothing here: positions come from `gnss.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ _WEEK = re.compile(r"\[\s*(\d+)\s*\]")
 _TOKEN = re.compile(r"[^\s,;]+")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
+OFFSET = ("n", "e", "v")
+LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
 SIGMAS = ("sd_n", "sd_e", "sd_u")
 MOST = 999999
 LEAST = 2  # number and time of week
@@ -47,6 +49,8 @@ class MrkFile:
         (n,) number and GPS week (-1 without a week).
     tow : ndarray
         (n,) time of week, s.
+    offset_ned : ndarray, optional
+        (n, 3) m, camera minus antenna, north, east, down; None where the lines do not state it.
     """
 
     path: str
@@ -54,6 +58,7 @@ class MrkFile:
     number: NDArray[np.int64]
     tow: Array
     week: NDArray[np.int64]
+    offset_ned: Array | None = None
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
@@ -111,7 +116,14 @@ def read_mrk(path: Source) -> MrkFile:
     number, tow, week = (
         np.array([row.get(name, -1.0) for row in rows]) for name in ("number", "tow", "week")
     )
-    return MrkFile(str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64))
+    offset = (
+        1e-3 * np.array([[row[name] for name in OFFSET] for row in rows])
+        if all(name in rows[0] for name in OFFSET)
+        else None
+    )
+    return MrkFile(
+        str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64), offset
+    )
 
 
 def _values(path: Source, line: int, text: str) -> dict[str, float]:
@@ -169,10 +181,23 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
 
 
 def read_events_mrk(path: Source, gps_week: int | None = None) -> CameraEvents:
-    """Read the exposures; images are named by their number in the file."""
+    """Read the exposures; images are named by their number in the file.
+
+    Where the lines state the offset from antenna to camera, the events have it.
+    """
     mrk = read_mrk(path)
     week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
     time, gps_week = gps_time(mrk, mrk.tow, week, gps_week)
-    return events_in_order(
-        tuple(str(k) for k in mrk.number.tolist()), time, mrk, str(path), gps_week
-    )
+    names = tuple(str(k) for k in mrk.number.tolist())
+    events = events_in_order(names, time, mrk, str(path), gps_week)
+    if mrk.offset_ned is None:
+        return events
+    if (long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():
+        row = int(np.argmax(long))
+        raise mrk.error_at(
+            row,
+            f"the camera is {np.linalg.norm(mrk.offset_ned[row]):.1f} m from the antenna (limit"
+            f" {LONGEST_OFFSET_M:g} m); N, E, V are millimetres: correct or delete the line",
+        )
+    row_of = {name: row for row, name in enumerate(names)}
+    return replace(events, offset_ned=mrk.offset_ned[[row_of[name] for name in events.images]])

@@ -7,31 +7,36 @@ I, of L1, differs by between the two antennas is left in the differences.
 
 The model. A shell at 400 km holds the vertical delay V of L1, linear around the base. A ray that
 pierces it at the distances n and e, north and east of the base, where it makes the angle z' with
-the shell's normal, is delayed by
+the shell's normal, is delayed by (V + G_n n + G_e e) / cos z'. Pierced by rays of all directions a
+plane of 1500 km width is what G is measured by; what moves a height is the slope over the
+kilometres between base and rover, which differs from it by L:
 
-    I = (V + G_n n + G_e e) / cos z',   dI = I_rover - I_base = D (V, G_n, G_e)^T              (I.1)
+    dI = I_rover - I_base = D (V, G_n, G_e, L_n, L_e)^T                                        (I.1)
 
-D being the difference of (1, n, e) / cos z' between the two ends. A gradient G makes a rover at the
-distance d look higher or lower, by 1 to 2 G d. V acts by the two ends seeing a satellite at
+D being the difference of (1, n, e) / cos z' between the two ends and, of L, that of n and e over
+the mean cos z'. The gradient G + L makes a rover at the distance d look higher or lower, by 1 to 2
+(G + L) d. V acts by the two ends seeing a satellite at
 elevations that differ by about d / R: it shortens baselines (Beutler et al. 1988), on L1 by 0.4
-mm/km for each metre of V (6 10^16 electrons per m^2). V and G change linearly between knots 10
-minutes apart.
+mm/km for each metre of V (6 10^16 electrons per m^2). V, G and L change linearly between knots
+10 minutes apart.
 
 Observations. Rounding takes the integers out of the phases y_1, y_2 of two bands at positions that
 are fixed (`double_differences`). Of equal noise, their difference and their mean are independent.
 With the direction u to the satellite, c constants of a system in an epoch, x the error of the
-epoch's position and t an error of what the air between the heights delays, per metre of zenith,
+epoch's position, t an error of what the air between the heights delays, per metre of zenith, and z
+one that does not depend on the heights,
 
-    y_1 - y_2 = (kappa_2 - kappa_1) dI + h sin E + c                                           (I.2)
-    (y_1 + y_2) / 2 = -u x - (kappa_1 + kappa_2) / 2 dI + t (h_r - h_b) m(E) + c               (I.3)
+    y_1 - y_2 = (kappa_2 - kappa_1) dI + h sin E + p / sin E + c                               (I.2)
+    (y_1 + y_2) / 2 = -u x - (kappa_1 + kappa_2) / 2 dI + (t (h_r - h_b) + z) m(E) + c         (I.3)
 
 (I.2) is free of geometry, but has little of dI, and h, by which the phase centres of L1 and L2 lie
 farther apart in one antenna than in the other (up to centimetres; without it 23 mm of two geodetic
 antennas pass for a delay that raises the rover by 46 mm, as they do for the engine's own
-`pos1-ionoopt` est-stec). (I.3) has four times as much of dI, and loses most of it with x and c,
-which are eliminated from the normal equations of every epoch: the rest is what no position
-explains. Either gives V and G about as well, with errors of its own; both are taken together, with
-weights w = sin^2 E / sigma^2 of their own scale, cut by Huber's function. What is eliminated of an
+`pos1-ionoopt` est-stec), and p, by which patterns of unlike antennas differ low down. (I.3) has
+four times as much of dI, and loses most of it with x and c, which are eliminated from the normal
+equations of every epoch: the rest is what no position explains. Either gives V and G about as well,
+with errors of its own; both are taken together, with weights w = sin^2 E / sigma^2 of their own
+scale, cut by Huber's function. What is eliminated of an
 epoch leaves a residual r, of weight w and row a among the N = A^T P A of the epoch, the redundancy
 
     rho = 1 - w a N^-1 a^T                                                                     (I.4)
@@ -43,30 +48,41 @@ Time-correlated residuals are counted by their sums over blocks of each satellit
     q = sum over blocks of (sum of sqrt(w) r)^2 / sum of w r^2                                 (I.5)
 
 is 1 for white noise; weights are divided by it, and by no less than what errors correlated over
-`CORRELATED_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than
-`LEAST_S` is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the
-flight), changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
+`CORRELATED_S` make of it, which are those of an antenna that stands: the sums of (I.5) do not show
+what the model follows by itself. Less than `LEAST_S` is not tried. Expected beforehand are V = 2 +-
+2 m, G = 0 +- 1.5 mm/km and L = 0 +- 1 mm/km (means of the flight), changes in 10 minutes of 0.15 m
+and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m, z = p = 0 +- 1 mm.
 
 Taking it off. What is early by the mean kappa of the bands that the engine takes of a satellite
 moves a position (`engine_weighting`, E.2) by
 
     displacement -(A^T P A)^-1 A^T P kappa dI                                                  (I.6)
 
-which is taken off fixed positions. Their covariance grows by that of V and G, and by a tenth of the
-correction for the shell and the plane. A float position takes the delay up in its ambiguities and
-stays as it is, as does one farther from the base than `FAR_M`, where the delay may pass for a
-cycle.
+which is taken off fixed positions. Their covariance grows by that of V, G and L, and by a tenth of
+the correction for the shell and the plane. With d the row of (I.6) that G and L move the height by,
 
-Ten simulated flights of 45 minutes (1 to 2.5 km; noise of 1.5 mm, reflections of 1.2 mm over 20 s,
-G of 1.5 mm/km): the mean error of height was 2.8 mm rms and 4.3 mm at most, with the correction 1.5
-and 2.3 mm; of the length 1.6 and 0.5 mm rms. Two held out: 0.1 and 1.4 mm of height. These had a
-shell of a simpler geometry. Eight held out with that of `simulate.raw_air` (5 Hz): of height 2.3 mm
-rms and 4.4 mm at most, with the correction 2.1 and 4.2 mm, horizontally 1.9 and 0.9 mm rms, so that
-it takes off little of the height where reflections leave as much. 57 minutes of standing receivers
-(3.3 km), which have no truth to a millimetre: moved by 5.9 mm north and 2.5 mm west, by the
-engine's own estimate of the ionosphere 8.3 and 3.6 mm. What remains is that antennas of unlike
-patterns have more than h that depends on the elevation: a millimetre of it is one of some
-millimetres of height.
+    gain = 1 - (d C d^T) / (d C_0 d^T)                                                         (I.7)
+
+is the share of its variance C_0 before the flight that the observations take away, C being left;
+where it is less than `LEAST_GAIN`, G and L do not move heights, which have all of C_0. A float
+position takes the delay up in its ambiguities and stays as it is, as does one farther from the base
+than `FAR_M`, where the delay may pass for a cycle.
+
+Ten simulated flights of 21 minutes (2.5 to 4 km; noise of 1.5 mm, reflections of 1.2 mm) with each
+of four airs: mean errors rms of horizontal length and height, mm, without the correction, with it,
+and with the one before, which knew no L, z and p and reflections of 30 s at most:
+
+                                             without        with           before
+    plane of 1.5 mm/km, reflections of  20 s  4.3   4.6     0.7   1.6      0.7   1.6
+                                       200 s  4.6   4.9     1.3   2.2      1.7   3.7
+    over the kilometres alone,          20 s  3.8   7.3     0.5   6.4      0.8   7.0
+                                       200 s  4.0   7.5     1.2   5.5      1.7   6.8
+
+The height's errors are 0.3 to 1.2 of its standard deviations, and were 0.5 to 2.5. A simulation by
+others, which has the gradient over the kilometres alone: 3 km and 8 minutes, horizontally 6.1 to
+1.8 mm, height 10.5 to 10.8 +- 6.6 mm; 1.4 km and 6 minutes, 2.8 to 1.3 mm, height 1.3 to 1.5 mm
+(gain 0.15, so that only V moves it). What remains is that antennas of unlike patterns have more
+than h and p that depends on the elevation: a millimetre of it is one of some millimetres of height.
 
 Beutler, Bauersima, Gurtner, Rothacher, Schildknecht, Geiger (1988): Atmospheric refraction and
 other important biases in GPS carrier phase observations. IS-GPS-200 20.3.3.5.2.5 (Klobuchar) for
@@ -101,16 +117,21 @@ RADIUS_M, SHELL_M = 6.371e6, 4.0e5
 ORBIT_M = 2.66e7
 KNOT_S = 600.0
 VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
-GRADIENT, OFFSET_M, AIR = 1.5e-6, 2e-2, 2e-5  # standard deviations: G m/m, h m, t m/m
-CHANGE = np.array([0.15, 5e-7, 5e-7])  # of V and G in `KNOT_S`
-UNITS = np.array([1.0, 1e-6, 1e-6])  # by which columns of V and G are of one size
-LEAST_EPOCHS, LEAST_S = 60, 600.0
-BLOCK_S, CORRELATED_S = 300.0, 30.0
+# standard deviations: G and L m/m, h m, t m/m, z m, p m
+GRADIENT, LOCAL, OFFSET_M, AIR, ZENITH_M, PATTERN_M = 1.5e-6, 1e-6, 2e-2, 2e-5, 1e-3, 1e-3
+NUISANCES = np.array([OFFSET_M, AIR, ZENITH_M, PATTERN_M])
+CHANGE = np.array([0.15, 5e-7, 5e-7, 5e-7, 5e-7])  # of V, G and L in `KNOT_S`
+UNITS = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6])  # by which columns of V, G and L are of one size
+VALUES = UNITS.size
+LEAST_EPOCHS, LEAST_S = 60, 300.0
+BLOCK_S, CORRELATED_S = 300.0, 200.0
 HUBER = 2.0
 ITERATIONS = 4
 RIDGE = 1e-9
 LEAST_REDUNDANCY = 1e-3
 SHAPE_SHARE = 0.1
+# of a height's variance by G and L that the flight has to take away before they move it (I.7)
+LEAST_GAIN = 0.25
 # values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere
 MODELLED = {"3", "dual-freq", "4", "est-stec"}
 
@@ -123,9 +144,9 @@ class Ionosphere:
     ----------
     time : ndarray, shape (k,)
         Of the knots, s.
-    value : ndarray, shape (k, 3)
-        V m, G_n, G_e m/m.
-    cov : ndarray, shape (3 k, 3 k)
+    value : ndarray, shape (k, 5)
+        V m, G_n, G_e, L_n, L_e m/m.
+    cov : ndarray, shape (5 k, 5 k)
         Of the values, knot by knot.
     offset_m, air : tuple of float
         h and t, each with its standard deviation.
@@ -147,10 +168,10 @@ class Ionosphere:
     correlation: tuple[float, float]
 
     def interpolate(self, time: ArrayLike) -> tuple[Array, Array]:
-        """Return value (n, 3) and covariance (n, 3, 3) at times (n,), s."""
+        """Return value (n, 5) and covariance (n, 5, 5) at times (n,), s."""
         H = hats(self.time, np.asarray(time, dtype=np.float64))
-        k = self.time.size
-        half = np.tensordot(H, self.cov.reshape(k, 3, k, 3), axes=(1, 0))
+        k, q = self.value.shape
+        half = np.tensordot(H, self.cov.reshape(k, q, k, q), axes=(1, 0))
         return H @ self.value, np.einsum("niaj,na->nij", half, H)
 
 
@@ -166,11 +187,15 @@ class IonosphereCorrection:
         m^2.
     ionosphere : Ionosphere
         The estimate that it is computed from.
+    gain : float
+        (I.7), the share of the variance of a height that the estimate takes away; below
+        `LEAST_GAIN` gradients do not move heights.
     """
 
     correction_ned: Array
     cov_ned: Array
     ionosphere: Ionosphere
+    gain: float
 
 
 def ionosphere_correction(
@@ -214,19 +239,55 @@ def ionosphere_correction(
     )
     if ionosphere is None:
         return None
-    value, cov = ionosphere.interpolate(fixes.time)
     early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
     each = np.stack(
-        [displacement(satellites, early[:, j], fixes.time.size) for j in range(3)], axis=2
+        [displacement(satellites, early[:, j], fixes.time.size) for j in range(VALUES)], axis=2
     )
     corrected = measurable(fixes, base_ecef) & np.isfinite(each).all(axis=(1, 2))
     each = np.where(corrected[:, None, None], each, 0.0)
-    correction = np.einsum("nij,nj->ni", each, value)
-    spread = (
-        each @ cov @ each.transpose(0, 2, 1)
-        + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
-    )
-    return IonosphereCorrection(correction, spread, ionosphere)
+    correction, cov, gain = moved_by(each, ionosphere, fixes.time, corrected)
+    spread = cov + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
+    return IonosphereCorrection(correction, spread, ionosphere, gain)
+
+
+def moved_by(
+    each: Array, ionosphere: Ionosphere, time: Array, corrected: NDArray[np.bool_]
+) -> tuple[Array, Array, float]:
+    """Return what an ionosphere moves positions by, no farther down or up than the flight shows.
+
+    Parameters
+    ----------
+    each : ndarray, shape (n, 3, 5)
+        North, east, down, m, per unit of V, G and L.
+    ionosphere : Ionosphere
+        The estimate.
+    time : ndarray, shape (n,)
+        s.
+    corrected : ndarray of bool, shape (n,)
+        Which positions are moved at all.
+
+    Returns
+    -------
+    correction : ndarray, shape (n, 3)
+        m, with (I.7) for the heights.
+    cov : ndarray, shape (n, 3, 3)
+        m^2.
+    gain : float
+        (I.7) of the median epoch.
+    """
+    value, cov = ionosphere.interpolate(time)
+    gradient = np.arange(VALUES) > 0
+    before = np.array([GRADIENT, GRADIENT, LOCAL, LOCAL]) ** 2
+    down = each[:, 2][:, gradient]
+    after = np.einsum("na,nab,nb->n", down, cov[:, 1:, 1:], down)
+    gain = 1.0 - float(np.median((after / np.maximum(down**2 @ before, 1e-30))[corrected]))
+    if gain >= LEAST_GAIN:
+        return np.einsum("nij,nj->ni", each, value), each @ cov @ each.transpose(0, 2, 1), gain
+    each = each.copy()
+    each[:, 2, gradient] = 0.0
+    spread = each @ cov @ each.transpose(0, 2, 1)
+    spread[:, 2, 2] += down**2 @ before
+    return np.einsum("nij,nj->ni", each, value), spread, gain
 
 
 def engine_models_it(options: EngineOptions) -> bool:
@@ -235,7 +296,7 @@ def engine_models_it(options: EngineOptions) -> bool:
 
 
 def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
-    """Return D (m, 3) of (I.1) for each of the satellites; base (3,) in m ECEF."""
+    """Return D (m, 5) of (I.1) for each of the satellites; base (3,) in m ECEF."""
     cos = np.cos(satellites.elevation)
     ned = np.column_stack(
         [
@@ -252,7 +313,10 @@ def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     other = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
     other /= np.linalg.norm(other, axis=1)[:, None]
     here, there = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
-    return _pierced(here, sight, axes, base - centre) - _pierced(there, other, axes, base - centre)
+    ours, theirs = (_pierced(*of, axes, base - centre) for of in ((here, sight), (there, other)))
+    slant = 0.5 * (ours[:, :1] + theirs[:, :1])
+    apart = ours[:, 1:] / ours[:, :1] - theirs[:, 1:] / theirs[:, :1]
+    return np.column_stack([ours - theirs, slant * apart])
 
 
 def _reach(origin: Array, sight: Array, radius: float) -> Array:
@@ -269,7 +333,7 @@ def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
 
 
 def fit(d: DoubleDifferences) -> Ionosphere | None:
-    """Estimate V, G, h and t from both kinds of observations.
+    """Estimate V, G, L, h, t, z and p from both kinds of observations.
 
     None where epochs are fewer than `LEAST_EPOCHS` or within less than `LEAST_S`.
     """
@@ -277,7 +341,7 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
     if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
-    units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5]])
+    units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5, 1e-3, 1e-3]])
     expected, information = expectation(knots)
     least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
     N, b, kinds = (
@@ -293,14 +357,15 @@ def fit(d: DoubleDifferences) -> Ionosphere | None:
         correlation.append(q)
     cov = np.linalg.inv(N)
     x, cov = units * (cov @ b), cov * units[:, None] * units
-    (h, t), sd_h, sd_t = x[-2:].tolist(), float(cov[-2, -2] ** 0.5), float(cov[-1, -1] ** 0.5)
-    value, of_value = x[:-2].reshape(-1, 3), cov[:-2, :-2]
+    other = VALUES * knots.size
+    (h, t), (sd_h, sd_t) = x[other : other + 2].tolist(), np.sqrt(np.diag(cov)[other : other + 2])
+    value, of_value = x[:other].reshape(-1, VALUES), cov[:other, :other]
     return Ionosphere(
         knots,
         value,
         of_value,
-        (h, sd_h),
-        (t, sd_t),
+        (h, float(sd_h)),
+        (t, float(sd_t)),
         epochs.size,
         (sigma[0], sigma[1]),
         (correlation[0], correlation[1]),
@@ -313,23 +378,24 @@ def hats(knots: Array, time: Array) -> Array:
 
 
 def expectation(knots: Array) -> tuple[Array, Array]:
-    """Return the expected V and G at k knots, h and t (3 k + 2,), and the information matrix.
+    """Return the expected V, G and L at k knots, h, t, z and p (5 k + 4,), and their information.
 
     The information is of the knots' mean, and of their changes.
     """
     k = knots.size
     step = np.diff(np.eye(k), axis=0)
-    information = np.diag(np.concatenate([np.zeros(3 * k), [OFFSET_M**-2, AIR**-2]]))
-    for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT)):
-        rows = np.arange(j, 3 * k, 3)
+    information = np.diag(np.concatenate([np.zeros(VALUES * k), NUISANCES**-2]))
+    for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT, LOCAL, LOCAL)):
+        rows = np.arange(j, VALUES * k, VALUES)
         change = CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
         information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
-    return np.concatenate([np.tile([VERTICAL_M[0], 0.0, 0.0], k), [0.0, 0.0]]), information
+    mean = np.array([VERTICAL_M[0], *np.zeros(VALUES - 1)])
+    return np.concatenate([np.tile(mean, k), np.zeros(NUISANCES.size)]), information
 
 
 @dataclass(frozen=True, eq=False)
 class _Kind:
-    """Observations (m,) m of one kind: y = X (3 k + 2 columns, of size one) + A times unknowns of
+    """Observations (m,) m of one kind: y = X (5 k + 4 columns, of size one) + A times unknowns of
     each group (m,) + noise.
     """
 
@@ -375,11 +441,11 @@ def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Ki
     H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
     none = np.zeros(d.time.size)
     clocks = (d.system[:, None] == np.unique(d.system)).astype(np.float64)
-    difference = np.column_stack([(d.kappa[:, 1] - d.kappa[:, 0])[:, None] * H, sine, none]) * units
-    mean = (
-        np.column_stack([-d.kappa.mean(axis=1)[:, None] * H, none, d.rise * mapping(d.elevation)])
-        * units
-    )
+    slant = mapping(d.elevation)
+    between = (d.kappa[:, 1] - d.kappa[:, 0])[:, None] * H
+    difference = np.column_stack([between, sine, none, none, 1.0 / sine]) * units
+    early = -d.kappa.mean(axis=1)[:, None] * H
+    mean = np.column_stack([early, none, d.rise * slant, slant, none]) * units
     sight = np.column_stack([-cos * np.cos(d.azimuth), -cos * np.sin(d.azimuth), sine])
     return (
         _Kind(difference, d.parts[:, 0] - d.parts[:, 1], clocks, d.epoch),

@@ -1,0 +1,1 @@
+"""Camera positions without attitude: the product of PPK alone, and what bundle adjustments read."""

@@ -1,0 +1,187 @@
+"""The camera at the exposures by PPK alone, without IMU.
+
+Positions are interpolated as `antenna_files.positions_at` does it, and moved by the offset from the
+antenna to the camera where the drone states it (.MRK). Their covariance has three parts:
+
+    P = (1 - s) P_0 + s P_1 + e^2 (4 s (1 - s))^2 (h / H)^3 I + v v^T sigma_t^2                (C.1)
+
+s being the share of the interval h between the fixes 0 and 1 around that has passed. Errors of
+neighbouring fixes are alike, so that no mean makes them smaller. e is what the fixes themselves
+show of the interpolation: each of them is predicted by the cubic through the two before and the two
+after it, over an interval of 2 H, H being the usual one; white accelerations, which the smooth part
+of a flight stays below, leave sqrt(1 / 8) of the rms of the difference in the middle of an interval
+of H; the cubic's slope at a fix is not the path's, so that it falls off as s does. Of that the
+differences of the nine fixes around count. What is noise of the fixes in them counts as motion: e
+is rather too large. sigma_t is the standard deviation of the exposure's time where the events have
+one, v the velocity.
+
+The offset is taken as exact: its errors are those of the drone's attitude, 1 deg of which are 3 mm
+of 0.2 m.
+"""
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...geodesy.gpstime import WEEK_S
+from ...records import Array, CameraEvents, Check, GnssFixes
+from ...records.camera_positions import CameraPositions
+from ...records.qualities import Quality
+from ..antenna_files import cubic, positions_at
+
+NEIGHBOURS = 4  # fixes to either side whose differences tell how well others interpolate
+TO_MIDDLE = 8.0**-0.5
+LEAST_FIXES = 5
+LARGE_M = 0.05  # beyond it the interpolation is what limits a position: a note
+
+
+def camera_positions(
+    fixes: GnssFixes, events: CameraEvents
+) -> tuple[CameraPositions, tuple[Check, ...]]:
+    """Return the camera's, or else the antenna's, positions at the exposures between fixes.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Antenna positions with covariances.
+    events : CameraEvents
+        Exposures, GPST; with offsets from antenna to camera, or without.
+
+    Returns
+    -------
+    positions : CameraPositions
+        Of the exposures that have fixes around them.
+    checks : tuple of Check
+        What the positions are of, and how well they are interpolated.
+
+    Raises
+    ------
+    DataError
+        Where no exposure lies between fixes.
+    """
+    weeks = (
+        0.0
+        if fixes.gps_week is None or events.gps_week is None
+        else (events.gps_week - fixes.gps_week) * WEEK_S
+    )
+    time = events.time + weeks
+    geodetic, covered = positions_at(fixes, time)
+    if not covered.any():
+        raise DataError(
+            f"{events.source or 'events'}: none of the {covered.size} exposures lies between fixes"
+            f" ({fixes.time[0]:.3f} to {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
+        )
+    events, time, geodetic = events[covered], time[covered], geodetic[covered]
+    cov, between = _covariance(fixes, time, events.sigma_s)
+    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
+    quality = (
+        np.full(time.size, float(Quality.UNKNOWN))
+        if fixes.quality is None
+        else np.maximum(fixes.quality[after - 1], fixes.quality[after]).astype(np.float64)
+    )
+    lat, lon, height = geodetic.T
+    if events.offset_ned is not None:
+        lat, lon, height = _moved(geodetic, events.offset_ned)
+    positions = CameraPositions(
+        events.images,
+        events.time,
+        lat,
+        lon,
+        height,
+        cov,
+        quality,
+        np.full(time.size, float(events.offset_ned is not None)),
+        fixes.gps_week if events.gps_week is None else events.gps_week,
+        events.source,
+    )
+    return positions, (_of_what(events), _interpolated(between))
+
+
+def _moved(geodetic: Array, offset_ned: Array) -> tuple[Array, Array, Array]:
+    """Latitude, longitude, height of places (n, 3) moved by offsets (n, 3) m north, east, down."""
+    lat, lon, height = geodetic.T
+    moved = np.einsum("nij,nj->ni", rotation_en(lat, lon), offset_ned)
+    lat, lon, height = ecef_to_geodetic(geodetic_to_ecef(lat, lon, height) + moved)
+    return np.asarray(lat), np.asarray(lon), np.asarray(height)
+
+
+def _covariance(fixes: GnssFixes, time: Array, sigma_s: Array | None) -> tuple[Array, Array]:
+    """P (n, 3, 3) m^2 of (C.1), and standard deviations (n,) m of the interpolation in it."""
+    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
+    width = fixes.time[after] - fixes.time[after - 1]
+    share = np.clip((time - fixes.time[after - 1]) / width, 0.0, 1.0)
+    usual = float(np.median(np.diff(fixes.time)))
+    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+    local = TO_MIDDLE * interpolation_error(fixes.time, position)
+    between = (
+        np.maximum(local[after - 1], local[after])
+        * (4.0 * share * (1.0 - share))
+        * (width / usual) ** 1.5
+    )
+    weight = share[:, None, None]
+    cov = (1.0 - weight) * fixes.cov_ned[after - 1] + weight * fixes.cov_ned[after]
+    cov = cov + between[:, None, None] ** 2 * np.eye(3)
+    if sigma_s is not None:
+        step = (position[after] - position[after - 1]) / width[:, None]
+        velocity = np.einsum("nji,nj->ni", rotation_en(fixes.lat[after], fixes.lon[after]), step)
+        along = velocity[:, :, None] * velocity[:, None, :]
+        cov = cov + along * sigma_s[:, None, None] ** 2
+    return cov, between
+
+
+def interpolation_error(time: Array, position: Array) -> Array:
+    """Return the rms (n,) m of an axis by which cubics through their neighbours miss n fixes.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    position : ndarray, shape (n, 3)
+        m, Cartesian.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Of the fixes around each one; zeros of fewer than five.
+    """
+    n = time.size
+    if n < LEAST_FIXES:
+        return np.zeros(n)
+    rows = np.arange(2, n - 2)
+    around = rows[:, None] + np.array([-2, -1, 1, 2])
+    predicted = cubic(time[around], position[around] - position[rows][:, None], time[rows])
+    square = np.mean(predicted**2, axis=1)
+    span = np.ones(2 * NEIGHBOURS + 1)
+    total = np.convolve(square, span)[NEIGHBOURS:][: square.size]
+    count = np.convolve(np.ones(square.size), span)[NEIGHBOURS:][: square.size]
+    return np.asarray(np.sqrt(total / count)[np.clip(np.arange(n) - 2, 0, rows.size - 1)])
+
+
+def _of_what(events: CameraEvents) -> Check:
+    name, expected = "camera positions", "of the camera: offsets from the antenna (.MRK)"
+    if events.offset_ned is not None:
+        size = 1e3 * np.linalg.norm(events.offset_ned, axis=1)
+        return Check(
+            name,
+            f"{size.size} of the camera, {size.min():.0f} to {size.max():.0f} mm from the antenna",
+            expected,
+        )
+    return Check(
+        name,
+        f"{events.time.size} of the antenna's phase centre, since the events state no offset",
+        expected,
+        "note",
+        "give the bundle adjustment the lever arm, or process the flight with its IMU",
+    )
+
+
+def _interpolated(between: Array) -> Check:
+    middle, most = 1e3 * float(np.median(between)), 1e3 * float(between.max())
+    large = most > 1e3 * LARGE_M
+    return Check(
+        "camera interpolation",
+        f"standard deviation {middle:.1f} mm in the median, {most:.1f} mm at most",
+        f"{1e3 * LARGE_M:.0f} mm",
+        "note" if large else "ok",
+        "log the rover faster, or process the flight with its IMU" if large else "",
+    )

@@ -1,0 +1,117 @@
+"""Observation files of one receiver that follow each other, joined to one: hourly files of a
+station, a rover that begins a new file every hour.
+
+The engine takes one file a receiver. The files are put in order of their first epochs; the header
+is the first one's. They have to be of one version, with the same kinds of observations, the same
+antenna and, where they state it, the same place within `SAME_PLACE_M`: else they are refused, since
+one header would be wrong for the others. Of an epoch that two neighbours have alike (the full hour)
+the reader and the engine take the first; files that overlap by more are refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...geodesy.gpstime import WEEK_S
+from ...records import Check
+from .header import RinexHeader, header_of, load_rinex
+from .observations import Observations, read_observations
+
+SAME_PLACE_M = 100.0  # a rover's first epochs of two files; of a base its coordinates are looked at
+SAME_EPOCH_S = 1e-3
+
+
+@dataclass(frozen=True)
+class Joined:
+    """A file of one receiver, and what is to be said of it."""
+
+    path: Path
+    checks: tuple[Check, ...] = ()
+
+
+def joined(paths: Sequence[Path], directory: Path) -> Joined:
+    """Join observation files of one receiver; a single one stays where it is.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        RINEX 2 or 3, plain or packed, in any order.
+    directory : Path
+        Gets the joined file; is made.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read, headers differ, or files overlap.
+    """
+    if len(paths) == 1:
+        return Joined(paths[0])
+    read = sorted((read_observations(path) for path in paths), key=_first)
+    for one, other in pairwise(read):
+        _check_alike(read[0].header, other.header)
+        if _first(other) < _last(one) - SAME_EPOCH_S:
+            message = (
+                f"begins {_last(one) - _first(other):.3f} s before {one.header.path} ends; give"
+                " files that follow each other, each once"
+            )
+            raise InputError.at_line(other.header.path, None, message)
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / f"{Path(read[0].header.path).name} and {len(read) - 1} more"
+    with path.open("wb") as file:
+        for k, observations in enumerate(read):
+            buf, _, _ = load_rinex(observations.header.path)
+            _, start = header_of(observations.header.path, buf)
+            file.write(bytes(buf[0 if k == 0 else start :]))
+    span = (_last(read[-1]) - _first(read[0])) / 3600.0
+    gaps = [_first(b) - _last(a) for a, b in pairwise(read)]
+    finding = f"{len(read)} of {read[0].header.marker or path.name} over {span:.2f} hours"
+    check = Check(
+        "GNSS files",
+        f"{finding}, at most {max(gaps):g} s between them",
+        "files that follow each other",
+    )
+    return Joined(path, (check, *(note for one in read for note in one.notes)))
+
+
+def _first(observations: Observations) -> float:
+    """The first epoch, s since 1980-01-06, GPST."""
+    return float(observations.gps_week * WEEK_S + observations.time[0])
+
+
+def _last(observations: Observations) -> float:
+    return float(observations.gps_week * WEEK_S + observations.time[-1])
+
+
+def _check_alike(first: RinexHeader, other: RinexHeader) -> None:
+    """InputError where the first header would be wrong for the other file's observations."""
+    pairs = {
+        "the RINEX version": (first.version, other.version),
+        "the kinds of observations": (first.types, other.types),
+        "the antenna": (first.antenna, other.antenna),
+        "the antenna's height": (
+            first.antenna_delta_m.tolist(),
+            other.antenna_delta_m.tolist(),
+        ),
+        "the time system": (first.clock, other.clock),
+        "scale factors": (first.scale, other.scale),
+    }
+    for name, (one, another) in pairs.items():
+        if one != another:
+            message = (
+                f"{name} is not that of {first.path}: {str(another)[:60]}, not {str(one)[:60]};"
+                " files of one receiver and setting are joined, convert them alike"
+            )
+            raise InputError.at_line(other.path, None, message)
+    if first.approx_position_m is None or other.approx_position_m is None:
+        return
+    apart = float(np.linalg.norm(first.approx_position_m - other.approx_position_m))
+    if first.marker != other.marker and apart > SAME_PLACE_M:
+        message = (
+            f"is of {other.marker or 'another marker'}, {apart:.0f} m from {first.marker} of"
+            f" {first.path}; join files of one station"
+        )
+        raise InputError.at_line(other.path, None, message)
