@@ -18,7 +18,8 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..base.caches import settle
-from ..base.errors import InputError, InsgnssError
+from ..base.errors import DataError, InputError, InsgnssError
+from ..base.memory import out_of_memory
 from . import (
     adjust,
     calibrate,
@@ -98,6 +99,8 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit code and one line for what ended the run."""
     if isinstance(error, InsgnssError):
         return error.exit_code, f"error: {error}"
+    if isinstance(error, MemoryError):
+        return DataError.exit_code, f"error: {out_of_memory(error)}"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return (

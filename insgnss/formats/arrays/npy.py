@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
+from ...base.unpacking import check_archive
 from ..text.layout import printable
 from ..text.text import Source
 from .content import Content, matrix_of
@@ -35,12 +36,15 @@ def load_numpy(path: Source) -> Content:
                     Path(path).open("rb") as stream,
                     np.load(stream, allow_pickle=False) as archive,
                 ):
+                    check_archive(path, archive.zip)
                     return {printable(name): _plain(archive[name]) for name in archive.files}
             array = np.lib.format.open_memmap(path, mode="r")
             if array.offset + array.nbytes != Path(path).stat().st_size:
                 raise ValueError(
                     f"{Path(path).stat().st_size} bytes, expected {array.offset + array.nbytes}"
                 )
+    except InsgnssError:
+        raise
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at_line(

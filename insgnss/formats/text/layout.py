@@ -25,11 +25,12 @@ from ...base.errors import InputError
 COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14
+LONGEST_FIELD = 4096
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 NUMBER = re.compile(
-    r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
+    r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
 )
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _DELIMITERS = ("\t", ";", ",", None)
@@ -97,6 +98,16 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
     if delimiter is None:
         return text.split()
     return [field.strip() for field in text.removesuffix(delimiter).split(delimiter)]
+
+
+def refuse_long(path: object, line: int, text: str) -> None:
+    """Raise InputError where a line has a field that is longer than any number or name."""
+    if len(text) <= LONGEST_FIELD:
+        return
+    longest = max(map(len, re.split(r"[\t;,\s]", text)))
+    if longest > LONGEST_FIELD:
+        problem = f"a field of {longest} characters (limit {LONGEST_FIELD})"
+        raise InputError.at_line(path, line, f"{problem}; {BINARY}")
 
 
 def is_comment(text: str) -> bool:
@@ -174,6 +185,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
         raise InputError.at_line(
             path, None, "holds no data line; check that the recording was copied whole"
         )
+    for line, _, text in data:
+        refuse_long(path, line, text)
     texts = [text for _, _, text in data[:SAMPLE_LINES]]
     delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
     fields = [split_fields(text, delimiter) for text in texts]
