@@ -67,6 +67,9 @@ def atomic_writes(contents: Mapping[Path, str | bytes | Iterable[str | bytes]]) 
         raise UsageError(f"{path}: the directory does not exist; create it first") from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    except UnicodeEncodeError as error:  # half a character, out of a file's name that is no UTF-8
+        odd = ascii(error.object[max(error.start - 20, 0) : error.end + 20])
+        raise InputError.at_line(path, None, f"{odd} is no Unicode; rename the file") from None
     finally:
         for left in temporary.values():
             with suppress(OSError):  # a path below a file has no temporary one, nor a directory

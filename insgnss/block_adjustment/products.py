@@ -25,6 +25,7 @@ from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready, sha256
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.orientation.exported import check_names
 from ..formats.orientation.pose_covariance import FILE as COVARIANCE
 from ..formats.orientation.pose_covariance import write_pose_covariance
 from ..geodesy.gpstime import calendar_from_gps
@@ -200,6 +201,7 @@ def write_poses(solved: Solved, path: Path) -> None:
         The file.
     """
     values, images = solved.result.values, solved.result.problem.block.images
+    check_names(images, ",")
     opk = opk_from_rotation(values.C_mc @ CV_RUB)
     cov = solved.precision.pose_cov
     F = np.linalg.inv(opk_jacobian(opk))

@@ -16,13 +16,13 @@ yaw, pitch, roll of the image's top stand beside them as data.
 """
 
 from collections.abc import Iterator, Sequence
-from xml.sax.saxutils import escape
 
 import numpy as np
 
 from ...base.files import atomic_write
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
+from ..orientation.exported import check_characters, xml_text
 from ..orientation.poses import local_sigma, sea_level, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -63,6 +63,7 @@ def write_kml(
     """
     height = sea_level(eo, undulation_m, "kml")
     position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
+    check_characters(eo.images)
     atomic_write(path, _document(eo, position))
 
 
@@ -84,7 +85,7 @@ def camera_angles(R: Array) -> Array:
 
 
 def _document(eo: FramedOrientation, position: Array) -> Iterator[str]:
-    description = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
+    description = xml_text("\n".join(sentences(eo, "altitudes: above mean sea level")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
@@ -117,4 +118,4 @@ def _placemarks(eo: FramedOrientation, position: Array) -> Iterator[str]:
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
     rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
-        yield form % (escape(name), *x, *turn, when, *row, *x)
+        yield form % (xml_text(name), *x, *turn, when, *row, *x)

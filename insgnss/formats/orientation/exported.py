@@ -8,7 +8,9 @@ Angles that count from true north (yaw pitch roll) come from C_Ec and C_fE^T P C
 plane, whose axes have no true north but at its origin, from those of the plane.
 """
 
+import html
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,11 +33,15 @@ from ...geodesy.rotation import (
 )
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, TANGENT
+from ..text.layout import NUMBER
 
 Array = NDArray[np.float64]
 
 LEAST_COSINE = 1e-6
 COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
+CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
+"""What XML 1.0 does not have, tab, carriage return and delete."""
+SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
 CHUNK = 20_000  # rows formatted at once
 
 
@@ -65,7 +71,9 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     names : sequence of str
         The names.
     separator : str, optional
-        None stands for blanks. Comment signs are refused as well.
+        None stands for blanks. Comment signs and control characters are refused as well, and what
+        a spreadsheet takes for a formula where it opens the table. No client reads a quoted or
+        prefixed name back as it was, so that such a name is not changed in silence.
     of : str
         What they name, for the message.
 
@@ -82,10 +90,45 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
             )
 
 
+def check_characters(names: Iterable[str], of: str = "image") -> None:
+    """Refuse names with characters that XML 1.0 does not have, escaped or not.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The names.
+    of : str
+        What they name, for the message.
+
+    Raises
+    ------
+    InputError
+        The first such name.
+    """
+    for name in names:
+        if match := CONTROL.search(name):
+            wrong = f"has the control character {match[0]!r}"
+            raise InputError(
+                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
+            )
+
+
+def xml_text(text: str, quotes: bool = False) -> str:
+    """Return text escaped for XML 1.0; a character that it does not have becomes U+FFFD.
+
+    quotes : whether it stands in quotation marks, as a value of an attribute.
+    """
+    return html.escape(CONTROL.sub("\ufffd", text), quote=quotes)
+
+
 def _unfit(name: str, separator: str | None) -> str:
     """Return why a name does not fit, or an empty text."""
     if not name:
         return "is empty"
+    if "\n" not in name and (match := CONTROL.search(name)):
+        return f"has the control character {match[0]!r}"
+    if separator in SPREADSHEET and name[0] in FORMULA and not NUMBER.fullmatch(name):
+        return f"begins with {name[0]}, as formulas of spreadsheets do"
     if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
         return f"begins with {sign}"
     if separator is None:
