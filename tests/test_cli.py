@@ -139,6 +139,12 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
             3,
             "insgnss: error: No space left on device; check path,",
         ),
+        (
+            MemoryError("Unable to allocate 7.45 GiB for an array with shape (1000000000,)"),
+            4,
+            "insgnss: error: memory is exhausted: Unable to allocate 7.45 GiB for an array",
+        ),
+        (MemoryError(), 4, "insgnss: error: memory is exhausted, "),
         (KeyboardInterrupt(), 130, "insgnss: error: interrupted\n"),
         (
             ZeroDivisionError("by zero"),
@@ -164,6 +170,27 @@ def test_every_error_is_one_line_and_its_exit_code(
         assert verdict["error"] in streams.err
     else:
         assert streams.out == ""
+
+
+def test_a_program_is_taken_from_the_command_line_alone(pipeline, flight, capsys):
+    """Oracle: the path that was typed; a flight without raw observations has no use for it."""
+    for name in ("rover", "base", "nav"):
+        (flight.parent / name).write_text("x\n")
+    argv = ["process", str(flight), "--engine", "/opt/rnx2rtkp", "--json"]
+    assert main(argv) == 2
+    assert "--engine /opt/rnx2rtkp solves gnss.rover, which " in capsys.readouterr().err
+    raw = 'rover = "rover"\nbase = "base"\nnavigation = ["nav"]\nengine = "auto"'
+    flight.write_text(flight.read_text().replace('file = "gnss.txt"', raw))
+    taken = []
+
+    def process(flight, out, progress):
+        taken.append(flight.gnss.raw.engine)
+        raise DataError("enough")
+
+    pipeline.process = process
+    assert main(argv) == 4
+    assert main(["process", str(flight)]) == 4
+    assert taken == ["/opt/rnx2rtkp", "auto"]
 
 
 def test_debug_shows_the_traceback(pipeline, flight, capsys):

@@ -584,7 +584,7 @@ WRONG = {
     ),
     "no columns": (_in("imu", "columns = []"), 2, "imu.columns: is an empty list"),
     # ranges
-    "week": (_in("", "gps_week = -1"), 1, "gps_week: -1 is outside 0 to 9999"),
+    "week": (_in("", "gps_week = -1"), 1, "gps_week: -1 is outside 1 to 9999"),
     "broken week": (_in("", "gps_week = 2008.5"), 1, "gps_week: 2008.5 is no whole number"),
     "end before start": (
         _in("", "start_tow = 20.0\nend_tow = 10.0"),
@@ -683,7 +683,27 @@ WRONG = {
         7,
         "initial.pitch_deg: 91 is outside -90 to 90",
     ),
+    "a program": (
+        RAW + 'engine = "./imu.csv"\n',
+        7,
+        "gnss.engine: './imu.csv' is none of auto, pyrtklib5, rnx2rtkp; a program is named on the"
+        " command line alone: insgnss process --engine PROGRAM",
+    ),
+    "week zero": ("gps_week = 0\n" + MINIMAL, 1, "gps_week: 0 is outside 1 to 9999"),
     # TOML
+    "too deep": (
+        MINIMAL + "name = " + 5000 * "[",
+        None,
+        "more than 100 tables or lists within each",
+    ),
+    "too deep a key": (
+        MINIMAL + ".".join("a" * 20000) + " = 1\n",
+        5,
+        "19999 tables or lists within each other (limit 100); write them flat",
+    ),
+    "deep": (MINIMAL + "name = " + 102 * "[" + 102 * "]", None, "(limit 100); write them flat"),
+    "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "(limit 1000000); is it a file of"),
+    "line behind NEL": ("# a\x85b\n" + _in("imu", "filee = 1"), 3, "imu.filee: unknown key"),
     "syntax": (_in("imu", "axes = forward"), 2, "not TOML: "),
     "unclosed": (MINIMAL + 'name = "x', None, "not TOML: "),
     "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "not UTF-8 at byte 8"),
@@ -740,7 +760,7 @@ def test_raw_observations_have_the_documented_defaults(load):
 def test_options_of_raw_observations_are_taken(load, tmp_path):
     """Oracle: the values written in the file, none of which is the default."""
     flight = load(
-        RAW + 'engine = "empty.csv"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6,'
+        RAW + 'engine = "rnx2rtkp"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6,'
         ' 2]\nrtklib_options = { pos2-arminfix = 10, pos1-dynamics = "off" }\natmosphere = {'
         " pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n[gnss.covariance]\nppm ="
         " 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003,"
@@ -749,7 +769,7 @@ def test_options_of_raw_observations_are_taken(load, tmp_path):
     )
     raw = flight.gnss.raw
     assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (
-        str(tmp_path / "empty.csv"),
+        "rnx2rtkp",
         5.0,
         (6.0, 2.0),
     )

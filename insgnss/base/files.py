@@ -54,6 +54,16 @@ def text_sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def lines_of(text: str) -> list[str]:
+    """Split a text at line feeds, carriage returns and pairs of both, and nowhere else.
+
+    `str.splitlines` splits at ten characters more, among them NEL (the byte 0x85 of a Latin-1
+    text): lines would be counted in another way than by editors and by the readers of numbers.
+    """
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return lines if lines[-1] else lines[:-1]
+
+
 def atomic_write(
     path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
 ) -> None:

@@ -33,6 +33,21 @@ def available(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int | None:
     return max(min(rooms), 0) if rooms else None
 
 
+def out_of_memory(error: MemoryError) -> str:
+    """Return one line on what memory did not hold: what was needed, what is left, what to try.
+
+    Parameters
+    ----------
+    error : MemoryError
+        What Python or numpy raised; numpy's names the size.
+    """
+    needed = " ".join(str(error).split())
+    left = available()
+    rest = "" if left is None else f", {left / 1e9:.3g} GB are left"
+    advice = "take a machine with more memory, raise its limit (ulimit, container), or process less"
+    return f"memory is exhausted{': ' * bool(needed)}{needed}{rest}; {advice} of the recording"
+
+
 def give_back() -> None:
     """Return freed memory to the system, where the C library keeps it for itself (glibc)."""
     trim = _trim()

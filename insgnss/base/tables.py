@@ -17,9 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, near
+from .files import lines_of
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
+LONGEST_TOML = 1_000_000  # characters
+DEEPEST = 100
+NESTED = f"tables or lists within each other (limit {DEEPEST}); write them flat"
+_DOTTED = re.compile(r"[^=#]*")
 _TYPE_NAMES = {
     bool: "true/false",
     int: "a number",
@@ -229,17 +234,51 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
         )
     try:
         text = path.read_bytes().decode("utf-8-sig")
-        data = tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise InputError.at_line(
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
+    return Table(path, _key_lines(text), keys, "", parse_toml(path, text))
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """Return the tables of the TOML text of a file.
+
+    Raises
+    ------
+    InputError
+        With the line, where it is known, for what is no TOML, holds tables or lists within each
+        other more than 100 deep, or has more than a million characters: no file that a person
+        wrote.
+    """
+    if len(text) > LONGEST_TOML:
+        problem = f"{len(text)} characters (limit {LONGEST_TOML}); is it a file of settings?"
+        raise InputError.at_line(path, None, problem)
+    for number, line in enumerate(lines_of(text), 1):
+        if (
+            line.count(".") > DEEPEST
+            and (key := _DOTTED.match(line))
+            and key[0].count(".") > DEEPEST
+        ):
+            raise InputError.at_line(path, number, f"{key[0].count('.')} {NESTED}")
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
         raise InputError.at_line(
             path, int(location[1]) if location else None, f"not TOML: {error}"
         ) from None
-    return Table(path, _key_lines(text), keys, "", data)
+    if _deeper(data, DEEPEST):
+        raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
+    return data
+
+
+def _deeper(value: object, levels: int) -> bool:
+    """Tell whether tables and lists stand within each other more than so many levels deep."""
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return any(levels == 0 or _deeper(item, levels - 1) for item in inner)
 
 
 def _key_lines(text: str) -> dict[str, int]:
@@ -249,7 +288,7 @@ def _key_lines(text: str) -> dict[str, int]:
     """
     lines: dict[str, int] = {}
     table = ""
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(lines_of(text), 1):
         if header := re.match(r"\s*\[\[?([\w.\- ]+)\]\]?\s*(#.*)?$", line):
             table = header[1].replace(" ", "")
             lines.setdefault(table, number)

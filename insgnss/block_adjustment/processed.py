@@ -24,6 +24,6 @@ def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
     beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
     try:
         flight = json.loads(beside.read_text(encoding="utf-8"))["flight"]
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return flight if isinstance(flight, dict) and "mounting" in flight else None

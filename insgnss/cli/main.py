@@ -20,9 +20,10 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..base.caches import settle
-from ..base.errors import InputError, InsgnssError
+from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
 from ..base.interrupts import Terminated, raise_on_termination
+from ..base.memory import out_of_memory
 from .console import Parser, Progress
 from .verb import report_error
 
@@ -89,6 +90,8 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     """Exit code and one line for what ended the run."""
     if isinstance(error, InsgnssError):
         return error.exit_code, f"error: {error}"
+    if isinstance(error, MemoryError):
+        return DataError.exit_code, f"error: {out_of_memory(error)}"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return (

@@ -35,15 +35,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="overwrite results of other measurements (those of the same are overwritten anyway)",
     )
+    parser.add_argument(
+        "--engine",
+        metavar="NAME",
+        help=(
+            "engine that solves gnss.rover, in the place of gnss.engine: pyrtklib5, or an rnx2rtkp"
+            " by its path or its name on PATH"
+        ),
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..config.load import load_flight, remounted
+    from ..config.load import load_flight, remounted, with_engine
 
     flight = load_flight(options.flight)
     if options.mounting is not None:
         flight = remounted(flight, options.mounting)
+    if options.engine is not None:
+        flight = with_engine(flight, options.engine)
     from ..processing import pipeline
 
     result = pipeline.process(flight, options.out, progress, force=options.force)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
-from ..base.files import first_bytes
+from ..base.files import first_bytes, lines_of
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
     CV_RUB,
@@ -106,7 +106,7 @@ def sniff_poses(path: str | Path) -> str:
     name = Path(path).name.lower()
     if name.endswith(".sbet") or (name.startswith("sbet") and name.endswith(".out")):
         return "sbet"
-    first = next((line for line in text.splitlines() if line.strip()), "")
+    first = next((line for line in lines_of(text) if line.strip()), "")
     if "# frame kind:" in text and "# camera axes:" in text:
         return "generic_ascii"
     if (label := re.search(r"^#?\s*label[,;\t].*", text, re.MULTILINE)) is not None:

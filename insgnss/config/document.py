@@ -32,6 +32,7 @@ _BLOCK = re.compile(r"(<!-- rendered: (\w+) -->\n).*?(<!-- end of rendered -->)"
 _FORMS = {
     "axes": "text",
     "columns": "list or table",
+    "engine": "auto, pyrtklib5 or rnx2rtkp",
     "file": "file",
     "files": "list of files",
     "flag": "true or false",
@@ -42,7 +43,6 @@ _FORMS = {
     "number": "number",
     "origin": "[latitude deg, longitude deg, ellipsoidal height m]",
     "place": "[latitude deg, longitude deg, ellipsoidal height m]",
-    "program": "text",
     "text": "text",
     "texts": "list of texts",
     "triple": "one number or three",

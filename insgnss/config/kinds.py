@@ -11,6 +11,7 @@ from typing import Any
 
 from ..base.files import expanded, is_pattern
 from ..base.tables import Table, near
+from .ppk_options import ENGINES
 from .schema import Declared, is_place, swapped
 
 
@@ -141,11 +142,14 @@ def images(table: Table, item: Declared) -> Path:
     return images
 
 
-def program(table: Table, item: Declared) -> str:
-    """A name, or the path of a program beside the flight file."""
-    program: str = table.text(item.name)
-    path = table.resolve(program)
-    return str(path.absolute()) if path.is_file() else program
+def engine(table: Table, item: Declared) -> str:
+    """The name of a known engine: no file names a program that is run."""
+    engine: str = table.text(item.name)
+    if engine not in ENGINES:
+        engines = ", ".join(ENGINES)
+        problem = f"{engine!r} is none of {engines}; a program is named on the command line alone"
+        raise table.error(item.name, f"{problem}: insgnss process --engine PROGRAM")
+    return engine
 
 
 def columns(table: Table, item: Declared) -> Any:
@@ -192,6 +196,7 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "choice": choice,
     "columns": columns,
     "directory": directory,
+    "engine": engine,
     "event_numbers": event_numbers,
     "existing": existing,
     "file": file,
@@ -207,7 +212,6 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "observations": observations,
     "origin": origin,
     "place": geodetic_position,
-    "program": program,
     "sigmas": sigmas,
     "text": text,
     "texts": texts,

@@ -329,6 +329,32 @@ def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> 
     )
 
 
+def with_engine(flight: Flight, engine: str) -> Flight:
+    """Return a flight that another engine solves, which may be the path of a program.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    engine : str
+        As `gnss.engine`, or the path of an rnx2rtkp: whoever types it trusts it.
+
+    Returns
+    -------
+    Flight
+        The flight otherwise.
+
+    Raises
+    ------
+    UsageError
+        The flight has no raw observations.
+    """
+    raw = flight.gnss.raw
+    if raw is None:
+        raise UsageError(f"--engine {engine} solves gnss.rover, which {flight.path} has not")
+    return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
+
+
 def _calibrated(flight: Flight, root: Table) -> Flight:
     """The flight with the mounting of `mounting.file`, where there is one."""
     table = root.table("mounting")

@@ -17,6 +17,8 @@ from .schema import Triple, check, option
 Point = Literal["apc", "arp", "marker"]
 
 SYSTEMS = ("G", "R", "E", "J", "C")
+ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
+"""What a flight file may name: a file that came from others must not choose a program to run."""
 
 _NAME = re.compile(r"[a-z0-9]+-[A-Za-z0-9_]+")
 _OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
@@ -126,9 +128,10 @@ class EngineSettings:
     )
     engine: str = option(
         "auto",
-        'engine that solves: "pyrtklib5", or an rnx2rtkp by its path or its name on PATH; '
-        '"auto": the first of both that is installed',
-        kind="program",
+        'engine that solves: "pyrtklib5", or "rnx2rtkp", the program of that name on PATH; "auto": '
+        "the first of both that is installed; another program is named on the command line alone "
+        "(`insgnss process --engine`), so that a flight file of others runs none",
+        kind="engine",
         cli="--engine",
         metavar="NAME",
         cli_meaning=(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError
-from ..base.files import refuse_other_than_utf8
+from ..base.files import lines_of, refuse_other_than_utf8
 from ..formats.images.exif import time_taken
 from ..formats.text.layout import decode, shown
 from ..records import Array
@@ -77,8 +77,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
     else:
         try:
             names = [
-                line.strip()
-                for line in decode(path.read_bytes()).removeprefix("\ufeff").splitlines()
+                line.strip() for line in lines_of(decode(path.read_bytes()).removeprefix("\ufeff"))
             ]
         except OSError as error:
             raise InputError.at_line(
@@ -99,7 +98,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
 def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """Order in which IMG_9 stands before IMG_10."""
     return tuple(
-        (1, int(piece), "") if piece.isdigit() else (0, 0, piece.lower())
+        (1, int(piece), "") if piece.isdecimal() and len(piece) < 1000 else (0, 0, piece.lower())
         for piece in re.findall(r"\d+|\D+", name)
     )
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ..base.files import atomic_write
+from ..base.files import atomic_write, lines_of
 from ..base.tables import Table, read_toml
 from ..records import Array
 from .mounting import (
@@ -230,7 +230,7 @@ def mounting_text(mounting: MountingFile) -> str:
         "",
         "[mounting]",
     ]
-    lines += [f"# {line}" for remark in m.remarks for line in remark.splitlines()]
+    lines += [f"# {line}" for remark in m.remarks for line in lines_of(remark)]
     for key in VECTORS:
         value, sigma = getattr(m, key), m.sigma(key)
         if value is not None:

@@ -7,13 +7,14 @@ What is shared by the three axes stands in [gyro] or [accel], what differs in [g
 
 import re
 import textwrap
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..base.errors import InputError, near
+from ..base.files import lines_of
+from ..base.tables import parse_toml
 from ..base.units import format_quantity, parse_quantity
 from .noise_model import (
     GAUSS_MARKOV,
@@ -36,11 +37,7 @@ def model_of_text(path: Path, text: str) -> NoiseModel:
     """Model of the text of the file `path`. Raises InputError, with file and line, for what is no
     noise model.
     """
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError.at_line(path, None, f"not TOML: {error}") from None
-    return _Reader(path, text).model(tree)
+    return _Reader(path, text).model(parse_toml(path, text))
 
 
 def text_of_model(model: NoiseModel, remarks: Sequence[str] = ()) -> str:
@@ -252,7 +249,7 @@ class _Reader:
         return value
 
 
-_HEADER = re.compile(r"\s*(\[\[?)\s*([\w.\s]+?)\s*\]")
+_HEADER = re.compile(r"\s*(\[\[?)([\w.\s]+)\]")
 _KEY = re.compile(r"\s*([\w-]+)\s*=")
 
 
@@ -262,9 +259,9 @@ def _key_lines(text: str) -> Iterator[tuple[str, int]]:
     """
     table = ""
     count: dict[str, int] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(lines_of(text), start=1):
         if header := _HEADER.match(line):
-            table = header[2].replace(" ", "")
+            table = "".join(header[2].split())
             if header[1] == "[[":
                 count[table] = count.get(table, -1) + 1
                 table = f"{table}.{count[table]}"

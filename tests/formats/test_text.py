@@ -1,6 +1,8 @@
 """The table reader, its refusals, and the writing of whole files."""
 
+import contextlib
 import os
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.base.files import atomic_write
+from insgnss.base.files import atomic_write, lines_of
+from insgnss.exposures.images import image_names
 from insgnss.formats.text.text import format_rows, read_table, read_text_table
+from insgnss.stochastic.noise_file import model_of_text
 
 ANY = settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -127,6 +131,45 @@ def test_first_bad_line_is_refused(tmp_path: Path, content: str | bytes, message
     """Oracle: the line and the field as a person counts them."""
     with pytest.raises(InputError, match=message):
         read_table(text_file(tmp_path, content))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["1" * 80_000 + "x", "1," * 40_000 + "x", "1." * 40_000, "+-" * 40_000, "(" * 80_000],
+)
+def test_a_long_line_costs_no_time(tmp_path: Path, line: str) -> None:
+    """Oracle: one number pattern took 12 s of the first, in the square of its length."""
+    path = text_file(tmp_path, f"# {line}\n{line}\n1,2\n")
+    start = time.process_time()
+    for read in (read_table, read_text_table):
+        with contextlib.suppress(InputError):
+            read(path)
+    assert time.process_time() - start < 2.0
+
+
+def test_a_field_is_no_longer_than_a_name(tmp_path: Path) -> None:
+    """Oracle: the limit, and the line; a line of many fields may be longer."""
+    with pytest.raises(InputError, match=r"txt:2: a field of 5000 characters \(limit 4096\)"):
+        read_text_table(text_file(tmp_path, f"a,1\n{5000 * 'b'},1\n"))
+    with pytest.raises(InputError, match=r"txt:30: a field of 5000 characters \(limit 4096\)"):
+        read_text_table(text_file(tmp_path, 29 * "a,1\n" + f"{5000 * 'b'},1\n"))
+    row = ",".join(map(str, range(3000)))
+    assert read_table(text_file(tmp_path, f"{row}\n{row}\n")).values.shape == (2, 3000)
+
+
+def test_a_letter_of_latin_1_ends_no_line(tmp_path: Path) -> None:
+    """Oracle: editors; 0x85 is an ellipsis of Windows, at which str.splitlines splits."""
+    assert lines_of("a\x85b\u2028c\x0bd\ne\r\nf\rg\n\nh") == [
+        *("a\x85b\u2028c\x0bd", "e", "f", "g", "", "h"),
+    ]
+    assert (lines_of(""), lines_of("\n"), lines_of("a\n")) == ([], [""], ["a"])
+    names = tmp_path / "names.txt"
+    names.write_bytes(b"a\x85b.jpg\nc.jpg\n")
+    assert image_names(names) == ("a\x85b.jpg", "c.jpg")
+    noise = tmp_path / "noise.toml"
+    noise.write_text("name = 'a\x85b'\nsource = ''\n[gyro]\nwhite = 1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"noise\.toml:4: "):
+        model_of_text(noise, noise.read_text(encoding="utf-8"))
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:

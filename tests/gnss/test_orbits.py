@@ -258,12 +258,39 @@ def test_packed_file_reads_as_the_plain_one(written, tmp_path):
     packed.write_bytes(gzip.compress(plain.read_bytes()))
     np.testing.assert_array_equal(read_navigation(packed).table, read_navigation([plain]).table)
     packed.write_bytes(gzip.compress(plain.read_bytes())[:-200])
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be unpacked"):
         read_navigation(packed)
     squeezed = tmp_path / "brdc.nav.bz2"
     squeezed.write_bytes(bz2.compress(plain.read_bytes()))
     pytest.importorskip("hatanaka")
     np.testing.assert_array_equal(read_navigation(squeezed).table, read_navigation([plain]).table)
+
+
+def test_words_that_a_message_lacks_are_said_with_their_line(written):
+    """Oracle: RINEX 3.04, tables A8 and A10: the third line of GLONASS ends in the channel, lines
+    6 and 7 of Galileo hold data source and health.
+    """
+    elements = glonass_elements([2.55e7, 0, 0], [0, 0, 3e3], 5)
+    glonass = message(3.04, "R05", (1e-4, 0.0, 0.0), elements)
+    galileo = message(3.04, "E05", (1e-4, 0.0, 0.0), gps_elements(toe=TOW, source=517.0))
+    head = header(3.04, "N: GNSS NAV DATA", "M: MIXED")
+    start = len(head.splitlines())
+    assert read_navigation(written(head + glonass)).channels() == {"R05": 5}
+    for text, row, column, value, says in (
+        (glonass, 2, 61, "", r"R05: the frequency number is blank; a whole number from -7 to 24"),
+        (glonass, 2, 61, number_of(5e30), r"R05: the frequency number is 5e\+30"),
+        (glonass, 2, 61, number_of(0.5), r"R05: the frequency number is 0\.5"),
+        (galileo, 5, 23, "", r"E05: the data source is blank; a whole number from 0 to 1023"),
+        (galileo, 6, 23, "", r"E05: the health is blank"),
+    ):
+        lines = text.splitlines()
+        lines[row] = f"{lines[row][:column]}{value:19}{lines[row][column + 19 :]}"
+        path = written(head + "\n".join(lines) + "\n")
+        with pytest.raises(InputError, match=rf":{start + row + 1}: message of {says}"):
+            read_navigation(path)
+    path = written(head + glonass.replace(glonass[4:23], "24 3 6 99999999 0 0"))
+    with pytest.raises(InputError, match=r"'24 3 6 99999999 0 0' is no date and time of a clock"):
+        read_navigation(path)
 
 
 def test_what_is_wrong_is_said_with_file_and_line(written):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.unpacking import check_unpacked
 from ..text.layout import printable
 
 Bytes = memoryview
@@ -39,13 +40,15 @@ class Damaged(ValueError):
     """The file does not hold what its lengths state."""
 
 
-def read_mat(data: bytes) -> dict[str, Any]:
+def read_mat(data: bytes, path: object = "MAT-file") -> dict[str, Any]:
     """Read the variables of a file of version 4 to 7.
 
     Parameters
     ----------
     data : bytes
         The whole file.
+    path
+        Its name, for the message where it unpacks to too much.
 
     Returns
     -------
@@ -57,11 +60,13 @@ def read_mat(data: bytes) -> dict[str, Any]:
     ------
     Damaged
         A file that is cut, damaged, or no MATLAB file.
+    InputError, DataError
+        Its variables unpack to more than `base.unpacking` allows.
     """
     from scipy.io import loadmat
 
     if len(data) >= HEADER_BYTES and data[126:128] in (b"IM", b"MI"):
-        data = _checked(data, "<" if data[126:128] == b"IM" else ">")
+        data = _checked(data, "<" if data[126:128] == b"IM" else ">", path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -107,11 +112,13 @@ def _struct(item: Any) -> dict[str, Any]:
     return {printable(name): _plain(item[name]) for name in item.dtype.names}
 
 
-def _checked(data: bytes, order: str) -> bytes:
+def _checked(data: bytes, order: str, path: object) -> bytes:
     """The file with its variables inflated, after a look at every length."""
+    elements = list(_elements(memoryview(data)[HEADER_BYTES:], order))
+    check_unpacked(path, sum(_stated(kind, body, order) for kind, body in elements))
     # without the offset of MATLAB's own subsystem data, which moves
     parts = [data[:116] + bytes(8) + data[124:HEADER_BYTES]]
-    for kind, body in _elements(memoryview(data)[HEADER_BYTES:], order):
+    for kind, body in elements:
         if kind == COMPRESSED:
             kind, body = _inflated(body, order)
         if kind != MATRIX:
@@ -142,6 +149,17 @@ def _elements(data: Bytes, order: str) -> Iterator[tuple[int, Bytes]]:
         if start + size > len(data):
             raise Damaged(f"it ends within an element of {size} bytes")
         yield kind, data[start : start + size]
+
+
+def _stated(kind: int, body: Bytes, order: str) -> int:
+    """How many bytes a variable has, once it is inflated."""
+    if kind != COMPRESSED:
+        return len(body)
+    try:
+        head = zlib.decompressobj().decompress(body, TAG_BYTES)
+    except zlib.error:  # as `_inflated` reports
+        return 0
+    return int(np.frombuffer(head, order + "u4", 2)[1]) if len(head) == TAG_BYTES else 0
 
 
 def _inflated(body: Bytes, order: str) -> tuple[int, Bytes]:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
+from ...base.unpacking import check_unpacked
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from .content import Content, Matrix, matrix_of
@@ -35,7 +36,7 @@ def load_matlab(path: Source) -> Content:
     if HDF5 in data[:1024]:
         return _labelled(_hdf5(path))
     try:
-        variables = read_mat(data)
+        variables = read_mat(data, path)
     except Damaged as error:
         raise InputError.at_line(
             path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
@@ -74,6 +75,12 @@ def _hdf5(path: Source) -> dict[str, Any]:
         )
         raise InputError.at_line(path, None, message) from None
 
+    def stated(node: Any, depth: int = 0) -> int:
+        """Bytes of what a node holds, without reading it."""
+        if not isinstance(node, h5py.Group):
+            return int(node.nbytes)
+        return sum(stated(node[name], depth + 1) for name in node if depth < DEEPEST)
+
     def plain(node: Any, depth: int = 0) -> Any:
         if isinstance(node, h5py.Group):
             return {
@@ -91,7 +98,10 @@ def _hdf5(path: Source) -> dict[str, Any]:
 
     try:
         with h5py.File(str(path), "r") as file:
+            check_unpacked(path, stated(file))
             return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
+    except InsgnssError:
+        raise
     except Exception as error:  # as above
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at_line(

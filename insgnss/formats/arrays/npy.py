@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
+from ...base.unpacking import check_archive
 from ..text.layout import printable
 from ..text.text import Source
 from .content import Content, matrix_of
@@ -36,12 +37,15 @@ def load_numpy(path: Source) -> Content:
                     Path(path).open("rb") as stream,
                     np.load(stream, allow_pickle=False) as archive,
                 ):
+                    check_archive(path, archive.zip)
                     return {printable(name): _plain(archive[name]) for name in archive.files}
             with Path(path).open("rb") as stream:
                 array = np.load(stream, allow_pickle=False)
                 expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
             if size != expected:
                 raise ValueError(f"{size} bytes, expected {expected}")
+    except InsgnssError:
+        raise
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at_line(

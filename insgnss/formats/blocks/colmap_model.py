@@ -100,6 +100,8 @@ def _model(path: Path) -> Any:
         )
     try:
         return pycolmap.Reconstruction(str(directory))
+    except MemoryError:
+        raise
     except Exception as error:  # pycolmap raises what its C++ does
         raise InputError.at_line(
             directory,

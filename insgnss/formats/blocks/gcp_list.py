@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...base.files import atomic_write
+from ...base.files import atomic_write, lines_of
 from ...geodesy.projection import is_geographic
 from ..orientation.exported import check_names
 from ..text.layout import decode, is_comment, shown
@@ -64,7 +64,7 @@ def read_gcp_list(
     text = decode(load_bytes(path).tobytes()).lstrip("\ufeff")
     rows = [
         (line, row.strip())
-        for line, row in enumerate(text.splitlines(), start=1)
+        for line, row in enumerate(lines_of(text), start=1)
         if row.strip() and not is_comment(row)
     ]
     crs = _crs(path, rows[0]) if rows else ""

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import lines_of
+from ...base.unpacking import check_unpacked
 from ..text.layout import decode, shown
 from ..text.text import Source, load_bytes
 
@@ -87,6 +89,7 @@ class ProjectFile:
             return load_bytes(self.path.parent / name).tobytes()
         try:
             with zipfile.ZipFile(self.path) as archive:
+                check_unpacked(self.path, archive.getinfo(name).file_size)
                 return archive.read(name)
         except KeyError:
             raise self.error(f"has no {name} inside; save the project again") from None
@@ -187,7 +190,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     """
     data = source.member(name)
     head, end, body = data.partition(b"end_header\n")
-    words = [line.split() for line in decode(head).splitlines()]
+    words = [line.split() for line in lines_of(decode(head))]
     form = next((line[1] for line in words if line[:1] == ["format"] and len(line) > 1), "")
     elements = [line for line in words if line[:1] == ["element"]]
     if not end or words[:1] != [["ply"]] or form != "binary_little_endian" or not elements:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import lines_of
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
@@ -115,7 +116,7 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
     """
     try:
         given = json.loads(decode(load_bytes(file).tobytes()))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         line = getattr(error, "lineno", None)
         raise InputError.at_line(file, line, f"is no JSON: {error}; copy it again") from None
     models = given if isinstance(given, list) else [given]
@@ -191,7 +192,7 @@ def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane 
     if given is None and beside.is_file():
         try:
             given = json.loads(decode(load_bytes(beside).tobytes()))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError.at_line(beside, None, f"is no JSON: {error}") from None
     if given is None:
         return None
@@ -213,7 +214,7 @@ def _tracks(
         raise InputError.at_line(
             file, None, "no such file; image observations stand in it: copy it beside the other"
         )
-    lines = decode(load_bytes(file).tobytes()).splitlines()
+    lines = lines_of(decode(load_bytes(file).tobytes()))
     version, first = 0, 0
     if lines[0].startswith(VERSION):
         text, first = lines[0][len(VERSION) :].strip(), 1

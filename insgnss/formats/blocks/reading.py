@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, UsageError, near
+from ...base.files import lines_of
 from ..detect import head_of
 from ..exports import function_at
 from ..text.layout import decode, is_comment
@@ -143,7 +144,7 @@ def recognised(path: Source) -> str:
         raise _unknown(path)
     if text.startswith(("[", "{")) and '"' in text:
         return "opensfm"
-    rows = [row for row in text.splitlines() if row.strip() and not is_comment(row)]
+    rows = [row for row in lines_of(text) if row.strip() and not is_comment(row)]
     if rows and rows[0].strip().upper().startswith(HEAD):
         return "gcp_list"
     if any(row.split()[0] == "-99" for row in rows):

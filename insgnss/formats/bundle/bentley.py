@@ -15,7 +15,6 @@ false.
 
 from collections.abc import Iterable
 from dataclasses import replace
-from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from ..orientation.exported import (
     frame_words,
     place_form,
     places,
+    xml_text,
 )
 from ..text.text import Source
 
@@ -101,7 +101,10 @@ def write_bentley(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = HEAD.format(
-        comment=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera
+        comment=words,
+        name=xml_text(frame_words(eo)),
+        definition=xml_text(definition),
+        camera=camera,
     )
     atomic_write(
         path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates]))
@@ -153,7 +156,7 @@ def _text(eo: FramedOrientation, head: str, table: NDArray[np.float64]) -> Itera
         names, values = eo.images[first : first + CHUNK], table[first : first + CHUNK].tolist()
         yield "".join(
             [
-                photo % (k, escape(name), *row)
+                photo % (k, xml_text(name), *row)
                 for k, (name, row) in enumerate(zip(names, values, strict=True), start=first)
             ]
         )

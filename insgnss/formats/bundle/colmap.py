@@ -247,6 +247,8 @@ def _copy(database: Source, work: Path) -> None:
 def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
     try:
         return pycolmap.Database.open(work)
+    except MemoryError:
+        raise
     except Exception as error:  # pycolmap raises what its C++ does
         raise InputError.at_line(
             database,

@@ -14,7 +14,6 @@ camera, which MicMac looks for when it uses one.
 import os
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from ..orientation.exported import (
     frame_attitude,
     position_sigma,
     table_text,
+    xml_text,
 )
 from ..text.text import Source
 
@@ -137,7 +137,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
         "orientations",
     )
     interior = (
-        f"          <FileInterne>{escape(calibration)}</FileInterne>\n" if calibration else ""
+        f"          <FileInterne>{xml_text(calibration)}</FileInterne>\n" if calibration else ""
     )
     form = XML.replace("{interior}", interior.replace("%", "%%"))
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])

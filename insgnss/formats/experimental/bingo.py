@@ -14,6 +14,7 @@ file of the program could confirm.
 import numpy as np
 
 from ...base.errors import DataError, InputError, near
+from ...base.files import lines_of
 from ..blocks.columns import first_repeat, positive_sigma
 from ..blocks.image_points import SIGMA_PX
 from ..blocks.measured_block import MeasuredBlock, file_names, image_points, no_poses
@@ -72,7 +73,7 @@ def read_bingo(
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
     inside, ended, line = False, False, 0
-    for line, row in enumerate(decode(load_bytes(path).tobytes()).splitlines(), start=1):
+    for line, row in enumerate(lines_of(decode(load_bytes(path).tobytes())), start=1):
         words = row.split()
         if not words or is_comment(row):
             continue

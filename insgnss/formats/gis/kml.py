@@ -20,7 +20,6 @@ yaw, pitch, roll of the image's top stand beside them as data.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
+from ..orientation.exported import check_characters, xml_text
 from ..orientation.poses import local_sigma, sea_level, sentences, true_north_ypr, utc
 from ..text.text import Source
 
@@ -109,6 +109,7 @@ def write_kml(
     elif altitude == "clamped":
         height = np.zeros(len(eo.images))
     position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
+    check_characters(eo.images)
     atomic_write(path, _document(eo, position, MODES[altitude]))
 
 
@@ -142,7 +143,7 @@ def camera_angles(R: Array) -> Array:
 
 
 def _document(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> Iterator[str]:
-    description = escape("\n".join(sentences(eo, f"altitudes: {mode.words}")))
+    description = xml_text("\n".join(sentences(eo, f"altitudes: {mode.words}")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
@@ -181,4 +182,4 @@ def _placemarks(eo: FramedOrientation, position: Array, mode: AltitudeMode) -> I
     rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
         seen = (*x, *turn) if camera else ()
-        yield form % (escape(name), *seen, when, *row, *x)
+        yield form % (xml_text(name), *seen, when, *row, *x)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import lines_of
 from ..text.layout import NUMBER, decode, is_comment, shown
 from ..text.text import Source
 
@@ -96,7 +97,7 @@ def is_rtklib_pos(head: bytes) -> bool:
     They hold a header that names its columns, or lines laid out as RTKLIB does without one.
     """
     text = decode(head)
-    lines = [line for line in text.splitlines() if line.strip()]
+    lines = [line for line in lines_of(text) if line.strip()]
     if any(line.startswith("%") and _names_position(line) for line in lines):
         return True
     data = [line for line in lines if not is_comment(line)]

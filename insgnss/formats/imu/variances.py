@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
+from ...base.files import lines_of
 from ...records import WaveletVariance, chi_square_interval
 from ..text.columns import Aliases, columns_of
 from ..text.layout import decode, is_comment, shown
@@ -236,7 +237,7 @@ def _wavelet_variance(values: Array, kind: str) -> Array:
 def _comments(text: str) -> dict[str, tuple[int | None, str]]:
     """Return line and value of the comments "# key = value" with one of `KEYS`."""
     comments: dict[str, tuple[int | None, str]] = {}
-    for number_, line in enumerate(text.splitlines(), 1):
+    for number_, line in enumerate(lines_of(text), 1):
         match = _COMMENT.fullmatch(line) if is_comment(line) else None
         if match and match[1].lower() in KEYS:
             comments[match[1].lower()] = (number_, match[2])
@@ -323,7 +324,7 @@ def _read_json(
 ) -> PublishedVariances:
     try:
         tree = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError.at_line(
             path,
             getattr(error, "lineno", None),

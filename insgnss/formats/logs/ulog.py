@@ -85,6 +85,8 @@ def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("error")
             log = ULog(_Stream(buf.tobytes()))
+    except MemoryError:
+        raise
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at_line(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import PurePosixPath
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from ...base.files import atomic_write
 from ...records.block import BrownCamera
 from ..blocks.ground_points import GroundTable
 from ..blocks.image_points import ImagePoints
+from ..orientation.exported import check_characters, xml_text
 from ..text.text import Source
 
 VERSION = "1.5.0"
@@ -35,11 +35,15 @@ def write_metashape_markers(
 
     Raises
     ------
+    InputError
+        A name has a control character.
     UsageError
         The file cannot be written.
     """
     from pyproj import CRS
 
+    check_characters(measured.images)
+    check_characters(measured.points, "point")
     rows = {name: k for k, name in enumerate(ground.points)}
     sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
     seen = measured.observations
@@ -51,7 +55,7 @@ def write_metashape_markers(
         yield '  <chunk label="targets" enabled="true">'
         yield '    <sensors next_id="1">'
         resolution = f'<resolution width="{camera.width}" height="{camera.height}"/>'
-        yield f'      <sensor id="0" label={quoteattr(camera.name)} type="frame">'
+        yield f'      <sensor id="0" label="{xml_text(camera.name, quotes=True)}" type="frame">'
         yield f"        {resolution}"
         yield '        <calibration type="frame" class="initial">'
         yield f"          {resolution}<f>{camera.of('f'):.6f}</f>"
@@ -60,12 +64,12 @@ def write_metashape_markers(
         yield "    </sensors>"
         yield f'    <cameras next_id="{len(measured.images)}" next_group_id="0">'
         for k, name in enumerate(measured.images):
-            label = quoteattr(PurePosixPath(name.replace("\\", "/")).stem)
-            yield f'      <camera id="{k}" sensor_id="0" label={label}/>'
+            label = xml_text(PurePosixPath(name.replace("\\", "/")).stem, quotes=True)
+            yield f'      <camera id="{k}" sensor_id="0" label="{label}"/>'
         yield "    </cameras>"
         yield f'    <markers next_id="{len(measured.points)}" next_group_id="0">'
         for k, name in enumerate(measured.points):
-            yield f'      <marker id="{k}" label={quoteattr(name)}>'
+            yield f'      <marker id="{k}" label="{xml_text(name, quotes=True)}">'
             if (row := rows.get(name)) is not None:
                 x, y, z = ground.position_m[row].tolist()
                 sx, sy, sz = sigma[row].tolist()
@@ -76,7 +80,7 @@ def write_metashape_markers(
                 )
             yield "      </marker>"
         yield "    </markers>"
-        yield f"    <reference>{escape(wkt)}</reference>"
+        yield f"    <reference>{xml_text(wkt)}</reference>"
         accuracy = float(np.sqrt(np.mean(seen.sigma_px**2)))
         yield "    <settings>"
         yield f'      <property name="accuracy_projections" value="{accuracy:.4g}"/>'

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import atomic_write
+from ...base.unpacking import check_archive
 from ...records import ExteriorOrientation
 from ...records.strips import CommonErrors, StripCovariance
 from ..text.text import Source
@@ -197,6 +198,7 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
     """
     try:
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            check_archive(path, file.zip)
             wanted = [name for name in file.files if names is None or name in names]
             content = {name: file[name] for name in wanted}
     except OSError as error:

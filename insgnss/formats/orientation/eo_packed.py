@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.unpacking import check_archive
 from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
 from ..text.text import Source
@@ -95,6 +96,7 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
         raise InputError.at_line(path, None, message)
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            check_archive(path, file.zip)
             if "format" not in file.files or str(file["format"]) != FORMAT:
                 raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
             arrays = {name: file[name] for name in ARRAYS if name in file.files}

@@ -8,7 +8,9 @@ Angles that count from true north (yaw pitch roll) come from C_Ec and C_fE^T P C
 plane, whose axes have no true north but at its origin, from those of the plane.
 """
 
+import html
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,12 +35,16 @@ from ...geodesy.rotation import (
 )
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, TANGENT
+from ..text.layout import NUMBER
 
 Array = NDArray[np.float64]
 
 LEAST_COSINE = 1e-6
 QUOTES = "\"'"
 COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
+CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff\r\t]")
+"""What XML 1.0 does not have, tab, carriage return and delete."""
+SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
 CHUNK = 20_000  # rows formatted at once
 
 
@@ -68,7 +74,9 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     names : sequence of str
         The names.
     separator : str, optional
-        None stands for blanks. Comment signs are refused as well.
+        None stands for blanks. Comment signs and control characters are refused as well, and what
+        a spreadsheet takes for a formula where it opens the table. No client reads a quoted or
+        prefixed name back as it was, so that such a name is not changed in silence.
     of : str
         What they name, for the message.
 
@@ -103,28 +111,71 @@ def quoted_names(names: Sequence[str], separator: str | None, of: str = "image")
     Raises
     ------
     InputError
-        A name that is empty or has a line end.
+        A name that is empty or has a line end; one that a spreadsheet takes for a formula, quoted
+        or not, where it opens the table.
     """
     return tuple(
         '"' + name.replace('"', '""') + '"'
         if _unfit(name, separator) or name[0] in QUOTES or name[-1] in QUOTES
         else name
-        for name in _of_one_line(names, of)
+        for name in _of_one_line(names, separator, of)
     )
 
 
-def _of_one_line(names: Sequence[str], of: str) -> Sequence[str]:
+def _of_one_line(names: Sequence[str], separator: str | None, of: str) -> Sequence[str]:
     for name in names:
         wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
-        if wrong:
+        if wrong := wrong or _formula(name, separator):
             raise InputError(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
     return names
+
+
+def _formula(name: str, separator: str | None) -> str:
+    """Return why a spreadsheet takes a name for a formula, or an empty text."""
+    if separator in SPREADSHEET and name[0] in FORMULA and not NUMBER.fullmatch(name):
+        return f"begins with {name[0]}, as formulas of spreadsheets do"
+    return ""
+
+
+def check_characters(names: Iterable[str], of: str = "image") -> None:
+    """Refuse names with characters that XML 1.0 does not have, escaped or not.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The names.
+    of : str
+        What they name, for the message.
+
+    Raises
+    ------
+    InputError
+        The first such name.
+    """
+    for name in names:
+        if match := CONTROL.search(name):
+            wrong = f"has the control character {match[0]!r}"
+            raise InputError(
+                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
+            )
+
+
+def xml_text(text: str, quotes: bool = False) -> str:
+    """Return text escaped for XML 1.0; a character that it does not have becomes U+FFFD.
+
+    quotes : whether it stands in quotation marks, as a value of an attribute.
+    """
+    return html.escape(CONTROL.sub("\ufffd", text), quote=quotes)
 
 
 def _unfit(name: str, separator: str | None) -> str:
     """Return why a name does not fit, or an empty text."""
     if not name:
         return "is empty"
+    if "\n" not in name and (match := CONTROL.search(name)):
+        return f"has the control character {match[0]!r}"
+    if formula := _formula(name, separator):
+        return formula
     if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
         return f"begins with {sign}"
     if separator is None:

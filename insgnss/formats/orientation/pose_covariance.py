@@ -8,6 +8,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.staging import staged
+from ...base.unpacking import check_archive
 from ...records.block import Array
 from ..text.text import Source
 
@@ -55,6 +56,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     """
     try:
         with np.load(path, allow_pickle=False) as file:
+            check_archive(path, file.zip)
             names = [str(name) for name in file["images"]]
             cov = np.asarray(file["cov"], dtype=np.float64)
     except (OSError, ValueError, KeyError, EOFError) as error:

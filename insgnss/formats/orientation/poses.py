@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError, InputError, UsageError
+from ...base.files import lines_of
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
@@ -31,7 +32,7 @@ def utc(eo: FramedOrientation, unit: str = "us") -> list[str]:
 
 def sentences(eo: FramedOrientation, *more: str) -> list[str]:
     """Return what a file states of itself, line by line, where it has no comments."""
-    return [line.removeprefix("# ") for line in comment_lines(eo, *more).splitlines()]
+    return [line.removeprefix("# ") for line in lines_of(comment_lines(eo, *more))]
 
 
 def positive(value: object, name: str, unit: str) -> float:

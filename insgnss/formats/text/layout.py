@@ -26,11 +26,12 @@ from .pieces import FileBytes
 COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14
+LONGEST_FIELD = 4096
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 NUMBER = re.compile(
-    r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
+    r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
 )
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
@@ -128,6 +129,16 @@ def unquoted(field: str) -> str:
     return field.strip("\"'")
 
 
+def refuse_long(path: object, line: int, text: str) -> None:
+    """Raise InputError where a line has a field that is longer than any number or name."""
+    if len(text) <= LONGEST_FIELD:
+        return
+    longest = max(map(len, re.split(r"[\t;,\s]", text)))
+    if longest > LONGEST_FIELD:
+        problem = f"a field of {longest} characters (limit {LONGEST_FIELD})"
+        raise InputError.at_line(path, line, f"{problem}; {BINARY}")
+
+
 def is_comment(text: str) -> bool:
     """Tell whether a line is a comment."""
     return text.lstrip().startswith(COMMENTS)
@@ -206,6 +217,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
         raise InputError.at_line(
             path, None, "holds no data line; check that the recording was copied whole"
         )
+    for line, _, text in data:
+        refuse_long(path, line, text)
     texts = [text for _, _, text in data[:SAMPLE_LINES]]
     delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
     fields = [split_fields(text, delimiter) for text in texts]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import lines_of
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -23,6 +24,7 @@ from .layout import (
     decode,
     is_binary,
     is_comment,
+    refuse_long,
     shown,
     sniff,
     split_fields,
@@ -218,7 +220,7 @@ def parse(
     if status != _kernels.OK:
         raise _refusal(path, buf, complete, layout, status, offset, line)
     if not complete:
-        tail = decode(bytes(buf[-8192:])).splitlines()
+        tail = lines_of(decode(bytes(buf[-8192:])))
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
     values, dates = values[:rows], frozenset[int]()
     if refused:
@@ -342,6 +344,7 @@ def read_text_table(path: Source) -> TextTable:
     for line, text in enumerate(raw, start=layout.first_line):
         if not text.strip() or is_comment(text):
             continue
+        refuse_long(path, line, text)
         fields = split_fields(text, layout.delimiter)
         if len(fields) != layout.n_fields:
             cut = (

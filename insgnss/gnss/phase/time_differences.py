@@ -152,10 +152,8 @@ def antenna_states(
 ) -> tuple[Antenna, SatelliteStates]:
     """Return the antenna at each epoch, and the satellites of each row at emission."""
     stamp, epoch = observations.time, observations.epoch
-    given = (
-        positions.time
-        + ((positions.gps_week or observations.gps_week) - observations.gps_week) * WEEK_S
-    )
+    week = observations.gps_week if positions.gps_week is None else positions.gps_week
+    given = positions.time + (week - observations.gps_week) * WEEK_S
     fixed = geodetic_to_ecef(positions.lat, positions.lon, positions.height)
     states = emission_states(navigation, observations.satellite, stamp[epoch], code)
     position = _interpolate(stamp, given, fixed)

@@ -13,8 +13,6 @@ BeiDou's B1 band 1, all others band 2.
 import math
 import re
 import warnings
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.unpacking import PACKED, check_unpacked, unpack
 from ...formats.text.layout import decode, shown
 from ...formats.text.text import Source, load
 from ...records import Array
@@ -47,7 +46,11 @@ KINDS = {
     "M": "meteorological data",
     "C": "clock data",
 }
-PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZ", b"PK")
+COMPACT = b"COMPACT RINEX"
+OF_TYPES = re.compile(
+    rb"^.{3} {0,2}(\d{1,3}).{54,56}(?:SYS / # / OBS TYPES|# / TYPES OF OBSERV)", re.MULTILINE
+)
+RESTORED_LINE = 160  # bytes; two lines of text
 _OPEN = {
     "G1": "1C",
     "R1": "1C",
@@ -143,8 +146,19 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
     if complete and buf.size > Path(path).stat().st_size:
         buf = buf[:-1]  # a line's end behind the last one would be a line without observations
     head = bytes(buf[:100])
-    if not head.startswith(PACKED) and b"COMPACT RINEX" not in head:
+    if not head.startswith(PACKED) and COMPACT not in head:
         return buf, complete, ()
+    content = unpack(path, Path(path).read_bytes())
+    complaints: tuple[str, ...] = ()
+    if COMPACT in content[:80]:
+        content, complaints = _restored(path, content)
+    complete = content.endswith(b"\n")
+    out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
+    return out, complete, complaints
+
+
+def _restored(path: Source, content: bytes) -> tuple[bytes, tuple[str, ...]]:
+    """Return the RINEX of compact RINEX (Hatanaka), and what its program complained of."""
     try:
         import hatanaka
     except ImportError:
@@ -153,24 +167,27 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             None,
             "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
         ) from None
+    check_unpacked(path, most_restored(content), "up to ")
     with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
         try:
-            content = hatanaka.decompress(Path(path).read_bytes())
-        except (
-            hatanaka.HatanakaException,
-            ValueError,
-            OSError,
-            EOFError,
-            zlib.error,
-            zipfile.BadZipFile,
-        ) as error:
+            content = hatanaka.decompress(content)
+        except (hatanaka.HatanakaException, ValueError, OSError, EOFError) as error:
             raise InputError.at_line(
                 path, None, f"cannot be unpacked: {_one_line(error)}; copy it again from its source"
             ) from None
-    complete = content.endswith(b"\n")
-    out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
-    return out, complete, tuple(_one_line(item.message) for item in complaints)
+    return content, tuple(_one_line(item.message) for item in complaints)
+
+
+def most_restored(content: bytes) -> int:
+    """Return a bound of the bytes that compact RINEX becomes.
+
+    A line of it is one satellite's at an epoch, which no more than 16 characters an observation
+    and a short one of a clock, a date or satellites' names stand for.
+    """
+    head = content[: content.find(b"END OF HEADER") + 1]
+    types = [int(number) for number in OF_TYPES.findall(head)]
+    return len(content) + content.count(b"\n") * (16 * max(types, default=0) + RESTORED_LINE)
 
 
 def _one_line(message: object) -> str:

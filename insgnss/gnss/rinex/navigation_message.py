@@ -13,9 +13,7 @@ RINEX 2.11, tables A4 and A10; RINEX 3.04, tables A5 to A15. Where Galileo's I/N
 the same elements they differ in the clock by the delay between the bands; I/NAV stands first.
 """
 
-import gzip
 import math
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -27,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.files import lines_of
+from ...base.unpacking import unpack
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
-from .header import PACKED, load_rinex
 
 Array = NDArray[np.float64]
 Source = str | Path
@@ -71,8 +70,13 @@ CONSTANTS = {
 }
 LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
 LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
+# words that a message must have: their place among its numbers, and their range; channels up to 24
+# were in use until 1998
+WORDS = {
+    "R": ((10, "the frequency number", -7, 24),),
+    "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
+}
 BEIDOU_LAG_S = 14.0
-GZIP = b"\x1f\x8b"
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
 GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
@@ -146,7 +150,9 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
             system = message.satellite[0]
             if system in LEFT_OUT:
                 left_out[LEFT_OUT[system]] += 1
-            elif not _healthy(message):
+                continue
+            _check_words(path, message)
+            if not _healthy(message):
                 left_out["unhealthy"] += 1
             else:
                 week = gps_from_calendar(message.toc, "gpst")[0] if week is None else week
@@ -176,7 +182,7 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
 
 
 def _messages(path: Source) -> Iterator[_Message]:
-    lines = _text(path).splitlines()
+    lines = lines_of(_text(path))
     version, system, start = _header(path, lines)
     first = [i for i in range(start, len(lines)) if lines[i][:3].strip()]
     for begin, after in pairwise([*first, len(lines)]):
@@ -186,7 +192,7 @@ def _messages(path: Source) -> Iterator[_Message]:
             if version >= 3.0
             else f"{system}{line[:2].replace(' ', '0')}"
         )
-        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit():
+        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdecimal():
             raise InputError.at_line(
                 path,
                 begin + 1,
@@ -218,18 +224,13 @@ def _messages(path: Source) -> Iterator[_Message]:
 
 def _text(path: Source) -> str:
     try:
-        data = Path(path).read_bytes()
-        if data.startswith(GZIP):
-            data = gzip.decompress(data)
-        elif data.startswith(PACKED):
-            data = bytes(load_rinex(path)[0])
-        return data.decode("latin-1")
+        return unpack(path, Path(path).read_bytes()).decode("latin-1")
     except FileNotFoundError:
         raise InputError.at_line(
             path, None, "no such file; check the path of the navigation file"
         ) from None
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from None
+    except OSError as error:
+        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
 
 
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
@@ -283,10 +284,24 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
         second = float(field.split()[5])
         year += 0 if year > 99 else 1900 if year >= 80 else 2000
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
-    except (ValueError, IndexError):
+    except (ValueError, IndexError, OverflowError):
         raise InputError.at_line(
             path, line, f"{field.strip()!r} is no date and time of a clock; is the file damaged?"
         ) from None
+
+
+def _check_words(path: Source, message: _Message) -> None:
+    """Raise InputError where a word of bits or a number of a channel is none that there can be."""
+    for number, word, low, high in WORDS.get(message.satellite[0], ()):
+        value = message.values[number]
+        if not (low <= value <= high and value == int(value)):
+            line = message.line + (number + 1) // 4
+            shown_value = "blank" if math.isnan(value) else f"{value:g}"
+            problem = f"message of {message.satellite}: {word} is {shown_value}"
+            expected = f"a whole number from {low} to {high} is expected"
+            raise InputError.at_line(
+                path, line, f"{problem}; {expected}, fetch the file again or delete the message"
+            )
 
 
 def _healthy(message: _Message) -> bool:

@@ -1143,7 +1143,9 @@
     }
 
     csv() {
-      const cell = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+      /* a name that a spreadsheet would take for a formula stands behind an apostrophe, which it hides */
+      const plain = (text) => (/^[=+@\t\r]|^-(?!\d*\.?\d+$)/.test(text) ? `'${text}` : text);
+      const cell = (text) => (/[",\r\n]/.test(plain(text)) ? `"${plain(text).replaceAll('"', '""')}"` : plain(text));
       const line = (cells) => cells.map(cell).join(",");
       return `${[line(this.columns.map((column) => column.head)),
         ...this.rows.map((row) => line(this.columns.map((column) => column.text(row))))].join("\n")}\n`;

@@ -1,0 +1,229 @@
+"""Packed files: unpacked no further than a limit, and than memory holds.
+
+A megabyte can unpack to a terabyte. Where a file states what it unpacks to (zip, and the variables
+of numpy and MATLAB files) that is looked at before anything is unpacked; a stream that does not
+(gzip, whose stated size is modulo 4 GB, bzip2, compress) is unpacked piece by piece and left at the
+limit. The limit is 4 GB, or what the environment variable INSGNSS_UNPACKED_GB says: no file sets
+it, so that none can lift it.
+"""
+
+import bz2
+import io
+import math
+import os
+import zipfile
+import zlib
+from collections.abc import Callable
+from functools import partial
+
+from .errors import DataError, InputError, UsageError
+from .memory import available
+
+VARIABLE = "INSGNSS_UNPACKED_GB"
+LIMIT_GB = 4.0
+GB = 1e9
+GZIP, COMPRESS, BZIP2, ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK"
+PACKED = (GZIP, COMPRESS, BZIP2, ZIP)
+PIECE, LONGEST = 1 << 16, 1 << 17  # bytes that are unpacked at a time, and that they may give
+USUAL = 100  # times the packed size: text of receivers is 3 to 30 times
+MEMBERS = 10_000
+DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    NotImplementedError,
+    RuntimeError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
+def unpacked_limit() -> float:
+    """Return how many bytes a file may unpack to.
+
+    Raises
+    ------
+    UsageError
+        The environment variable is no number greater than zero.
+    """
+    text = os.environ.get(VARIABLE, "")
+    try:
+        limit = float(text) if text else LIMIT_GB
+    except ValueError:
+        limit = math.nan
+    if not limit > 0.0:
+        raise UsageError(f"{VARIABLE} = {text!r}: a number of GB greater than zero is expected")
+    return limit * GB
+
+
+def check_unpacked(path: object, size: float, qualifier: str = "") -> None:
+    """Refuse a file that unpacks to more than the limit, or than memory holds.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    size : float
+        What it unpacks to, bytes.
+    qualifier : str
+        What stands before the size in the message, such as "up to ".
+
+    Raises
+    ------
+    InputError
+        Beyond the limit.
+    DataError
+        Beyond what this process may still take of the memory.
+    """
+    limit = unpacked_limit()
+    if size > limit:
+        enough = math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
+        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)})"
+        advice = f"where its source is trusted, set {VARIABLE}={enough} in the environment"
+        raise InputError.at_line(path, None, f"{problem}; {advice}")
+    left = available()
+    if left is not None and size > left:
+        problem = f"unpacks to {qualifier}{_gb(size)}, and memory has {_gb(left)} left"
+        raise DataError(f"{path}: {problem}; take a machine with more, or a shorter recording")
+
+
+def _gb(size: float) -> str:
+    return f"{size / GB:.3g} GB" if size >= 1e7 else f"{size / 1e6:.3g} MB"
+
+
+def check_archive(path: object, archive: zipfile.ZipFile) -> None:
+    """Refuse a zip whose members together unpack to more than the limit, or than memory holds.
+
+    zipfile unpacks no member beyond the size that the archive states.
+
+    Raises
+    ------
+    InputError
+        Beyond the limit, or more than 10 000 members.
+    DataError
+        Beyond what this process may still take of the memory.
+    """
+    members = archive.infolist()
+    if len(members) > MEMBERS:
+        problem = f"holds {len(members)} files (limit {MEMBERS})"
+        raise InputError.at_line(path, None, f"{problem}; unpack it and give the file itself")
+    check_unpacked(path, sum(member.file_size for member in members))
+
+
+def unpack(path: object, data: bytes) -> bytes:
+    """Return the content of a packed file: gzip, bzip2, compress, or a zip of one file.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    data : bytes
+        All of it; what is not packed comes back as it is.
+
+    Returns
+    -------
+    bytes
+        The content.
+
+    Raises
+    ------
+    InputError
+        It is damaged, unpacks beyond the limit, or needs a package that is not there.
+    DataError
+        It unpacks to more than memory holds.
+    """
+    try:
+        if data.startswith(ZIP):
+            return _of_zip(path, data)
+        if data.startswith(COMPRESS):
+            return _of_compress(path, data)
+        if data.startswith((GZIP, BZIP2)):
+            return _gathered(path, data, partial(_inflate, data))
+    except DAMAGED as error:
+        why = " ".join(str(error).split())[:200] or type(error).__name__
+        problem = f"cannot be unpacked: {why}; copy it again from its source"
+        raise InputError.at_line(path, None, problem) from None
+    return data
+
+
+class _Bounded(io.RawIOBase):
+    """A stream in memory that refuses to grow beyond the limits.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    kept : float
+        Bytes that are kept; what comes after them is counted only.
+    """
+
+    def __init__(self, path: object, kept: float) -> None:
+        left = available()
+        limit = unpacked_limit()
+        self._path, self._limit = path, limit if left is None else min(limit, left)
+        self._kept, self.size, self.content = kept, 0, bytearray()
+
+    def writable(self) -> bool:
+        """Tell that it takes bytes."""
+        return True
+
+    def write(self, piece: object) -> int:
+        """Take a piece of bytes."""
+        view = memoryview(piece)  # type: ignore[arg-type]
+        self.size += view.nbytes
+        if self.size > self._limit:
+            check_unpacked(self._path, self._limit + 1.0, "more than ")
+        if self.size <= self._kept:
+            self.content += view
+        return view.nbytes
+
+
+def _gathered(path: object, data: bytes, fill: Callable[[_Bounded], object]) -> bytes:
+    """Return what `fill` writes; far more than of any recording is counted first."""
+    stream = _Bounded(path, USUAL * len(data))
+    fill(stream)
+    if stream.size > len(stream.content):
+        stream = _Bounded(path, math.inf)
+        fill(stream)
+    return bytes(stream.content)
+
+
+def _inflate(data: bytes, stream: _Bounded) -> None:
+    """Write the content of gzip or bzip2, of all the streams that stand one behind the other."""
+    gzipped, offset = data.startswith(GZIP), 0
+    while offset < len(data):
+        if not data.startswith(GZIP if gzipped else BZIP2, offset):
+            if data[offset:].strip(b"\0"):
+                raise ValueError("bytes behind its end that are none of it")
+            return
+        member = zlib.decompressobj(31) if gzipped else bz2.BZ2Decompressor()
+        while not member.eof:
+            if offset >= len(data):
+                raise EOFError("it ends before its end-of-stream mark")
+            given = data[offset : offset + PIECE]
+            offset += len(given)
+            while True:
+                piece = member.decompress(given, LONGEST)
+                stream.write(piece)
+                given = getattr(member, "unconsumed_tail", b"")
+                if member.eof or (len(piece) < LONGEST and not given):
+                    break
+        offset -= len(member.unused_data)
+
+
+def _of_zip(path: object, data: bytes) -> bytes:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        names = archive.namelist()
+        if len(names) != 1:
+            raise ValueError(f"the zip holds {len(names)} files, one is expected")
+        check_archive(path, archive)
+        return archive.read(names[0])
+
+
+def _of_compress(path: object, data: bytes) -> bytes:
+    try:
+        import ncompress
+    except ImportError:
+        problem = "is packed by compress; install the package hatanaka (extra [ppk]), or unpack it"
+        raise InputError.at_line(path, None, problem) from None
+    return _gathered(path, data, partial(ncompress.decompress, data))
