@@ -223,12 +223,11 @@ def _quiet(_: str) -> None:
 def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     """Solve, and write the files into `directory`."""
     say("reading observations")
-    rover, base = read_observations(given.rover), read_observations(given.base)
+    (of_rover,), (of_base,) = all_of(given.rover), all_of(given.base)  # joined, where several
+    rover, base = read_observations(of_rover), read_observations(of_base)
     events, unasked = _events(given, rover)
     say("engine: forward and backward solutions")
-    run = solve(
-        given.rover, given.base, given.navigation, given.options, directory, say, (rover, base)
-    )
+    run = solve(of_rover, of_base, given.navigation, given.options, directory, say, (rover, base))
     say("covariance and quality")
     position, _ = base_position(given.options, base.header)
     solved = _Solved.of(run, np.array(position), given.covariance)

@@ -130,11 +130,11 @@ def write_generic_ascii(
                 " leave it out for the usual ones"
             )
     separator = DELIMITERS[delimiter]
-    own = None if delimiter == "blank" else separator
+    between = None if delimiter == "blank" else separator
     if quotes:
-        images: Sequence[str] = quoted_names(eo.images, own)
+        images: Sequence[str] = quoted_names(eo.images, between)
     else:
-        check_names(images := eo.images, own)
+        check_names(images := eo.images, between)
     decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
