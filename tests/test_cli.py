@@ -183,7 +183,7 @@ def test_a_program_is_taken_from_the_command_line_alone(pipeline, flight, capsys
     flight.write_text(flight.read_text().replace('file = "gnss.txt"', raw))
     taken = []
 
-    def process(flight, out, progress):
+    def process(flight, out, progress, force):
         taken.append(flight.gnss.raw.engine)
         raise DataError("enough")
 

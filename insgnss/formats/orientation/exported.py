@@ -89,8 +89,7 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
         wrong = _unfit(name, separator)
         if wrong:
             raise InputError(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-                + (" itself, or in the export alone: --rename, output.rename" * (of == "image"))
+                f"{of} name {name!r} {wrong}, which this format cannot hold; {_remedy(of)}"
             )
 
 
@@ -125,9 +124,21 @@ def quoted_names(names: Sequence[str], separator: str | None, of: str = "image")
 def _of_one_line(names: Sequence[str], separator: str | None, of: str) -> Sequence[str]:
     for name in names:
         wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
-        if wrong := wrong or _formula(name, separator):
-            raise InputError(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
+        if wrong := wrong or _control(name) or _formula(name, separator):
+            raise InputError(f"{of} name {name!r} {wrong}, which no table holds; {_remedy(of)}")
     return names
+
+
+def _remedy(of: str) -> str:
+    """Return what to do about a name."""
+    alone = " itself, or in the export alone: --rename, output.rename" if of == "image" else ""
+    return f"rename the {of}{alone}"
+
+
+def _control(name: str) -> str:
+    """Return which control character a name has, or an empty text."""
+    match = CONTROL.search(name)
+    return "" if match is None else f"has the control character {match[0]!r}"
 
 
 def _formula(name: str, separator: str | None) -> str:
@@ -153,10 +164,9 @@ def check_characters(names: Iterable[str], of: str = "image") -> None:
         The first such name.
     """
     for name in names:
-        if match := CONTROL.search(name):
-            wrong = f"has the control character {match[0]!r}"
+        if wrong := _control(name):
             raise InputError(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
+                f"{of} name {name!r} {wrong}, which this format cannot hold; {_remedy(of)}"
             )
 
 
@@ -172,8 +182,8 @@ def _unfit(name: str, separator: str | None) -> str:
     """Return why a name does not fit, or an empty text."""
     if not name:
         return "is empty"
-    if "\n" not in name and (match := CONTROL.search(name)):
-        return f"has the control character {match[0]!r}"
+    if "\n" not in name and (control := _control(name)):
+        return control
     if formula := _formula(name, separator):
         return formula
     if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
