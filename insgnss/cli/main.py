@@ -21,7 +21,7 @@ from .. import __version__
 from ..base.caches import settle
 from ..base.errors import InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
-from ..base.interrupts import Terminated, raise_on_termination
+from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from . import (
     adjust,
     calibrate,
@@ -57,7 +57,9 @@ def run() -> NoReturn:
     )  # the matrices are 30 x 30: more threads only spin
     raise_on_termination()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
-    sys.exit(main())
+    code = main()
+    ignore_endings()
+    sys.exit(code)
 
 
 def _run_verb(argv: Sequence[str], progress: Progress) -> int:

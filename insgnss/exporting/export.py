@@ -16,6 +16,7 @@ import numpy as np
 from ..base.errors import InputError, UsageError, near
 from ..base.staging import together
 from ..formats.exports import EXPORTS, Export
+from ..formats.orientation.exported import check_names
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
@@ -23,7 +24,7 @@ from ..records import ExteriorOrientation, FramedOrientation
 from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
 from ..records.relative import RelativeControl
 from ..stochastic.model import NoiseModel, load_noise_model
-from .rename import names_file, renamed, write_names
+from .rename import names_file, other_names, renamed, write_names
 
 OF_IMAGES = ("image_tags",)
 """Formats that are the images themselves, called as their files are."""
@@ -106,6 +107,19 @@ def export(
         f" {old!r}: {table.name} has all; rename their files alike for the program"
     )
     return replace(done, notes=(note, *done.notes), files=(done.file, table))
+
+
+def refuse_names(images: Sequence[str], names: Sequence[str], rename: Sequence[str | Path]) -> None:
+    """Refuse names of images that one of the formats `names` cannot hold, before any work.
+
+    Raises
+    ------
+    InputError
+        The first such name; UsageError for a rule that is none.
+    """
+    separators = {EXPORTS[name].separator for name in names} - {""}
+    for separator in sorted(separators):
+        check_names(other_names(images, rename), None if separator == " " else separator)
 
 
 def _export(

@@ -51,6 +51,9 @@ class Export:
     frame : str
         Module and function that turn a frame into the one that the file is really in; empty where
         it stays.
+    separator : str
+        What a name of an image must not have, as the program knows no quotation marks: "," or " "
+        (any blank); empty where every name can be held.
     """
 
     product: str
@@ -66,6 +69,7 @@ class Export:
     crs_order: bool = False
     relative: bool = False
     frame: str = ""
+    separator: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -110,18 +114,21 @@ EXPORTS: dict[str, Export] = {
         "bundle.metashape:write_metashape",
         (GEOGRAPHIC, PROJECTED, TANGENT),
         reader="bundle.metashape:read_metashape",
+        separator=",",
     ),
     "metashape_opk": Export(
         "metashape_opk.csv",
         _REFERENCE + "omega phi kappa of the grid",
         "bundle.metashape:write_metashape_opk",
         (PROJECTED, GEOGRAPHIC, TANGENT),
+        separator=",",
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
         _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
         "bundle.metashape:write_metashape_offset",
         (GEOGRAPHIC, PROJECTED, TANGENT),
+        separator=",",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -129,18 +136,21 @@ EXPORTS: dict[str, Export] = {
         "bundle.pix4d:write_pix4d_matic",
         (GEOGRAPHIC, PROJECTED),
         crs_order=True,
+        separator=",",
     ),
     "pix4d_mapper": Export(
         "pix4d_mapper.csv",
         "PIX4Dmapper: X Y Z omega phi kappa",
         "bundle.pix4d:write_pix4d_mapper",
         (PROJECTED, TANGENT),
+        separator=",",
     ),
     "odm": Export(
         "geo.txt",
         "OpenDroneMap: positions and accuracies",
         "bundle.odm:write_odm_geo",
         (GEOGRAPHIC, PROJECTED),
+        separator=" ",
     ),
     "opensfm": Export(
         "exif_overrides.json",
@@ -150,7 +160,11 @@ EXPORTS: dict[str, Export] = {
         heights="ellipsoid",
     ),
     "micmac": Export(
-        "micmac.txt", "MicMac OriConvert text", "bundle.micmac:write_micmac", (TANGENT, GEOCENTRIC)
+        "micmac.txt",
+        "MicMac OriConvert text",
+        "bundle.micmac:write_micmac",
+        (TANGENT, GEOCENTRIC),
+        separator=" ",
     ),
     "micmac_xml": Export(
         "Ori-Nav",
@@ -165,6 +179,7 @@ EXPORTS: dict[str, Export] = {
         "RealityCapture/RealityScan flight log, yaw pitch roll",
         "bundle.realitycapture:write_realitycapture",
         (GEOGRAPHIC, TANGENT),
+        separator=",",
     ),
     "bentley": Export(
         "blocks.xml",
@@ -183,7 +198,11 @@ EXPORTS: dict[str, Export] = {
         needs=("focal_mm", "ground_m"),
     ),
     "inpho_ascii": Export(
-        "inpho.txt", "Inpho GNSS/INS table", "bundle.inpho:write_inpho_ascii", (PROJECTED, TANGENT)
+        "inpho.txt",
+        "Inpho GNSS/INS table",
+        "bundle.inpho:write_inpho_ascii",
+        (PROJECTED, TANGENT),
+        separator=" ",
     ),
     "generic_ascii": Export(
         "eo_table.txt",
@@ -211,6 +230,7 @@ EXPORTS: dict[str, Export] = {
         options=("camera", "shift"),
         several=True,
         needs=("camera",),
+        separator=" ",
     ),
     "colmap_priors": Export(
         "database.db",
@@ -313,6 +333,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
         (PROJECTED, TANGENT, GEOGRAPHIC),
         experimental="place of the accuracies and meaning of angles with latitude, longitude",
+        separator=",",
     ),
     "realitycapture_accuracy": Export(
         "realitycapture_experimental.csv",
@@ -320,6 +341,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
         (GEOGRAPHIC, TANGENT, PROJECTED),
         experimental="names of accuracies; north of yaw in a projected CRS",
+        separator=",",
     ),
     "patb": Export(
         "patb_experimental.ori",
@@ -336,6 +358,7 @@ EXPERIMENTAL: dict[str, Export] = {
             (PROJECTED, TANGENT),
             reader="orientation.generic_ascii:read_generic_ascii",
             experimental=_UNVERIFIED,
+            separator=" ",
         )
         for name, tool in (
             ("bingo", "BINGO"),
@@ -352,6 +375,7 @@ EXPERIMENTAL: dict[str, Export] = {
         (GEOGRAPHIC,),
         reader="orientation.generic_ascii:read_generic_ascii",
         experimental=_UNVERIFIED,
+        separator=",",
     ),
 }
 """Formats that could not be held against a file of their program: `formats.experimental`."""
