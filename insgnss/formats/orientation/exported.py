@@ -41,6 +41,10 @@ COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
 CHUNK = 20_000  # rows formatted at once
 
 
+class UnfitName(InputError):
+    """A format cannot hold a name, which another one could."""
+
+
 @dataclass(frozen=True)
 class AngleSet:
     """Three angles of a rotation: their names, how to compute them, and the Jacobian E.
@@ -79,9 +83,8 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     for name in names:
         wrong = _unfit(name, separator)
         if wrong:
-            raise InputError(
+            raise UnfitName(
                 f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
-                + (" itself, or in the export alone: --rename, output.rename" * (of == "image"))
             )
 
 
