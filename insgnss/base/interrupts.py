@@ -35,6 +35,12 @@ def raise_on_termination() -> None:
             signal.signal(number, _terminate)
 
 
+def ignore_endings() -> None:
+    """Let signals pass without effect once everything is done and the interpreter ends."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated(number)
 

@@ -44,8 +44,8 @@ class Staging:
 
         A goal within a directory of `tree` is written at once: it is moved with that directory.
         """
-        if self.holds(goal):
-            return goal
+        if self.holds(goal) or not (goal.is_file() or goal.is_dir() or not goal.exists()):
+            return goal  # a device or a pipe holds nothing that could be kept
         if goal not in self._files:
             if not goal.parent.is_dir():
                 number = errno.ENOTDIR if goal.parent.exists() else errno.ENOENT

@@ -22,7 +22,7 @@ from .. import __version__
 from ..base.caches import settle
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
-from ..base.interrupts import Terminated, raise_on_termination
+from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from ..base.memory import out_of_memory
 from .console import Parser, Progress
 from .verb import report_error
@@ -44,6 +44,7 @@ def run() -> NoReturn:
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
     code = main()
     gc.freeze()  # nor is there anything to look for at the end
+    ignore_endings()
     sys.exit(code)
 
 

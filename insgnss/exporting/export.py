@@ -6,7 +6,8 @@ in either.
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from ..base.errors import InputError, UsageError, near
 from ..base.staging import together
 from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
+from ..formats.orientation.exported import UnfitName, check_names
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
@@ -24,7 +26,7 @@ from ..records import ExteriorOrientation, FramedOrientation
 from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
 from ..records.relative import RelativeControl
 from ..stochastic.model import NoiseModel, load_noise_model
-from .rename import names_file, renamed, write_names
+from .rename import names_file, other_names, renamed, write_names
 
 OF_IMAGES = ("image_tags",)
 """Formats that are the images themselves, called as their files are."""
@@ -96,7 +98,8 @@ def export(
     known_format(name)
     with together():
         eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
-        done = _export(eo, name, path, target or Target(), options)
+        with _remedy():
+            done = _export(eo, name, path, target or Target(), options)
         if not names:
             return done
         table = names_file(path)
@@ -107,6 +110,31 @@ def export(
         f" {old!r}: {table.name} has all; rename their files alike for the program"
     )
     return replace(done, notes=(note, *done.notes), files=(done.file, table))
+
+
+@contextmanager
+def _remedy() -> Iterator[None]:
+    """Say of a name that does not fit how to export all the same."""
+    try:
+        yield
+    except UnfitName as error:
+        raise InputError(
+            f"{error} itself, or in the export alone: --rename, output.rename"
+        ) from None
+
+
+def refuse_names(images: Sequence[str], names: Sequence[str], rename: Sequence[str | Path]) -> None:
+    """Refuse names of images that one of the formats `names` cannot hold, before any work.
+
+    Raises
+    ------
+    InputError
+        The first such name; UsageError for a rule that is none.
+    """
+    separators = {EXPORTS[name].separator for name in names} - {""}
+    for separator in sorted(separators):
+        with _remedy():
+            check_names(other_names(images, rename), None if separator == " " else separator)
 
 
 def _export(

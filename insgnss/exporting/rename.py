@@ -61,21 +61,27 @@ def renamed(
     InputError
         A table that cannot be read, or two images that would have the same name.
     """
+    images = other_names(eo.images, rules)
+    pairs = {old: new for old, new in zip(eo.images, images, strict=True) if old != new}
+    return (replace(eo, images=images) if pairs else eo), pairs
+
+
+def other_names(images: Sequence[str], rules: Sequence[str | Path]) -> tuple[str, ...]:
+    """Return the names that images have by rules; see `renamed`."""
     if not rules:
-        return eo, {}
-    images = list(eo.images)
+        return tuple(images)
+    names = list(images)
     for rule in rules:
-        change = _names_of(rule, images)
-        images = [change(name) for name in images]
-    if twice := [name for name, count in Counter(images).items() if count > 1]:
-        alike = (old for old, new in zip(eo.images, images, strict=True) if new == twice[0])
+        change = _names_of(rule, names)
+        names = [change(name) for name in names]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        alike = (old for old, new in zip(images, names, strict=True) if new == twice[0])
         first, second = islice(alike, 2)
         raise InputError(
             f"rename: images {first!r} and {second!r} would both be called {twice[0]!r}; give names"
             " that differ, such as by a table old,new"
         )
-    pairs = {old: new for old, new in zip(eo.images, images, strict=True) if old != new}
-    return (replace(eo, images=tuple(images)) if pairs else eo), pairs
+    return tuple(names)
 
 
 def _names_of(rule: str | Path, images: list[str]) -> Callable[[str], str]:

@@ -57,6 +57,9 @@ class Export:
     frame : str
         Module and function that turn a frame into the one that the file is really in; empty where
         it stays.
+    separator : str
+        What a name of an image must not have, as the program knows no quotation marks: "," or " "
+        (any blank); empty where every name can be held.
     """
 
     product: str
@@ -74,6 +77,7 @@ class Export:
     any_unit: bool = False
     frame: str = ""
     without_geoid: str = ""
+    separator: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -119,6 +123,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT),
         reader="bundle.metashape:read_metashape",
         any_unit=True,
+        separator=",",
     ),
     "metashape_opk": Export(
         "metashape_opk.csv",
@@ -126,6 +131,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.metashape:write_metashape_opk",
         (PROJECTED, GEOGRAPHIC, TANGENT),
         any_unit=True,
+        separator=",",
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
@@ -133,6 +139,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.metashape:write_metashape_offset",
         (GEOGRAPHIC, PROJECTED, TANGENT),
         any_unit=True,
+        separator=",",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -141,6 +148,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED),
         crs_order=True,
         any_unit=True,
+        separator=",",
     ),
     "pix4d_mapper": Export(
         "pix4d_mapper.csv",
@@ -148,12 +156,14 @@ EXPORTS: dict[str, Export] = {
         "bundle.pix4d:write_pix4d_mapper",
         (PROJECTED, TANGENT),
         any_unit=True,
+        separator=",",
     ),
     "odm": Export(
         "geo.txt",
         "OpenDroneMap: positions and accuracies",
         "bundle.odm:write_odm_geo",
         (GEOGRAPHIC, PROJECTED),
+        separator=" ",
     ),
     "opensfm": Export(
         "exif_overrides.json",
@@ -163,7 +173,11 @@ EXPORTS: dict[str, Export] = {
         heights="ellipsoid",
     ),
     "micmac": Export(
-        "micmac.txt", "MicMac OriConvert text", "bundle.micmac:write_micmac", (TANGENT, GEOCENTRIC)
+        "micmac.txt",
+        "MicMac OriConvert text",
+        "bundle.micmac:write_micmac",
+        (TANGENT, GEOCENTRIC),
+        separator=" ",
     ),
     "micmac_xml": Export(
         "Ori-Nav",
@@ -178,6 +192,7 @@ EXPORTS: dict[str, Export] = {
         "RealityCapture/RealityScan flight log, yaw pitch roll",
         "bundle.realitycapture:write_realitycapture",
         (GEOGRAPHIC, TANGENT),
+        separator=",",
     ),
     "bentley": Export(
         "blocks.xml",
@@ -203,6 +218,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.inpho:write_inpho_ascii",
         (PROJECTED, TANGENT),
         any_unit=True,
+        separator=" ",
     ),
     "generic_ascii": Export(
         "eo_table.txt",
@@ -232,6 +248,7 @@ EXPORTS: dict[str, Export] = {
         options=("camera", "shift", "database"),
         several=True,
         needs=("camera",),
+        separator=" ",
     ),
     "colmap_priors": Export(
         "database.db",
@@ -345,6 +362,7 @@ EXPERIMENTAL: dict[str, Export] = {
         (PROJECTED, TANGENT, GEOGRAPHIC),
         experimental="place of the accuracies and meaning of angles with latitude, longitude",
         any_unit=True,
+        separator=",",
     ),
     "realitycapture_accuracy": Export(
         "realitycapture_experimental.csv",
@@ -353,6 +371,7 @@ EXPERIMENTAL: dict[str, Export] = {
         (GEOGRAPHIC, TANGENT, PROJECTED),
         experimental="names of accuracies; north of yaw in a projected CRS",
         any_unit=True,
+        separator=",",
     ),
     "patb": Export(
         "patb_experimental.ori",
@@ -371,6 +390,7 @@ EXPERIMENTAL: dict[str, Export] = {
             reader="orientation.generic_ascii:read_generic_ascii",
             experimental=_UNVERIFIED,
             any_unit=True,
+            separator=" ",
         )
         for name, tool in (
             ("bingo", "BINGO"),
@@ -387,6 +407,7 @@ EXPERIMENTAL: dict[str, Export] = {
         (GEOGRAPHIC,),
         reader="orientation.generic_ascii:read_generic_ascii",
         experimental=_UNVERIFIED,
+        separator=",",
     ),
 }
 """Formats that could not be held against a file of their program: `formats.experimental`."""

@@ -40,7 +40,7 @@ from .diagnostics import report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
-from .products import RunResult, output_directory, write_products
+from .products import RunResult, output_directory, refuse_image_names, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .segment import Segment
@@ -160,6 +160,8 @@ def process(
     clock.step("read")
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
+    if write and recording.events is not None:
+        refuse_image_names(flight, recording.events.images)
     week = recording.gps_week
 
     clock.step("prepare")

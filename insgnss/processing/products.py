@@ -7,7 +7,7 @@ otherwise, or where the one beside it holds positions of others, of which there 
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,6 +129,29 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
     if not force and (reason := other_results(directory / REPORT, measurements(flight))):
         raise refusal(f"{where}: {reason}; give another directory, or --force")
     return directory
+
+
+def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:
+    """Refuse names of images that a format of [output] cannot hold.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    images : sequence of str
+        The names.
+
+    Raises
+    ------
+    InputError
+        The first such name, or a rule of output.rename that is none.
+    """
+    from ..exporting.export import refuse_names
+
+    try:
+        refuse_names(images, flight.output.formats, flight.output.rename)
+    except (InputError, UsageError) as error:
+        raise InputError(f"{flight.path}: output.formats: {error}") from None
 
 
 def ppk_directory(out: Path) -> Path:

@@ -25,7 +25,7 @@ from ..formats.blocks.ground_points import GroundTable, write_ground_points
 from ..formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
 from ..formats.markers.metashape_markers import write_metashape_markers
 from ..formats.markers.pix4d_marks import write_pix4d_marks
-from ..formats.orientation.exported import check_names
+from ..formats.orientation.exported import quoted_names
 from ..formats.vehicle.target_positions import TargetPositions, write_target_positions
 from ..formats.vehicle.target_sizes import write_target_sizes
 from ..geodesy.frames import TangentPlane
@@ -62,15 +62,15 @@ def write_predictions(inputs: Inputs, path: Path) -> None:
     UsageError
         The file cannot be written.
     """
-    check_names(inputs.eo.images, ",")
-    check_names(inputs.ground.points, ",", "point")
+    images = quoted_names(inputs.eo.images, ",")
+    points = quoted_names(inputs.ground.points, ",", "point")
     seen = inputs.predictions
     ellipse = seen.ellipse
     rows = np.arange(len(seen)) if inputs.request.whole else np.flatnonzero(seen.visible)
 
     def lines() -> Iterator[str]:
         for row in rows.tolist():
-            names = f"{inputs.eo.images[seen.image[row]]},{inputs.ground.points[seen.point[row]]}"
+            names = f"{images[seen.image[row]]},{points[seen.point[row]]}"
             u, v = seen.uv[row]
             pixel = f"{u:.3f},{v:.3f}" if np.isfinite(u) else ","
             word = VISIBILITY[seen.visibility[row]]
@@ -137,13 +137,14 @@ def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
         The file.
     """
     seen = inputs.predictions
+    images = quoted_names(inputs.eo.images, ",")
+    points = quoted_names(inputs.ground.points, ",", "point")
 
     def lines() -> Iterator[str]:
         for w in windows:
             if w.measurement.accepted:
                 continue
-            image = inputs.eo.images[seen.image[w.row]]
-            point = inputs.ground.points[seen.point[w.row]]
+            image, point = images[seen.image[w.row]], points[seen.point[w.row]]
             u, v = seen.uv[w.row]
             match = w.measurement.match
             pixel = "," if match is None else f"{match.uv[0]:.3f},{match.uv[1]:.3f}"

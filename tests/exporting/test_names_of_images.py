@@ -19,7 +19,7 @@ from oracles import oracle
 from PIL import Image
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.exporting.export import Target, export
+from insgnss.exporting.export import Target, export, refuse_names
 from insgnss.exporting.rename import read_names, renamed
 from insgnss.formats import EXPORTS, read_events
 from insgnss.formats.events.events import write_events
@@ -114,7 +114,11 @@ def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
         target = Target("EPSG:32632")
     path = tmp_path / "out" / form.product
     path.parent.mkdir()
+    assert (name in REFUSED) == bool(form.separator)
     if name in REFUSED:
+        with pytest.raises(InputError, match=r"image name .* --rename"):
+            refuse_names(NAMES, [name], [])
+        refuse_names(NAMES, [name], ["safe"])
         with pytest.raises(InputError, match=r"image name .* --rename"):
             export(eo, name, path, target, **options)
         assert not list(path.parent.iterdir())

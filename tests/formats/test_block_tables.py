@@ -235,9 +235,13 @@ def test_what_lies_beside_the_image_is_refused(pixel) -> None:
         joined(of_table(measured(("a", "t", 0.0, 3840.0), ("b", "t", *pixel)), camera(f=5600.0)))
 
 
-def test_names_that_a_table_cannot_hold(tmp_path) -> None:
-    """Oracle: the rules of text tables."""
-    with pytest.raises(InputError, match="point name 'a,b' has ','"):
-        write_image_points(measured(("a", "a,b", 1, 2)), tmp_path / "x")
+def test_names_that_need_quotation_marks_and_those_that_no_table_holds(tmp_path) -> None:
+    """Oracle: the names that were written; the rules of text tables."""
+    given = measured(('a "b", c.jpg', "a,b", 1, 2), ("#1", "'p'", 3, 4))
+    write_image_points(given, tmp_path / "x")
+    back = read_image_points(tmp_path / "x")
+    assert (set(back.images), set(back.points)) == (set(given.images), set(given.points))
+    with pytest.raises(InputError, match=r"point name 'a\\nb' has a line end"):
+        write_image_points(measured(("a", "a\nb", 1, 2)), tmp_path / "x")
     with pytest.raises(UsageError, match="the directory does not exist"):
         write_camera_toml(camera(f=1.0), tmp_path / "no" / "x")

@@ -183,7 +183,7 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
     """
     eo = exterior(near_nadir(1))
     object.__setattr__(eo, "images", ("a b,c",))
-    with pytest.raises(InputError, match=r"'a b,c' has ',', .*--rename"):
+    with pytest.raises(InputError, match=r"'a b,c' has ',', .*; rename the image$"):
         write_metashape(in_frame(eo, "geographic"), tmp_path / "x")
     west = np.column_stack([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
     with pytest.raises(

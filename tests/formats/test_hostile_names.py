@@ -51,7 +51,7 @@ def test_no_product_has_a_formula_or_a_character_that_its_readers_refuse(
         eo = replace(given, images=(odd, "8002.tif"))
         source = relative_control(eo, GyroFigures(1e-4, 1e-4)) if form.relative else eo
         if odd in CONTROLS or product.suffix == ".csv":
-            with pytest.raises(InputError, match=r"^[^\n]*rename the image itself[^\n]*$"):
+            with pytest.raises(InputError, match=r"^[^\n]*rename the image$"):
                 form.write(source, product, **options)
             assert not list(directory.iterdir())
             continue
@@ -94,6 +94,8 @@ def test_characters_that_xml_does_not_have(tmp_path: Path) -> None:
             check_characters([name], "marker")
         tag = f'<a b="{xml_text(name + "<&", quotes=True)}">{xml_text(name)}</a>'
         assert "\ufffd" in ElementTree.fromstring(tag).text
-    with pytest.raises(InputError, match=r"'a\\udcff', a name that is not UTF-8; rename what has it$"):
+    with pytest.raises(
+        InputError, match=r"'a\\udcff', a name that is not UTF-8; rename what has it$"
+    ):
         atomic_write(tmp_path / "x", "a\udcff")
     assert not list(tmp_path.iterdir())

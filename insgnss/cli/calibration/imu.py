@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
+from ...base.files import sha256
 from ..console import Progress
 from ..verb import Verb, show
 
@@ -57,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="what to write (default: calibration.toml beside IMU_FILE)",
     )
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite the calibration of another recording"
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -72,22 +76,40 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ...processing.checks import sentence
 
     spec = _imu_spec(options)
+    out = options.out or options.imu.parent / "calibration.toml"
+    if not options.force:
+        _refuse_others(out, options.imu)
     progress("reading")
     imu = read_imu(options.imu, **spec)
     progress("calibrating")
     result = calibrate_multi_position(
         imu, None if options.latitude is None else math.radians(options.latitude), options.height
     )
-    out = options.out or options.imu.parent / "calibration.toml"
     notes = [f"note: {sentence(note)}" for note in imu.notes]
     summary = "\n".join([*notes, result.summary()])
-    write_calibration(result.calibration, out, tuple(summary.splitlines()))
+    write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
     return show(
         options,
         progress,
         lambda: f"{summary}\n{out}",
         lambda: result.as_dict() | {"file": out, "notes": notes},
     )
+
+
+def _origin(imu: Path) -> str:
+    """Return the line of a calibration that says what it was made from."""
+    return f"of {imu.name}, sha256 {sha256(imu)}"
+
+
+def _refuse_others(out: Path, imu: Path) -> None:
+    """Refuse to overwrite the calibration of another recording."""
+    if out.is_file() and imu.is_file():
+        text = out.read_text(encoding="utf-8", errors="replace")
+        if sha256(imu) not in text:
+            raise UsageError(
+                f"calibrate imu: {out} is there, and was not made from {imu}; give another --out,"
+                " or --force"
+            )
 
 
 def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:

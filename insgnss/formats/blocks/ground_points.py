@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...base.errors import near
 from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection, geodetic_from_geographic, is_geographic
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
@@ -209,13 +209,13 @@ def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[st
     UsageError
         The file cannot be written.
     """
-    check_names(ground.points, ",", "point")
+    points = quoted_names(ground.points, ",", "point")
     sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
     form = "%s" + ",%.4f" * 3 + ",%.5f" * 3 + ",%s\n"
     rows = (
         form % (name, *values, ROLES[int(check)])
         for name, values, check in zip(
-            ground.points, np.hstack([ground.position_m, sigma]).tolist(), ground.check, strict=True
+            points, np.hstack([ground.position_m, sigma]).tolist(), ground.check, strict=True
         )
     )
     write_table(path, comments, COLUMNS, rows)

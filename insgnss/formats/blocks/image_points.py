@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records.block import ImageObservations
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown
 from ..text.text import Source, TextTable, read_text_table
@@ -130,8 +130,8 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     UsageError
         The file cannot be written.
     """
-    check_names(measured.images, ",")
-    check_names(measured.points, ",", "point")
+    images = quoted_names(measured.images, ",")
+    points = quoted_names(measured.points, ",", "point")
     seen = measured.observations
     equal = bool((seen.sigma_px[:, 0] == seen.sigma_px[:, 1]).all())
     names = (*REQUIRED, "sigma") if equal else (*REQUIRED, "sigma_x", "sigma_y")
@@ -139,7 +139,7 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     form = "%s,%s,%.4f,%.4f" + ",%.6g" * sigma.shape[1] + "\n"
     values = np.hstack([seen.uv, sigma]).tolist()
     rows = (
-        form % (measured.images[i], measured.points[p], *row)
+        form % (images[i], points[p], *row)
         for i, p, row in zip(seen.image.tolist(), seen.point.tolist(), values, strict=True)
     )
     write_table(path, (f"image observations: {PIXEL_ORIGIN}",), names, rows)

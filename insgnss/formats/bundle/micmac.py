@@ -25,6 +25,7 @@ from ...records.block import Array
 from ...records.framed import GEOCENTRIC, TANGENT
 from ..orientation.exported import (
     OPK,
+    UnfitName,
     angles_of,
     check_frame,
     check_names,
@@ -125,7 +126,7 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     check_names(eo.images, "/")
     unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
     if unfit is not None:
-        raise InputError(
+        raise UnfitName(
             f"image name {unfit!r} makes no file name Orientation-<image>.xml; rename the image"
         )
     directory = Path(path)

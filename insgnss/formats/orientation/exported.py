@@ -48,6 +48,10 @@ SPREADSHEET, FORMULA = (",", ";", "\t"), "=+-@"
 CHUNK = 20_000  # rows formatted at once
 
 
+class UnfitName(InputError):
+    """A format cannot hold a name, which another one could."""
+
+
 @dataclass(frozen=True)
 class AngleSet:
     """Three angles of a rotation: their names, how to compute them, and the Jacobian E.
@@ -88,8 +92,8 @@ def check_names(names: Sequence[str], separator: str | None, of: str = "image") 
     for name in names:
         wrong = _unfit(name, separator)
         if wrong:
-            raise InputError(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; {_remedy(of)}"
+            raise UnfitName(
+                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
             )
 
 
@@ -125,14 +129,8 @@ def _of_one_line(names: Sequence[str], separator: str | None, of: str) -> Sequen
     for name in names:
         wrong = "has a line end" if {"\n", "\r", "\0"} & set(name) else "" if name else "is empty"
         if wrong := wrong or _control(name) or _formula(name, separator):
-            raise InputError(f"{of} name {name!r} {wrong}, which no table holds; {_remedy(of)}")
+            raise UnfitName(f"{of} name {name!r} {wrong}, which no table holds; rename the {of}")
     return names
-
-
-def _remedy(of: str) -> str:
-    """Return what to do about a name."""
-    alone = " itself, or in the export alone: --rename, output.rename" if of == "image" else ""
-    return f"rename the {of}{alone}"
 
 
 def _control(name: str) -> str:
@@ -165,8 +163,8 @@ def check_characters(names: Iterable[str], of: str = "image") -> None:
     """
     for name in names:
         if wrong := _control(name):
-            raise InputError(
-                f"{of} name {name!r} {wrong}, which this format cannot hold; {_remedy(of)}"
+            raise UnfitName(
+                f"{of} name {name!r} {wrong}, which this format cannot hold; rename the {of}"
             )
 
 

@@ -10,7 +10,7 @@ from ...base.errors import InputError
 from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
 from ..blocks.ground_points import ALIASES as GROUND
 from ..blocks.ground_points import METRES
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import TIME, Aliases, Columns, gps_time
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
@@ -143,8 +143,8 @@ def write_target_positions(
     head: list[str] = []
     first = [""] * n
     if positions.images is not None:
-        check_names(positions.images, ",")
-        head, first = ["image"], [f"{name}," for name in positions.images]
+        names = quoted_names(positions.images, ",")
+        head, first = ["image"], [f"{name}," for name in names]
     if positions.time is not None:
         if positions.gps_week is None:
             raise InputError("target positions: stamps without GPS week; give it")

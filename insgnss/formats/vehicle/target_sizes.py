@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
 from ..blocks.image_points import ALIASES as IMAGE_POINTS
 from ..blocks.image_points import PIXELS
-from ..orientation.exported import check_names
+from ..orientation.exported import quoted_names
 from ..text.columns import Aliases, Columns
 from ..text.layout import shown
 from ..text.text import Source, read_text_table
@@ -104,12 +104,12 @@ def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str]
     UsageError
         The file cannot be written.
     """
-    check_names(tuple(dict.fromkeys(sizes.images)), ",")
-    check_names(tuple(dict.fromkeys(sizes.points)), ",", "point")
+    images = quoted_names(sizes.images, ",")
+    points = quoted_names(sizes.points, ",", "point")
     rows = (
         f"{image},{point},{size:.4f},{sigma:.4g}\n"
         for image, point, size, sigma in zip(
-            sizes.images, sizes.points, sizes.size_px, sizes.sigma_px, strict=True
+            images, points, sizes.size_px, sizes.sigma_px, strict=True
         )
     )
     write_table(path, comments, COLUMNS, rows)
