@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
+from ..records.framed import PROJECTED, TANGENT
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
 from .poses import CoordinateFrame, Poses
 from .result import Finding
@@ -69,6 +70,15 @@ def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | Non
     """
     trials = _horizontal_and_time if of_time else _horizontal
     return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
+
+
+def heights_first(a: Poses, b: Poses) -> bool:
+    """Whether heights are to be explained before the horizontal.
+
+    Heights that are off by more than any geoid move the points of a projected CRS: the normals of
+    two ellipsoids differ by seconds of arc.
+    """
+    return b.projection is not None and float(np.abs(b.height - a.height).min()) > GEOID_M[1]
 
 
 def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
@@ -252,7 +262,7 @@ def _exchanges(b: Poses) -> Iterator[Trial]:
     if np.abs(b.lon).max() <= 0.5 * np.pi:
         words = "b has latitude and longitude exchanged"
         yield Trial("latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height))
-    if b.local is None or b.plane is None:
+    if b.local is None or (b.plane is None and b.projection is None):
         return
     for name, words, order, signs in (
         ("east for north", "b has east and north exchanged", [1, 0, 2], [1.0, 1.0, 1.0]),
@@ -264,18 +274,24 @@ def _exchanges(b: Poses) -> Iterator[Trial]:
 
 
 def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
-    """Other local coordinates; attitudes stay what they were in the axes of the tangent plane."""
+    """Other local coordinates."""
 
     def taken_off(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
-        local = q.local[:, order] * signs
-        lat, lon, h, C_fE = CoordinateFrame("tangent plane", q.plane).resolved(local, q.source)
-        C_Ex = q.C_Ex
-        if C_Ex is not None and q.C_fE is not None:
-            C_Ex = np.swapaxes(C_fE, 1, 2) @ q.C_fE @ C_Ex
-        return replace(q.moved(lat, lon, h), local=local, C_Ex=C_Ex, C_fE=C_fE)
+        return _resolved(q, q.local[:, order] * signs)
 
     return taken_off
+
+
+def _resolved(q: Poses, local: Array) -> Poses:
+    """q with other coordinates of its frame; attitudes stay what they were in the frame's axes."""
+    kind = PROJECTED if q.projection is not None else TANGENT
+    lat, lon, h, C_fE = CoordinateFrame(kind, q.plane, q.projection).resolved(local, q.source)
+    moved = replace(q.moved(lat, lon, h), local=local)
+    if q.C_fE is None:  # attitudes of true north
+        return moved
+    C_Ex = None if q.C_Ex is None else np.swapaxes(C_fE, 1, 2) @ q.C_fE @ q.C_Ex
+    return replace(moved, C_Ex=C_Ex, C_fE=C_fE)
 
 
 def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
@@ -292,7 +308,14 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
 
 
 def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
-    return lambda _, q: q.moved(q.lat, q.lon, factor * q.height)
+    """Other heights; of a projected CRS they also decide where the datum's shift puts a point."""
+
+    def taken_off(_: Poses, q: Poses) -> Poses:
+        if q.projection is None or q.local is None:
+            return q.moved(q.lat, q.lon, factor * q.height)
+        return _resolved(q, q.local * [1.0, 1.0, factor])
+
+    return taken_off
 
 
 def _in_words(mean: float, d: Array) -> tuple[str, str]:
