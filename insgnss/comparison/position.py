@@ -27,6 +27,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
 from ..records.framed import PROJECTED, TANGENT
@@ -88,7 +89,7 @@ def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
 
 def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
     d = difference(a, b)
-    yield from _exchanges(b)
+    yield from _exchanges(a, b)
     yield from _shift(a, b, d)
     yield from _lever_arm(a, b, d)
     yield from _of_block(a, d[:, :2])
@@ -257,7 +258,7 @@ def velocity_of(a: Poses, b: Poses) -> Array | None:
     return np.asarray(np.einsum("nji,nj->ni", a.C_eE, np.gradient(a.ecef, a.time, axis=0)))
 
 
-def _exchanges(b: Poses) -> Iterator[Trial]:
+def _exchanges(a: Poses, b: Poses) -> Iterator[Trial]:
     """Coordinates of b in another order or with other signs."""
     if np.abs(b.lon).max() <= 0.5 * np.pi:
         words = "b has latitude and longitude exchanged"
@@ -270,7 +271,23 @@ def _exchanges(b: Poses) -> Iterator[Trial]:
         ("north reversed", "b counts north southwards", [0, 1, 2], [1.0, -1.0, 1.0]),
         ("both reversed", "b has east and north reversed", [0, 1, 2], [-1.0, -1.0, 1.0]),
     ):
-        yield Trial(name, words, _reordered(order, np.array(signs)))
+        if b.projection is None or _nearer(a, b, b.local[:, order] * signs):
+            yield Trial(name, words, _reordered(order, np.array(signs)))
+
+
+def _nearer(a: Poses, b: Poses, local: Array) -> bool:
+    """Whether other coordinates of a projected CRS lie nearer to those of a than b's do.
+
+    Asked before they are taken to the globe, where each place looks for its own grids.
+    """
+    assert b.projection is not None
+    assert b.local is not None
+    try:
+        x = b.projection.forward_horizontal(a.lat, a.lon, a.height)
+    except InputError:  # the CRS does not reach a; then any order may
+        return True
+    off, other = (float(np.median(np.abs(y[:, :2] - x))) for y in (b.local, local))
+    return other < off
 
 
 def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
