@@ -88,6 +88,7 @@ INNER = {  # folders inside rooms, from below; a folder stands on those before i
         "logs",
         "bundle",
         "blocks",
+        "returned",
         "vehicle",
         "markers",
         "gis",

@@ -27,6 +27,16 @@ FORMS = (
     "sbet",
     "gnss",
     "odyn",
+    "metashape_xml",
+    "metashape_opk_text",
+    "metashape_reference",
+    "pix4d_external",
+    "pix4d_camera",
+    "colmap",
+    "opensfm",
+    "micmac_xml",
+    "bentley",
+    "inpho_prj",
 )  # those of `comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
   insgnss compare trajectory.sbet reference.pos --week 2008"""

@@ -4,7 +4,8 @@ Each hypothesis is taken off b, and judged by the angle that remains to a.
 
     axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
     axes of the frame             Q^T C_b        likewise; both, where both differ         (A.2)
-    inverse                       C_b^T          frame to camera for camera to frame           (A.3)
+    inverse                       C_fE^T X R^T X, R = C_fE C_b X: the file's matrix transposed, of
+                                  camera axes X right, down, view or right, up, back          (A.3)
     angles                        C_b of its angles in another order, with other signs, another unit
                                   or of another set (A.4)
     constant turn                 about up, in the frame's axes or in those of the camera      (A.5)
@@ -111,11 +112,23 @@ def _axes(b: Poses) -> Iterator[Trial]:
         " right-forward-up"
     )
     yield Trial("frame and body axes", words, _on_rotation(lambda C: NED_ENU @ C @ NED_ENU))
-    yield Trial(
-        "inverse",
-        f"b has the inverse rotation, frame to {b.x}",
-        _on_rotation(lambda C: np.swapaxes(C, 1, 2)),
-    )
+    yield Trial("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(np.eye(3)))
+    if b.x == "camera":
+        words = "b has the transposed matrix, frame to camera with axes right, up, back"
+        yield Trial("inverse", words, _transposed(CV_RUB))
+
+
+def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
+    """Return what takes off the transposition of a file's matrix R = C_fE C_b X (A.3)."""
+
+    def taken_off(_: Poses, b: Poses) -> Poses:
+        assert b.C_Ex is not None
+        C_fE = np.eye(3) if b.C_fE is None else b.C_fE
+        R = C_fE @ b.C_Ex @ X
+        C = np.swapaxes(C_fE, -1, -2) @ np.swapaxes(R, 1, 2) @ X
+        return replace(b, C_Ex=C, angles=None)
+
+    return taken_off
 
 
 def right_angles() -> Iterator[Array]:
@@ -208,6 +221,11 @@ def _angles(b: Poses) -> Iterator[Trial]:
                 for order in permutations(range(3)):
                     angle_names = " ".join(other.names[order.index(k)] for k in range(3))
                     words = f"angles of b, read as {' '.join(read_as.names)}, are {angle_names}"
+                    if angle_names.split() == list(read_as.names):
+                        words = (
+                            f"angles of b are of rotations in the order {' '.join(other.names)}"
+                            f" ({other.names[0]} primary), read as {' '.join(read_as.names)}"
+                        )
                     yield Trial(
                         "angle set",
                         words,

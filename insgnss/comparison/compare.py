@@ -3,7 +3,7 @@
 It reads, matches, takes the differences, takes off what is recognised, and reports what remains.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
 from .poses import NoOriginError, Poses
-from .position import difference, horizontal, vertical
+from .position import difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
 
@@ -202,7 +202,14 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
     """b with everything taken off that is recognised, and what that was."""
     a, b = matched.a, matched.b
     findings: list[Finding] = []
-    for test in (lambda p, q: horizontal(p, q, matched.how == "image"), vertical, attitude):
+    tests: list[Callable[[Poses, Poses], tuple[Finding, Poses] | None]] = [
+        lambda p, q: horizontal(p, q, matched.how == "image"),
+        vertical,
+        attitude,
+    ]
+    if heights_first(a, b):
+        tests[:2] = tests[1::-1]
+    for test in tests:
         for _ in range(ROUNDS):
             recognised = test(a, b)
             if recognised is None:

@@ -39,7 +39,7 @@ class Poses:
     cov_position, cov_attitude : (n, 3, 3) m^2 and rad^2 (psi), east, north, up, or None.
     angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.
     C_fE : axes that they count in.
-    local : (n, 3) coordinates in `plane` as the file has them, or None.
+    local : (n, 3) coordinates in `plane` or, m, of `projection` as the file has them, or None.
     notes : what a reader should know.
     datum, epoch : of the positions, where the file names them; None: WGS 84.
     """
@@ -64,6 +64,7 @@ class Poses:
     C_fE: Array | None = None
     local: Array | None = None
     plane: TangentPlane | None = None
+    projection: MapProjection | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     datum: str | None = None
     epoch: float | None = None
@@ -121,6 +122,20 @@ class CoordinateFrame:
     plane: TangentPlane | None = None
     projection: MapProjection | None = None
 
+    def _exchanged(self, x: Array) -> str:
+        """Words on easting and northing where they would reach the area of the CRS if exchanged."""
+        assert self.projection is not None
+        try:
+            lat, lon, _ = self.projection.inverse(x[:, [1, 0, 2]])
+        except InputError:
+            return ""
+        if self.projection.outside(lat, lon):
+            return ""
+        return (
+            f"; with easting and northing exchanged they lie at {np.degrees(lat[0]):.4f}"
+            f" {np.degrees(lon[0]):.4f} deg, inside its area: exchange the columns"
+        )
+
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
         """Return latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of `x` (n, 3).
 
@@ -138,8 +153,11 @@ class CoordinateFrame:
                     None,
                     "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
                 )
-            lat, lon, h = self.projection.inverse(x)
-            return lat, lon, h, self.projection.axes(lat, lon, h)
+            try:
+                lat, lon, h = self.projection.inverse(x)
+                return lat, lon, h, self.projection.axes(lat, lon, h)
+            except InputError as error:
+                raise InputError(f"{path}: {error}{self._exchanged(x)}") from None
         if self.plane is None:
             problem = (
                 "has coordinates of a tangent plane without its origin; give latitude, longitude"

@@ -27,8 +27,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
+from ..records.framed import PROJECTED, TANGENT
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
 from .poses import CoordinateFrame, Poses
 from .result import Finding
@@ -71,6 +73,15 @@ def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | Non
     return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
 
 
+def heights_first(a: Poses, b: Poses) -> bool:
+    """Whether heights are to be explained before the horizontal.
+
+    Heights that are off by more than any geoid move the points of a projected CRS: the normals of
+    two ellipsoids differ by seconds of arc.
+    """
+    return b.projection is not None and float(np.abs(b.height - a.height).min()) > GEOID_M[1]
+
+
 def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
     """What explains the differences in height, and b with it taken off."""
     return explain("height", a, b, lambda x, y: (y.height - x.height)[:, None], _vertical, LEAST_M)
@@ -78,7 +89,7 @@ def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
 
 def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
     d = difference(a, b)
-    yield from _exchanges(b)
+    yield from _exchanges(a, b)
     yield from _shift(a, b, d)
     yield from _lever_arm(a, b, d)
     yield from _of_block(a, d[:, :2])
@@ -247,12 +258,12 @@ def velocity_of(a: Poses, b: Poses) -> Array | None:
     return np.asarray(np.einsum("nji,nj->ni", a.C_eE, np.gradient(a.ecef, a.time, axis=0)))
 
 
-def _exchanges(b: Poses) -> Iterator[Trial]:
+def _exchanges(a: Poses, b: Poses) -> Iterator[Trial]:
     """Coordinates of b in another order or with other signs."""
     if np.abs(b.lon).max() <= 0.5 * np.pi:
         words = "b has latitude and longitude exchanged"
         yield Trial("latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height))
-    if b.local is None or b.plane is None:
+    if b.local is None or (b.plane is None and b.projection is None):
         return
     for name, words, order, signs in (
         ("east for north", "b has east and north exchanged", [1, 0, 2], [1.0, 1.0, 1.0]),
@@ -260,22 +271,44 @@ def _exchanges(b: Poses) -> Iterator[Trial]:
         ("north reversed", "b counts north southwards", [0, 1, 2], [1.0, -1.0, 1.0]),
         ("both reversed", "b has east and north reversed", [0, 1, 2], [-1.0, -1.0, 1.0]),
     ):
-        yield Trial(name, words, _reordered(order, np.array(signs)))
+        if b.projection is None or _nearer(a, b, b.local[:, order] * signs):
+            yield Trial(name, words, _reordered(order, np.array(signs)))
+
+
+def _nearer(a: Poses, b: Poses, local: Array) -> bool:
+    """Whether other coordinates of a projected CRS lie nearer to those of a than b's do.
+
+    Asked before they are taken to the globe, where each place looks for its own grids.
+    """
+    assert b.projection is not None
+    assert b.local is not None
+    try:
+        x = b.projection.forward_horizontal(a.lat, a.lon, a.height)
+    except InputError:  # the CRS does not reach a; then any order may
+        return True
+    off, other = (float(np.median(np.abs(y[:, :2] - x))) for y in (b.local, local))
+    return other < off
 
 
 def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
-    """Other local coordinates; attitudes stay what they were in the axes of the tangent plane."""
+    """Other local coordinates."""
 
     def taken_off(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
-        local = q.local[:, order] * signs
-        lat, lon, h, C_fE = CoordinateFrame("tangent plane", q.plane).resolved(local, q.source)
-        C_Ex = q.C_Ex
-        if C_Ex is not None and q.C_fE is not None:
-            C_Ex = np.swapaxes(C_fE, 1, 2) @ q.C_fE @ C_Ex
-        return replace(q.moved(lat, lon, h), local=local, C_Ex=C_Ex, C_fE=C_fE)
+        return _resolved(q, q.local[:, order] * signs)
 
     return taken_off
+
+
+def _resolved(q: Poses, local: Array) -> Poses:
+    """q with other coordinates of its frame; attitudes stay what they were in the frame's axes."""
+    kind = PROJECTED if q.projection is not None else TANGENT
+    lat, lon, h, C_fE = CoordinateFrame(kind, q.plane, q.projection).resolved(local, q.source)
+    moved = replace(q.moved(lat, lon, h), local=local)
+    if q.C_fE is None:  # attitudes of true north
+        return moved
+    C_Ex = None if q.C_Ex is None else np.swapaxes(C_fE, 1, 2) @ q.C_fE @ q.C_Ex
+    return replace(moved, C_Ex=C_Ex, C_fE=C_fE)
 
 
 def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
@@ -292,7 +325,14 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
 
 
 def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
-    return lambda _, q: q.moved(q.lat, q.lon, factor * q.height)
+    """Other heights; of a projected CRS they also decide where the datum's shift puts a point."""
+
+    def taken_off(_: Poses, q: Poses) -> Poses:
+        if q.projection is None or q.local is None:
+            return q.moved(q.lat, q.lon, factor * q.height)
+        return _resolved(q, q.local * [1.0, 1.0, factor])
+
+    return taken_off
 
 
 def _in_words(mean: float, d: Array) -> tuple[str, str]:

@@ -6,6 +6,7 @@ The format is found by the file's ending and first bytes, or given by name.
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
 from ..base.files import first_bytes, lines_of
+from ..formats.returned.reading import RETURNED, returned_form
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
     CV_RUB,
@@ -27,6 +29,7 @@ from ..records.observations import UNKNOWN_MPS
 from .hints import HEAD, Hints, diagonal, origin_in, turned
 from .of_records import poses_of
 from .poses import CoordinateFrame, NoOriginError, Poses
+from .returned import read_adjusted_poses
 from .tables import read_table_poses
 
 Array = NDArray[np.float64]
@@ -100,7 +103,18 @@ def read_poses(
 
 def sniff_poses(path: str | Path) -> str:
     """Name of a file's format, a key of `FORMS`; fixes of GNSS where it shows nothing else."""
-    text = first_bytes(path, HEAD).decode("latin-1").lower()
+    directory = Path(path).is_dir()
+    head = "" if directory else first_bytes(path, HEAD).decode("latin-1")
+    if form := returned_form(path, head):
+        return form
+    if directory:
+        raise InputError.at_line(
+            path,
+            None,
+            "is a directory without poses known here; give that of a COLMAP or OpenSfM model, or of"
+            " MicMac's Orientation-*.xml",
+        )
+    text = head.lower()
     if text.lstrip().startswith("{") and "exterior orientation" in text:
         return "eo_json"
     name = Path(path).name.lower()
@@ -205,8 +219,9 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         C_Ex=C,
         cov_position=turned(C_Ef, diagonal(sigma)),
         C_fE=C_fE,
-        local=x if frame.kind == "tangent plane" else None,
+        local=x if frame.kind in ("tangent plane", "projected") else None,
         plane=frame.plane,
+        projection=frame.projection,
     )
 
 
@@ -345,4 +360,5 @@ FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "sbet": _sbet,
     "gnss": _gnss,
     "odyn": _odyn,
+    **{form: partial(read_adjusted_poses, form) for form in RETURNED},
 }

@@ -121,8 +121,9 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,
         C_fE=None if north else C_fE,
-        local=x if frame.kind == "tangent plane" else None,
+        local=x if frame.kind in ("tangent plane", "projected") else None,
         plane=frame.plane,
+        projection=frame.projection,
     )
 
 

@@ -21,6 +21,7 @@ from ..formats.blocks.pose_table import (
 from ..formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
 from ..formats.bundle.micmac import read_micmac_xml
 from ..formats.detect import head_of
+from ..formats.returned.reading import returned_form
 from ..formats.text.layout import decode, shown
 from ..geodesy.frames import TangentPlane, ecef_to_geodetic
 from ..geodesy.gpstime import calendar_from_gps
@@ -28,6 +29,11 @@ from ..geodesy.rotation import NED_ENU
 from ..records import Array
 
 MOST_NAMED = 3
+# formats without the rest of a block
+ONLY_POSES = (
+    *("bentley", "inpho_prj", "pix4d_external", "pix4d_camera"),
+    *("metashape_opk_text", "metashape_reference"),
+)
 GEOCENTRIC_M = 6.0e6
 
 
@@ -170,7 +176,7 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
     ----------
     path : Path
         `eo.json`, a table of poses (`poses.csv` of insgnss adjust), a block of Metashape, COLMAP,
-        OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a table that `insgnss compare` reads.
+        OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a file that `insgnss compare` reads.
     chunk : str, optional
         Of Metashape.
 
@@ -190,7 +196,8 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         images, X, C = read_micmac_xml(path)
         geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
         return CameraPoses(path, images, X, C, frame="geocentric" if geocentric else "own")
-    if is_block(path):
+    head = "" if path.is_dir() else decode(head_of(path))
+    if returned_form(path, head) not in ONLY_POSES and is_block(path):
         return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
     text = decode(head_of(path)).lstrip("\ufeff \r\n\t")
     if text.startswith("{") and "exterior orientation" in text.lower():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, UsageError
-from ...records.block import INTERIOR, BrownCamera
+from ...records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import BROWN_NAMES
 from ..text.text import Source
 from .columns import positive_sigma
@@ -76,6 +76,39 @@ def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock
         local=True,
         notes=notes,
     )
+
+
+def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:
+    """Read the poses of a model, whatever its camera models.
+
+    Parameters
+    ----------
+    path : path
+        Its directory, or one of its files.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names of the images that have a pose.
+    position : ndarray, (n, 3)
+        Projection centres in the axes of the model.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to these axes.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is not installed.
+    InputError
+        A directory without model, or a model that pycolmap does not read.
+    """
+    model = _model(Path(path))
+    images = [model.images[number] for number in sorted(model.images)]
+    images = [image for image in images if image.has_pose]
+    poses = [image.cam_from_world() for image in images]
+    C = np.array([pose.rotation.matrix().T for pose in poses]).reshape(-1, 3, 3)
+    T = np.array([pose.translation for pose in poses]).reshape(-1, 3, 1)
+    return tuple(image.name for image in images), -(C @ T)[:, :, 0], C
 
 
 def _model(path: Path) -> Any:

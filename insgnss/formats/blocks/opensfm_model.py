@@ -76,10 +76,7 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
     uv = xy * of.max(axis=1, initial=0.0)[:, None] + 0.5 * of
     names = file_names([key for key, _ in shots], file)
     measured, repeated = image_points(names, image_row, point, uv, sigma_px * scale)
-    position, C_mc = no_poses(len(shots))
-    for k, (key, shot) in enumerate(shots):
-        C_mc[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
-        position[k] = -C_mc[k] @ _vector(file, shot, "translation", key)
+    position, C_mc = _shot_poses(file, shots)
     plane = _reference(file, models)
     if plane is not None:
         position, C_mc = plane.origin_ecef + position @ plane.C_em.T, plane.C_em @ C_mc
@@ -95,6 +92,50 @@ def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBloc
         geocentric=plane is not None,
         notes=(*notes, *repeated),
     )
+
+
+def read_opensfm_poses(
+    path: Source,
+) -> tuple[tuple[str, ...], Array, Array, TangentPlane | None, tuple[str, ...]]:
+    """Read the shots of reconstruction.json alone, whatever their cameras.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_opensfm_model`.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names of the shots.
+    position : ndarray, (n, 3)
+        Projection centres in the axes of the reconstruction, m.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to these axes.
+    plane : TangentPlane or None
+        These axes; None where their place is not known.
+    notes : tuple of str
+        What was left out.
+
+    Raises
+    ------
+    InputError
+        A file that is missing or damaged.
+    """
+    file = _file(Path(path))
+    models, notes = _models(file)
+    shots = [(key, shot) for model in models for key, shot in _table(file, model, "shots").items()]
+    position, C = _shot_poses(file, shots)
+    return tuple(key for key, _ in shots), position, C, _reference(file, models), notes
+
+
+def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Array]:
+    """Return projection centres (n, 3) and attitudes (n, 3, 3) of shots, in their own axes."""
+    position, C = no_poses(len(shots))
+    for k, (key, shot) in enumerate(shots):
+        C[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
+        position[k] = -C[k] @ _vector(file, shot, "translation", key)
+    return position, C
 
 
 def _file(path: Path) -> Path:
