@@ -2,21 +2,26 @@
 is wrong.
 
 Small files of every format are made in memory and mutated: bytes flipped, cut, doubled, swapped,
-lines moved, numbers made huge or not a number, encodings changed. What the readers do with them is
+lines moved, numbers made huge or not a number, encodings changed, fields, lines and files made
+long, brackets and elements put within each other by the thousand. What the readers do with them is
 judged:
 
     record      read; what was left out or put in order is counted in its notes
     refused     InputError, UsageError or DataError with a message of one line
-    find        any other exception, a warning, something printed, more than 5 s, or a file that was
-                cut within a row and nothing said
+    find        any other exception, a warning, something printed, more than 5 s, more than 2 GB, or
+                a recording that was cut within a row and nothing said
 
 A file that is cut exactly between two rows looks whole, and no reader can know. Input k depends on
 the seed and on k alone, so a find is seen again by `--only k`; its file is left in the directory
 that is printed.
 
-    python scripts/fuzz_readers.py --count 1000000 --seed 1
+    python scripts/fuzz_readers.py --count 1000000 --seed 1 --workers 4 --state fuzz.json
 
-prints a table a format and ends with an error where there is a find.
+prints a table a format and ends with an error where there is a find. Pieces of inputs run in
+processes of their own, as many as there are workers: one that the system ends, by a crash in a
+library of C for instance, is a find, and the next takes up behind it. What is done stands in the
+state file, from which the same command goes on. 100 to 250 inputs a second and core: a million
+take one to three hours of a core.
 """
 
 import argparse
@@ -24,22 +29,28 @@ import contextlib
 import faulthandler
 import importlib.util
 import io
+import json
 import os
+import resource
 import signal
 import struct
+import subprocess
 import sys
 import tempfile
 import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import FrameType
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+sys.path.insert(0, str(Path(__file__).parent))
+
 import numpy as np
+from fuzz_cases import Case, further_cases, static_cases
 
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats import read_events, read_gnss, read_imu
@@ -47,33 +58,12 @@ from insgnss.formats.trajectory.odyn import read_odyn_poses
 from insgnss.formats.trajectory.sbet import read_sbet_trajectory
 
 LIMIT_S = 5
+LIMIT_BYTES = 2_000_000_000
+LONGEST = 2_000_000  # bytes of a file
+SHOWN = 3  # finds of a kind that are printed
+PIECE = 20_000  # inputs that a process takes
 START = 200000.0
 ROWS = 24
-
-
-@dataclass(frozen=True)
-class Case:
-    """A reader and a file that it reads: name of the file, its bytes, the places where a cut leaves
-    whole rows, files beside it.
-    """
-
-    name: str
-    file: str
-    data: bytes
-    read: Callable[[Path], object]
-    text: bool = True
-    borders: frozenset[int] = frozenset()
-    beside: dict[str, bytes] = field(default_factory=dict)
-
-    def looks_whole(self, size: int) -> bool:
-        """Whether the first `size` bytes end where a row ends."""
-        if not self.text:
-            return size in self.borders
-        return (
-            size >= len(self.data)
-            or self.data[size - 1 : size] == b"\n"
-            or self.data[size : size + 1] in b"\r\n"
-        )
 
 
 def dataflash(
@@ -500,7 +490,7 @@ def mutate(rng: np.random.Generator, case: Case) -> tuple[bytes, bool]:
         data = kinds[int(rng.integers(len(kinds)))](rng, data)
         if not data:
             break
-    return data, False
+    return data[:LONGEST], False
 
 
 def flip(rng: np.random.Generator, data: bytes) -> bytes:
@@ -617,8 +607,83 @@ def recode(rng: np.random.Generator, data: bytes) -> bytes:
     return forms[int(rng.integers(len(forms)))]
 
 
-BYTES = (flip, drop, repeat, cut, noise, blank)
-LINES = (swap_lines, double_line, drop_line, token, token, digit, digit, recode)
+def lengthen(rng: np.random.Generator, data: bytes) -> bytes:
+    """A run of one character or of one piece, up to a hundred thousand bytes long."""
+    i = int(rng.integers(len(data)))
+    piece = data[i : i + int(rng.choice([1, 1, 2, 5, 40]))]
+    if rng.random() < 0.5:
+        piece = LONG[int(rng.integers(len(LONG)))]
+    return data[:i] + piece * (int(10 ** rng.uniform(1.0, 5.0)) // len(piece) + 1) + data[i:]
+
+
+def many_lines(rng: np.random.Generator, data: bytes) -> bytes:
+    """A line that stands a thousand times."""
+    lines = data.split(b"\n")
+    i = int(rng.integers(len(lines)))
+    return b"\n".join([*lines[:i], *[lines[i]] * int(10 ** rng.uniform(1.0, 3.5)), *lines[i:]])
+
+
+def respell(rng: np.random.Generator, data: bytes) -> bytes:
+    """Bytes that encodings, editors and str.splitlines see in different ways."""
+    i = int(rng.integers(len(data) + 1))
+    return data[:i] + SPELLED[int(rng.integers(len(SPELLED)))] + data[i:]
+
+
+def nest(rng: np.random.Generator, data: bytes) -> bytes:
+    """Brackets, tables or elements within each other, closed or not, at the begin of a value."""
+    opened, closed = NESTED[int(rng.integers(len(NESTED)))]
+    depth = int(10 ** rng.uniform(0.5, 4.3))
+    places = [k + 1 for k, c in enumerate(data) if c in b"=:,>[\n"] or [0]
+    i = places[int(rng.integers(len(places)))]
+    end = closed * depth if rng.random() < 0.5 else b""
+    return data[:i] + opened * depth + end + data[i:]
+
+
+LONG = (
+    b"1",
+    b"9",
+    b" ",
+    b"\t",
+    b",",
+    b"a",
+    b"(",
+    b"[",
+    b"1.",
+    b"-",
+    b"\x00",
+    b"\n",
+    b'"',
+    b"e1",
+    b"_",
+)
+SPELLED = (
+    *(b"\x85", b"\xa0", b"\x0b", b"\x0c", b"\x1c", b"\x1e", b"\r", b"\x1a", b"\x7f"),
+    *(
+        b"\xe2\x80\xa8",
+        b"\xe2\x80\x8b",
+        b"\xef\xbb\xbf",
+        b"\xed\xa0\x80",
+        b"\xc0\x80",
+        b"\xf4\x90\x80\x80",
+    ),
+    *(
+        "\u0661\u0662".encode(),
+        "\uff11".encode(),
+        "\u00b2".encode(),
+        "\u2212".encode(),
+        b"1_0",
+        b"0x1p3",
+    ),
+)
+NESTED = (
+    *((b"[", b"]"), (b"{", b"}"), (b'{"a":', b"}"), (b"{a=", b"}"), (b"(", b")"), (b"a.", b"")),
+    *((b"<a>", b"</a>"), (b"[[", b"]]"), (b'"', b'"'), (b"<!--", b"-->")),
+)
+BYTES = (flip, drop, repeat, cut, noise, blank, respell, lengthen)
+LINES = (
+    *(swap_lines, double_line, drop_line, token, token, digit, digit, recode),
+    *(respell, lengthen, many_lines, nest),
+)
 
 
 class Hang(BaseException):
@@ -665,6 +730,8 @@ def _read(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
             if "\n" in text or not text
             else ("refused", text)
         )
+    except MemoryError:
+        return "find", f"more than {LIMIT_BYTES / 1e9:g} GB"
     except Exception as error:
         return "find", f"{type(error).__name__}: {error}"
     notes = getattr(record, "notes", ())
@@ -673,13 +740,23 @@ def _read(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
     return ("noted" if notes else "record"), ""
 
 
+def all_cases() -> list[Case]:
+    """Every reader's, always in the same order."""
+    return [*text_cases(), *binary_cases(), *further_cases(), *static_cases()]
+
+
 def fuzz(
-    count: int, seed: int, first: int = 0, keep: Path | None = None, only: str = ""
+    count: int,
+    seed: int,
+    first: int = 0,
+    keep: Path | None = None,
+    only: str = "",
+    begun: Callable[[int], object] = lambda number: None,
 ) -> tuple[dict[str, Counter[str]], list[str]]:
     """Verdicts by case on `count` inputs from number `first` on, and the finds; their files are
-    left in `keep`.
+    left in `keep`. `begun` gets each number before its file is read.
     """
-    cases = [case for case in (*text_cases(), *binary_cases()) if only in case.name]
+    cases = [case for case in all_cases() if only in case.name]
     counts: dict[str, Counter[str]] = {case.name: Counter() for case in cases}
     finds: list[str] = []
     before = signal.signal(signal.SIGALRM, _over)
@@ -687,21 +764,23 @@ def fuzz(
         with tempfile.TemporaryDirectory(
             dir="/dev/shm" if Path("/dev/shm").is_dir() else None
         ) as folder:
-            for case in cases:
+            for number, case in enumerate(cases):
+                directory = Path(folder) / str(number)
+                directory.mkdir()
                 for name, data in case.beside.items():
-                    (Path(folder) / name).write_bytes(data)
-                path = Path(folder) / case.file
+                    (directory / name).write_bytes(data)
+                path = directory / case.file
                 path.write_bytes(case.data)
                 verdict, why = judge(case, path, False)
-                if verdict != "record" and not case.name.startswith(
-                    ("ardupilot", "ulog", "rtklib_pos plain")
-                ):
+                if verdict not in ("record", "noted") and case.name not in UNREAD:
                     finds.append(f"{case.name}, as it stands: {verdict} {why}")
             for k in range(first, first + count):
-                case = cases[k % len(cases)]
+                number = k % len(cases)
+                case = cases[number]
                 data, cut_within = mutate(np.random.default_rng([seed, k]), case)
-                path = Path(folder) / case.file
+                path = Path(folder) / str(number) / case.file
                 path.write_bytes(data)
+                begun(k)
                 faulthandler.dump_traceback_later(20 * LIMIT_S, exit=True)
                 verdict, why = judge(case, path, cut_within)
                 faulthandler.cancel_dump_traceback_later()
@@ -715,6 +794,84 @@ def fuzz(
     return counts, finds
 
 
+def work(options: argparse.Namespace, keep: Path) -> None:
+    """One piece of the inputs in this process; its verdicts go to standard output as JSON."""
+    size = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * 4096
+    resource.setrlimit(resource.RLIMIT_AS, (size + LIMIT_BYTES, resource.RLIM_INFINITY))
+    progress = os.open(keep / f"begun_{options.first}", os.O_CREAT | os.O_RDWR)
+    counts, finds = fuzz(
+        options.count,
+        options.seed,
+        options.first,
+        keep,
+        options.format,
+        lambda number: os.pwrite(progress, f"{number:12d}".encode(), 0),
+    )
+    json.dump({"counts": counts, "finds": finds}, sys.stdout)
+
+
+def piece(first: int, count: int, options: argparse.Namespace, keep: Path) -> dict[str, object]:
+    """Verdicts on some inputs by processes of their own: a new one behind each crash."""
+    counts: dict[str, Counter[str]] = {}
+    finds: list[str] = []
+    end = first + count
+    while first < end:
+        command = [sys.executable, __file__, "--work", str(keep), "--seed", str(options.seed)]
+        command += ["--first", str(first), "--count", str(end - first), "--format", options.format]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            result = json.loads(done.stdout)
+            for name, verdicts in result["counts"].items():
+                counts.setdefault(name, Counter()).update(verdicts)
+            finds += result["finds"]
+            break
+        begun = keep / f"begun_{first}"
+        number = int(begun.read_text(encoding="ascii")) if begun.is_file() else first
+        why = (done.stderr.strip().splitlines() or [""])[-1]
+        finds.append(f"{number} the process ended with {done.returncode}: {why}")
+        if number > first:  # what stood before the crash, once more
+            before = piece(first, number - first, options, keep)
+            for name, verdicts in before["counts"].items():  # type: ignore[attr-defined]
+                counts.setdefault(name, Counter()).update(verdicts)
+            finds += before["finds"]  # type: ignore[arg-type]
+        first = number + 1
+    return {"counts": counts, "finds": finds}
+
+
+def run(options: argparse.Namespace, keep: Path) -> dict[str, dict[str, object]]:
+    """Verdicts of all pieces by their first number; those of the state file are not run again."""
+    state: dict[str, dict[str, object]] = {}
+    head = {"seed": options.seed, "format": options.format, "piece": PIECE}
+    if options.state is not None and options.state.is_file():
+        content = json.loads(options.state.read_text(encoding="utf-8"))
+        assert content["head"] == head, f"{options.state} is of {content['head']}"
+        state = content["pieces"]
+    numbers = range(options.first, options.first + options.count, PIECE)
+    open_pieces = [number for number in numbers if str(number) not in state]
+    end = options.first + options.count
+
+    def one(number: int) -> tuple[int, dict[str, object]]:
+        return number, piece(number, min(PIECE, end - number), options, keep)
+
+    with ThreadPoolExecutor(options.workers) as pool:
+        for number, result in pool.map(one, open_pieces):
+            state[str(number)] = result
+            if options.state is not None:
+                text = json.dumps({"head": head, "pieces": state}, indent=1)
+                options.state.write_text(text, encoding="utf-8")
+    return state
+
+
+def kind_of(find: str) -> str:
+    """What kind of find it is: slow, memory or crashed."""
+    why = find.partition(": ")[2]
+    return (
+        "slow"
+        if why.endswith(" s") and why.startswith("more than")
+        else ("memory" if why.startswith("more than") else "crashed")
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=1_000_000, help="inputs")
@@ -722,27 +879,51 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--only", type=int, help="this one input")
     parser.add_argument("--format", default="", help="formats whose name holds this text")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--state", type=Path, help="JSON file of what is done, to go on from")
+    parser.add_argument("--work", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     faulthandler.enable()
+    if options.work is not None:
+        work(options, options.work)
+        return
     keep = Path(tempfile.mkdtemp(prefix="fuzz_"))
     start = time.monotonic()
-    first, count = (options.first, options.count) if options.only is None else (options.only, 1)
-    counts, finds = fuzz(count, options.seed, first, keep, options.format)
-    print(f"{'format':18} {'record':>8} {'noted':>8} {'refused':>8} {'find':>6}")
-    for name, verdicts in counts.items():
-        print(
-            f"{name:18} {verdicts['record']:8} {verdicts['noted']:8} {verdicts['refused']:8}"
-            f" {verdicts['find']:6}"
-        )
+    if options.only is not None:
+        options.first, options.count = options.only, 1
+    pieces = run(options, keep)
+    total: dict[str, Counter[str]] = {}
+    finds: list[str] = []
+    for result in pieces.values():
+        finds += result["finds"]  # type: ignore[arg-type]
+        for name, verdicts in result["counts"].items():  # type: ignore[attr-defined]
+            total.setdefault(name, Counter()).update(verdicts)
+    finds = list(dict.fromkeys(finds))
+    for find in finds:
+        name = find.partition(": ")[0].partition(" ")[2]
+        total.setdefault(name, Counter())[kind_of(find)] += 1
+    columns = ("record", "noted", "refused", "crashed", "slow", "memory")
+    print(f"{'format':22}" + "".join(f"{column:>9}" for column in columns))
+    for name, verdicts in total.items():
+        print(f"{name[:22]:22}" + "".join(f"{verdicts[column]:9}" for column in columns))
+    count = sum(sum(verdicts[c] for c in (*columns[:3], "find")) for verdicts in total.values())
     print(
-        f"{count} inputs in {time.monotonic() - start:.0f} s, {len(finds)} finds"
+        f"{count} inputs, {time.monotonic() - start:.0f} s, {len(finds)} finds"
         + (f", their files in {keep}" if finds else "")
     )
-    for find in finds[:40]:
-        print(f"  {find[:300]}")
-    if not finds:
-        keep.rmdir()
+    shown: Counter[str] = Counter()
+    for find in finds:
+        head, _, why = find.partition(": ")
+        number, _, name = head.partition(" ")
+        kind = f"{name} {why[:12]}"
+        shown[kind] += 1
+        if shown[kind] <= SHOWN:
+            print(f"  {number} {name}: {why[:240]}")
     assert not finds, f"{len(finds)} finds"
+
+
+UNREAD = ("block file", "compared odyn")
+"""Cases whose file is refused as it stands: what it names is not there, or is no pose."""
 
 
 if __name__ == "__main__":

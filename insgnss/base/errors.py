@@ -4,12 +4,14 @@ The message is one line that names file and line, time, value, limit and the nex
 far as they apply.
 """
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
 from .wording import named, setting
 
 _ABSENT: Any = object()
+_ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
 
 class InsgnssError(Exception):
@@ -63,8 +65,12 @@ class InputError(InsgnssError):
 
     @classmethod
     def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":
-        """Error that names the file, and the line counted from 1 where one is known."""
-        return cls(f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}")
+        """Error that names the file, and the line counted from 1 where one is known.
+
+        What ends lines, out of a name or a value of the file, becomes a blank.
+        """
+        text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
+        return cls(_ENDS.sub(" ", text))
 
 
 class DataError(InsgnssError):

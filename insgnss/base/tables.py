@@ -23,6 +23,7 @@ Columns = tuple[str, ...] | Mapping[str, str] | None
 
 LONGEST_TOML = 1_000_000  # characters
 DEEPEST = 100
+LONGEST_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
 NESTED = f"tables or lists within each other (limit {DEEPEST}); write them flat"
 _DOTTED = re.compile(r"[^=#]*")
 _TYPE_NAMES = {
@@ -195,6 +196,11 @@ class Table:
 
     def resolve(self, name: str) -> Path:
         """Return the path of a name given relative to the file."""
+        text = str(name)
+        longest = max(len(step) for step in re.split(r"[/\\]", text))
+        if longest > LONGEST_NAME or len(text) > LONGEST_PATH or "\0" in text:
+            shown = f"{text[:40]!r}..., {len(text)} characters"
+            raise InputError.at_line(self.path, None, f"{shown}, is no path of a file")
         return self.path.parent / name
 
     def file(self, key: str) -> Path:

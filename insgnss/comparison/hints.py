@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
+from ..formats.text.text import LARGEST
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 
@@ -65,6 +67,8 @@ def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
     if sigma is None or not (sigma > 0.0).all():
         return None
     P = np.zeros((len(sigma), 3, 3))
+    if (sigma > LARGEST).any():
+        raise InputError(f"a standard deviation of {sigma.max():g}; correct it or leave it out")
     P[:, range(3), range(3)] = sigma**2
     return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
 

@@ -333,7 +333,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     if size.size != 2 or not size.max() > 0.0:
         raise InputError.at_line(path, None, f"camera {name}: <sensor> is not width,height in mm")
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
-    if (np.abs(size * per_mm - (width, height))[size > 0.0] > 0.5).any():
+    with np.errstate(all="ignore"):  # a size that is no number is none of the image's
+        apart = np.abs(size * per_mm - (width, height))
+    if not (apart[size > 0.0] <= 0.5).all():
         raise InputError.at_line(
             path, None, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
         )

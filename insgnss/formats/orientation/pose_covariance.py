@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
 from ...base.staging import staged
 from ...base.unpacking import check_archive
 from ...records.block import Array
@@ -55,14 +55,16 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         The file is damaged, has no such image, or is of other poses.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             check_archive(path, file.zip)
             names = [str(name) for name in file["images"]]
             cov = np.asarray(file["cov"], dtype=np.float64)
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError.at_line(
-            path, None, f"is damaged ({error}); adjust the block again"
-        ) from None
+    except InsgnssError:
+        raise
+    except Exception as error:  # a damaged file makes numpy and zipfile fail in any way
+        why = " ".join(str(error).split())[:120] or type(error).__name__
+        problem = f"is damaged ({why}); adjust the block again"
+        raise InputError.at_line(path, None, problem) from None
     if cov.shape != (6 * len(names),) * 2 or not np.isfinite(cov).all():
         problem = f"cov of shape {cov.shape}, {(6 * len(names),) * 2} finite values are expected"
         raise InputError.at_line(path, None, problem)

@@ -47,7 +47,10 @@ def normalised(name: str) -> tuple[str, str | None]:
     A number in brackets is an index, part of the name.
     """
     name = re.sub(r"[(\[](\d+)[)\]]", r"_\1", name)
-    match = re.fullmatch(r"\s*[\"']?\s*([^(\[]*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*[\"']?\s*", name)
+    text = name.strip()
+    text = text[text[:1] in ("'", '"') :]
+    text = text[: len(text) - (text[-1:] in ("'", '"'))].strip()
+    match = re.fullmatch(r"([^(\[]*)(?:[(\[]([^)\]]*)[)\]])?", text)
     head, unit = match.groups() if match else (name, None)
     return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
 

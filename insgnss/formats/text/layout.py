@@ -27,6 +27,7 @@ COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
 LONGEST_HEADER = 1 << 14
 LONGEST_FIELD = 4096
+MOST_FIELDS = 1000
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -35,6 +36,7 @@ NUMBER = re.compile(
 )
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
+_LONG = re.compile(rf"[^\t;,\s]{{{LONGEST_FIELD + 1}}}")
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _DELIMITERS = ("\t", ";", ",", None)
 
@@ -131,10 +133,8 @@ def unquoted(field: str) -> str:
 
 def refuse_long(path: object, line: int, text: str) -> None:
     """Raise InputError where a line has a field that is longer than any number or name."""
-    if len(text) <= LONGEST_FIELD:
-        return
-    longest = max(map(len, re.split(r"[\t;,\s]", text)))
-    if longest > LONGEST_FIELD:
+    if len(text) > LONGEST_FIELD and _LONG.search(text):
+        longest = max(map(len, re.split(r"[\t;,\s]", text)))
         problem = f"a field of {longest} characters (limit {LONGEST_FIELD})"
         raise InputError.at_line(path, line, f"{problem}; {BINARY}")
 
@@ -230,6 +230,9 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     )
     n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
     line, offset, _ = data[0]
+    if n_fields > MOST_FIELDS:
+        problem = f"{n_fields} fields (limit {MOST_FIELDS})"
+        raise InputError.at_line(path, line, f"{problem}; is it a table?")
     if head is not None:
         return Layout(
             delimiter,

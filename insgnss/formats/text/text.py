@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
+LARGEST = 1e150  # of a number whose square is one, too; more than any quantity has
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -113,7 +114,7 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     text = field.strip()
     if decimal == ",":
         text = text.replace(",", ".")
-    if NUMBER.fullmatch(text) and "," not in text and math.isfinite(x := float(text)):
+    if NUMBER.fullmatch(text) and "," not in text and abs(x := float(text)) < LARGEST:
         return x
     raise InputError.at_line(
         path,
