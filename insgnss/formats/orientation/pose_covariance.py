@@ -3,6 +3,7 @@ data_specs/pose_covariance.md.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 

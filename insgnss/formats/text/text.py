@@ -3,7 +3,6 @@
 The rules are those of `layout`.
 """
 
-import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
