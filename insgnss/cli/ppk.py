@@ -178,7 +178,7 @@ def _refuse_absent(given: argparse.Namespace) -> None:
     named += [
         (option, file)
         for option, file in (("--antex", given.antex), ("--events", given.events))
-        if file is not None
+        if file is not None and not (option == "--events" and file.is_dir())
     ]
     for option, file in named:
         if not file.is_file():
@@ -235,6 +235,7 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
         rover_events=RoverEvents(**given_of(given, RoverEvents)),
         match=ImageMatch(**given_of(given, ImageMatch)),
         camera_delay_s=given.time_offset_s or 0.0,
+        time_scale=given.time_scale,
         base_point_chosen=given.base_position is None or given.base_point is not None,
     )
 

@@ -87,15 +87,28 @@ class CameraInput:
 
     events: "Path | CameraEvents | None" = option(
         ...,
-        "mid-exposure instants; without the table the product is the trajectory alone; with "
-        "gnss.rover by default those of the rover's RINEX",
-        kind="file",
+        "mid-exposure instants: a text, a table of names and dates, .MRK, _events.pos of RTKLIB, a "
+        "log, or as a last resort the directory of the images for their Exif times; without the "
+        "table the product is the trajectory alone; with gnss.rover by default those of the "
+        "rover's RINEX",
+        kind="existing",
+        form="file or directory",
         cli="--events",
         metavar="FILE",
-        cli_meaning="camera events (.MRK, text) instead of those of the rover's file",
+        cli_meaning="camera events (.MRK, text, dates, directory of images) instead of those of "
+        "the rover's file",
     )
     columns: "Columns" = option(
         None, "as imu.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
+    time_scale: str | None = option(
+        None,
+        'scale of events given as dates that do not say it: "utc", "gpst", which is 18 s ahead, or '
+        'of a camera in local time "utc+02:00"',
+        usual="what the file says, else it is asked for",
+        cli="--time-scale",
+        metavar="SCALE",
+        of_file=True,
     )
     time_offset_s: float = option(
         0.0,

@@ -3,12 +3,39 @@
 Its keys are declared in `insgnss.config.camera_options`.
 """
 
+from pathlib import Path
+from typing import Any
+
 from ..config.camera_options import ImageMatch
+from ..formats import read_events
 from ..records import CameraEvents
+from .exif_events import exif_events
 from .images import image_names, image_times
 from .match import name_events
 
-__all__ = ["ImageMatch", "named"]
+__all__ = ["ImageMatch", "events_of", "named"]
+
+
+def events_of(path: Path, ending: str | None = None, **spec: Any) -> CameraEvents:
+    """Read exposures of a file, or of the Exif of a directory of images.
+
+    Parameters
+    ----------
+    path : Path
+        The file or the directory.
+    ending : str, optional
+        Of the images to take of a directory.
+    **spec
+        What the file does not say, as `formats.read_events` takes it.
+
+    Returns
+    -------
+    CameraEvents
+        The exposures.
+    """
+    if path.is_dir():
+        return exif_events(path, ending, spec.get("time_scale"), spec.get("gps_week"))
+    return read_events(path, **spec)
 
 
 def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:

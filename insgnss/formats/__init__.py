@@ -64,6 +64,8 @@ GNSS_OPTIONS = {
 }
 EVENT_OPTIONS = {
     "mrk": ("gps_week",),
+    "events_pos": ("gps_week",),
+    "event_dates": ("columns", "gps_week", "time_scale"),
     "ardupilot": ("variable", "gps_week"),
     "ulog": ("variable", "gps_week"),
     "events": ("columns", "gps_week", "units"),
@@ -91,6 +93,8 @@ _READERS = {
     },
     "events": {
         "mrk": "events.mrk:read_events_mrk",
+        "events_pos": "events.events_pos:read_events_pos",
+        "event_dates": "events.dated:read_dated_events",
         "ardupilot": "logs.ardupilot:read_events_ardupilot",
         "ulog": "logs.ulog:read_events_ulog",
         "events": "events.events:read_events",
@@ -135,7 +139,15 @@ def sniff_events(path: str | Path) -> str:
         return form
     from .events.mrk import is_mrk
 
-    return "mrk" if is_mrk(head) else "events"
+    if is_mrk(head):
+        return "mrk"
+    from .gnss.rtklib_pos import is_rtklib_pos
+
+    if is_rtklib_pos(head):
+        return "events_pos"
+    from .events.dated import is_dated
+
+    return "event_dates" if is_dated(head) else "events"
 
 
 def sniff_barometer(path: str | Path) -> str:
@@ -238,9 +250,10 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
 
     Parameters
     ----------
-    path : text, .MRK of DJI or Autel, ArduPilot or PX4 log; its bytes tell which.
+    path : text, table of dates, .MRK of DJI or Autel, _events.pos of RTKLIB, ArduPilot or PX4 log;
+        its bytes tell which.
     **spec : what the file does not say, as far as its format takes it: `columns`, `units`,
-        `gps_week`, `variable`.
+        `gps_week`, `variable`, `time_scale`.
 
     Returns
     -------

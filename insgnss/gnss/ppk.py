@@ -29,8 +29,7 @@ from ..base.scratch import scratch_directory
 from ..base.staging import together
 from ..config.ppk_options import all_of
 from ..exposures.match import check_delay, delayed
-from ..exposures.naming import ImageMatch, named
-from ..formats import read_events
+from ..exposures.naming import ImageMatch, events_of, named
 from ..formats.gnss.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
@@ -121,6 +120,8 @@ class PpkInput:
     camera_delay_s : float
         From the event to the exposure's middle, s. Where this, `rover_events` or `match` differs
         from its default, events are required.
+    time_scale : str, optional
+        Scale of events that are dates, where their file does not say it.
     base_point_chosen : bool
         Whether somebody said what stands at the base's coordinates; a note where not.
     """
@@ -138,6 +139,7 @@ class PpkInput:
     rover_events: RoverEvents = field(default_factory=RoverEvents)
     match: ImageMatch = field(default_factory=ImageMatch)
     camera_delay_s: float = 0.0
+    time_scale: str | None = None
     base_point_chosen: bool = True
 
 
@@ -364,7 +366,13 @@ def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, 
         0.0,
     )
     if isinstance(given.events, Path):
-        return named(read_events(given.events, gps_week=rover.gps_week), given.match), ()
+        events = events_of(
+            given.events,
+            given.match.image_ending,
+            gps_week=rover.gps_week,
+            time_scale=given.time_scale,
+        )
+        return named(events, given.match), ()
     if given.events is None and plain:
         return unasked_events(rover)
     return named(camera_events(rover, given.rover_events), given.match), ()

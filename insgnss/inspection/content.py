@@ -15,6 +15,7 @@ from ..recognise.streams import classes_apart
 from ..records import Check, GnssFixes, ImuSamples
 from .alone import Alone
 from .draft import Draft
+from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .rinex.result import draft_raw_gnss
 from .sensing import Sensing
@@ -131,14 +132,19 @@ def draft_flight(
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
         draft.add("camera", "clock", *event_clock)
-    elif raw_gnss and rinex is not None and rinex.rover is not None and rinex.rover.events:
-        words = f"{rinex.rover.events} camera events are in the rover's file; name their images"
+    elif of_rover := _events_of_rover(rinex if raw_gnss else None):
+        words = f"{of_rover} camera events are in the rover's file; name their images"
         draft.add("camera", "images", "photos", words, False)
-    _mounting(draft, "events" in by_role)
+    _mounting(draft, "events" in by_role or bool(_events_of_rover(rinex if raw_gnss else None)))
     if gnss is not None or raw_gnss:
         _filter(draft, recognition)
     draft.add("output", "directory", "results")
     return draft, ""
+
+
+def _events_of_rover(rinex: "Survey | None") -> int:
+    """How many camera events the rover's RINEX has."""
+    return 0 if rinex is None or rinex.rover is None else rinex.rover.events
 
 
 def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
@@ -501,18 +507,20 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
 
 
 def _mounting(draft: Draft, camera: bool) -> None:
+    turn, unknown = [[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0.0, 0.0, 0.0]
     draft.add(
         "mounting",
         "antenna_m",
-        [0.0, 0.0, 0.0],
+        unknown,
         "lever arms are not in the files: measure them, in m from the camera in camera axes",
+        drawing=drawn_in_letters(turn, unknown, unknown),
     )
     if camera:
-        draft.add("mounting", "imu_m", [0.0, 0.0, 0.0])
+        draft.add("mounting", "imu_m", unknown)
         draft.add(
             "mounting",
             "camera_from_body",
-            [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+            turn,
             "as in the published data sets; check it for this drone",
             False,
         )

@@ -181,6 +181,8 @@ def _known_log(path: Path) -> list[Source] | None:
         return [_psins(path)]
     if imu == "aimu":
         return [Source("imu", path, "IMU log of $AIMU sentences")]
+    if events == "events_pos" and path.stem.lower().endswith("_events"):
+        return [Source("events", path, "exposures at the time marks of a rover, by RTKLIB")]
     if gnss in FIX_LOGS:
         return [_fix_log(path, gnss)]
     return (

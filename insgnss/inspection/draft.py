@@ -22,12 +22,16 @@ WRAPPED = 100  # a list longer than this takes a line an item
 
 @dataclass(frozen=True)
 class Entry:
-    """One key of a flight file with the evidence for its value; an unsure one becomes a comment."""
+    """One key of a flight file with the evidence for its value; an unsure one becomes a comment.
+
+    Lines of a drawing stand above the evidence, as comments.
+    """
 
     key: str
     value: Any
     why: str = ""
     sure: bool = True
+    drawing: tuple[str, ...] = ()
 
 
 @dataclass
@@ -44,9 +48,21 @@ class Draft:
     page: str | None = None
     remarks: tuple[str, ...] = ()
 
-    def add(self, table: str, key: str, value: Any, why: str = "", sure: bool = True) -> None:
+    def add(
+        self,
+        table: str,
+        key: str,
+        value: Any,
+        why: str = "",
+        sure: bool = True,
+        drawing: tuple[str, ...] = (),
+    ) -> None:
         """Append an entry to a table."""
-        self.tables.setdefault(table, []).append(Entry(key, value, why, sure))
+        self.tables.setdefault(table, []).append(Entry(key, value, why, sure, drawing))
+
+    def value(self, table: str, key: str) -> Any:
+        """Return the value of a key that was added, unsure ones as well; None for another."""
+        return next((e.value for e in self.tables.get(table, []) if e.key == key), None)
 
     def text(self, folder: Path) -> str:
         """Return the text of the flight file for a path in `folder`.
@@ -111,6 +127,7 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
 
 
 def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
+    yield from (f"# {line}".rstrip() for line in entry.drawing)
     yield from comment_lines(entry.why)
     value = entry.value
     if isinstance(value, Path):

@@ -43,14 +43,17 @@ def clock_of_events(
     from ..formats import sniff_events
 
     of_imu, of_gnss, of_events = sources
+    form = "" if of_events is None else sniff_events(of_events.path)
     if gnss is None or events is None or of_gnss is None or of_events is None:
         return "imu", "no fixes, or no exposures", False
     if of_events.path == of_imu.path:
         return "imu", "the log of the samples stamps them by its own clock", True
     if of_events.path == of_gnss.path:
         return "receiver", "the file of the fixes holds them", True
-    if sniff_events(of_events.path) == "mrk":
+    if form == "mrk":
         return "receiver", "a file of marks (.MRK), which the receiver of the drone writes", True
+    if form == "events_pos":
+        return "receiver", "time marks of the receiver, as RTKLIB writes them", True
     if events.gps_week is not None and gnss.gps_week is not None and imu.gps_week is None:
         why = "they carry GPS week or date as the fixes do; the samples count seconds of their own"
         return "receiver", why, True

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..report.figures.recognition import answers_in_words
 from ..report.verb_page import VerbPage, checks_table, preformatted, tabulated
+from .mounting_drawing import drawn_as_svg
 from .text import sensor_lines
 
 if TYPE_CHECKING:
@@ -49,12 +50,28 @@ def inspection_page(result: "InspectionData", charts: "Sequence[Chart]") -> Verb
         parts=(
             tabulated("Findings", findings, ("finding", "value", "confidence", "evidence")),
             preformatted("What the sensor shows", sensor_lines(s, result.gyro_counts)),
+            _mounting(result),
             checks_table(result.checks),
             tabulated("Files", sources, ("role", "file", "what it is", "columns left out")),
             tabulated("Left out", left_out, ("file", "why")),
         ),
         inputs=[x.path for x in result.sources],
     )
+
+
+def _mounting(result: "InspectionData") -> str:
+    """Return the drawing of the drafted mounting under a heading; nothing without a draft."""
+    draft = result.draft
+    antenna = None if draft is None else draft.value("mounting", "antenna_m")
+    if draft is None or antenna is None:
+        return ""
+    turn = draft.value("mounting", "camera_from_body") or [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]
+    imu = draft.value("mounting", "imu_m") or [0.0, 0.0, 0.0]
+    remark = (
+        "<p>Axes of the body and, as drafted, of the camera; lever arms go from the camera to the"
+        " antenna and to the IMU. What is drawn at the camera has not been measured.</p>"
+    )
+    return f"<h2>Mounting</h2>{remark}<div class='wide'>{drawn_as_svg(turn, antenna, imu)}</div>\n"
 
 
 def _mood(result: "InspectionData") -> tuple[str, str]:

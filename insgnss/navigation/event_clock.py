@@ -25,6 +25,8 @@ k. The fixes say p + v d, so that the smoother leaves dp and v do of one size an
 middle terms take off what the last one adds. A latency that fixes and events share moves no image.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..geodesy.earth import normal_gravity
@@ -91,6 +93,30 @@ def receiver_events(solution: Solution, gps_week: int) -> Trajectory:
     )
     time = solution.time[index] + d
     return local_trajectory(solution, index, time, nav, cov, cross, gps_week)
+
+
+def at_uncertain_times(exposed: Trajectory, sigma_s: Array) -> Trajectory:
+    """Return a trajectory whose instants are uncertain, each by itself.
+
+    Parameters
+    ----------
+    exposed : Trajectory
+        At the exposures.
+    sigma_s : Array
+        (n,) standard deviations of their times, s.
+
+    Returns
+    -------
+    Trajectory
+        With the covariance of what an error of the time makes of position and attitude, u of (X.2)
+        with velocity and turn rate; cross-covariances of neighbours stay.
+    """
+    u = np.zeros((sigma_s.size, N_NAV))
+    u[:, POS] = exposed.velocity_ned
+    if exposed.rate_b is not None:
+        u[:, PSI] = np.einsum("nij,nj->ni", exposed.C_nb, exposed.rate_b)
+    added = u[:, :, None] * u[:, None, :] * sigma_s[:, None, None] ** 2
+    return replace(exposed, cov=exposed.cov + added)
 
 
 def event_derivatives(solution: Solution, of_receiver: bool) -> Array:

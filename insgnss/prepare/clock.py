@@ -149,11 +149,7 @@ def cut_events(events: CameraEvents, start: float | None, end: float | None) -> 
 
 def take_events(events: CameraEvents, indices: np.ndarray) -> CameraEvents:
     """Return the events of the indices `indices`."""
-    return replace(
-        events,
-        images=tuple(np.array(events.images, dtype=object)[indices]),
-        time=events.time[indices],
-    )
+    return events[indices]
 
 
 def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:

@@ -99,8 +99,7 @@ def read_files(
     UsageError
         Where an option of the flight file is one that the format of its file does not have.
     """
-    from ..exposures.naming import named
-    from ..formats import read_events
+    from ..exposures.naming import events_of, named
 
     camera, raw = flight.camera, flight.gnss.raw
     imu = read_imu_file(flight.imu, flight.gps_week)
@@ -108,7 +107,13 @@ def read_files(
     if camera is not None and camera.events is not None:
         given = camera.events
         if isinstance(given, Path):
-            given = read_events(given, columns=camera.columns, gps_week=flight.gps_week)
+            given = events_of(
+                given,
+                camera.match.image_ending,
+                columns=camera.columns,
+                gps_week=flight.gps_week,
+                time_scale=camera.time_scale,
+            )
         events = named(given, camera.match)
     if raw is not None:
         from ..gnss.from_flight_file import solve_raw_gnss
@@ -143,7 +148,12 @@ def event_clock(flight: Flight) -> Literal["imu", "receiver"]:
         return camera.clock
     if camera.events is None:
         return "receiver"
-    if not isinstance(camera.events, Path) or sniff_events(camera.events) != "mrk":
+    if not isinstance(camera.events, Path) or camera.events.is_dir():
+        return "imu"
+    form = sniff_events(camera.events)
+    if form == "events_pos":
+        return "receiver"
+    if form != "mrk":
         return "imu"
     of_receiver = gnss.raw is not None or (
         isinstance(gnss.file, Path) and sniff_gnss(gnss.file) == "rtklib_pos"

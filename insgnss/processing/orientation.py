@@ -12,7 +12,7 @@ from ..geodesy.frames import TangentPlane
 from ..navigation.codes import N_NAV
 from ..navigation.common_errors import common_errors, nodes_of
 from ..navigation.dense import dense_trajectory
-from ..navigation.event_clock import event_derivatives, receiver_events
+from ..navigation.event_clock import at_uncertain_times, event_derivatives, receiver_events
 from ..navigation.solution import trajectory
 from ..orient.exterior import exterior_orientation, pose_derivatives
 from ..orient.strips import strip_rows
@@ -255,9 +255,15 @@ def _by_receiver(recording: Recording) -> bool:
 def _exposed(recording: Recording, segment: Segment) -> Trajectory:
     """Return the trajectory at the exposures of a segment, by the clock that stamped them."""
     solution, week = segment.solution, recording.gps_week
-    if _by_receiver(recording):
-        return receiver_events(solution, week)
-    return trajectory(solution, solution.event_epochs, week, events=True)
+    exposed = (
+        receiver_events(solution, week)
+        if _by_receiver(recording)
+        else trajectory(solution, solution.event_epochs, week, events=True)
+    )
+    events = recording.events
+    if events is None or events.sigma_s is None:
+        return exposed
+    return at_uncertain_times(exposed, events.sigma_s[segment.at_event])
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:

@@ -45,6 +45,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "events": read_events,
     "mrk": read_events,
     "camera_positions": read_camera_positions,
+    "event_dates": read_events,
+    "events_pos": read_events,
     "psins": read_imu,
     "ardupilot": read_imu,
     "barometer": read_barometer,

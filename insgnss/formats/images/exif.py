@@ -14,7 +14,7 @@ from typing import BinaryIO
 from .jpeg import exif_of
 from .tiff_tags import Tiff
 
-CAMERA_MAKE, CAMERA_MODEL, ORIGINAL, FRACTION = 0x010F, 0x0110, 0x9003, 0x9291
+CAMERA_MAKE, CAMERA_MODEL, ORIGINAL, FRACTION, OFFSET = 0x010F, 0x0110, 0x9003, 0x9291, 0x9011
 COLUMNS, ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)  # of the film that FocalLengthIn35mmFilm speaks of
 
@@ -87,6 +87,30 @@ def time_taken(stream: BinaryIO, who: str) -> datetime:
         for tag in (ORIGINAL, FRACTION)
     )
     return datetime.strptime(f"{second}.{fraction[:6] or 0}", "%Y:%m:%d %H:%M:%S.%f")
+
+
+def stamp_taken(stream: BinaryIO, who: str) -> str:
+    """Return the time of an image as it stands: `2021:03:18 12:19:04.62+02:00`.
+
+    The fraction and the offset from UTC are there where the camera wrote them.
+
+    Raises
+    ------
+    ValueError
+        The image has no time.
+    InputError
+        Its tags are broken.
+    """
+    tiff = _tags(stream, who)
+    if tiff is None:
+        raise ValueError(f"{who}: has no Exif")
+    second, fraction, offset = (
+        (tiff.bytes_of(tiff.exif, tag) or b"").decode("ascii").strip("\0 ")
+        for tag in (ORIGINAL, FRACTION, OFFSET)
+    )
+    if not second:
+        raise ValueError(f"{who}: has no DateTimeOriginal")
+    return f"{second}{'.' if fraction else ''}{fraction}{offset}"
 
 
 def camera_maker(stream: BinaryIO, who: str) -> str:

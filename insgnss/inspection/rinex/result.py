@@ -134,8 +134,8 @@ def draft_raw_gnss(draft: Draft, survey: Survey) -> None:
     draft.add("gnss", "navigation", list(survey.navigation))
     if base.header.approx_position_m is not None:
         lat, lon, height = ecef_to_geodetic(base.header.approx_position_m)
-        place = [round(float(np.degrees(x)), 9) for x in (lat, lon)]
-        draft.add("gnss", "base_position", [*place, round(float(height), 4)], POSITION_WHY, False)
+        plan = [round(float(np.degrees(x)), 9) for x in (lat, lon)]
+        draft.add("gnss", "base_position", [*plan, round(float(height), 4)], POSITION_WHY, False)
         draft.add("gnss", "base_point", "marker", "or apc, arp", False)
 
 

@@ -151,7 +151,7 @@ def survey(paths: Sequence[Path]) -> Survey:
         except InsgnssError as error:
             left_out.append((path, str(error)))
     receivers = tuple(_receiver(group) for group in _groups(read))
-    rover, base, why = flown(receivers)
+    rover, base, why = rover_and_base(receivers)
     satellites = {str(code) for one in broadcast for code in one.satellite}
     messages = Counter(sorted(code[0] for code in satellites))
     return Survey(receivers, rover, base, why, tuple(navigation), dict(messages), tuple(left_out))
@@ -186,12 +186,12 @@ def _groups(read: list[Observations]) -> list[list[Observations]]:
     by_receiver: dict[tuple[str, ...], list[Observations]] = {}
     for one in sorted(read, key=lambda o: (o.gps_week, float(o.time[0]))):
         header = one.header
-        place = header.approx_position_m
+        approximate = header.approx_position_m
         key = (
             header.marker or header.path,
             header.antenna,
             str(header.version),
-            "" if place is None else str(np.round(place / 1e3).tolist()),
+            "" if approximate is None else str(np.round(approximate / 1e3).tolist()),
         )
         by_receiver.setdefault(key, []).append(one)
     return list(by_receiver.values())
@@ -225,7 +225,7 @@ def _bands(observations: Observations, letter: str) -> tuple[str, ...]:
     return tuple(sorted(there))
 
 
-def flown(
+def rover_and_base(
     receivers: Sequence[Receiver],
 ) -> tuple[Receiver | None, Receiver | None, str]:
     """Return the receiver that flew, the base for it, and what tells them apart.
@@ -259,9 +259,9 @@ def flown(
         ),
     )
     for why, moves in rules:
-        found = [one for one in receivers if moves(one)]
-        if len(found) == 1:
-            rover = found[0]
+        moving = [one for one in receivers if moves(one)]
+        if len(moving) == 1:
+            rover = moving[0]
             others = [one for one in receivers if one is not rover]
             base = max(others, key=lambda other: _common(rover, other))
             if _common(rover, base) <= 0.0:
