@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import time
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 from .errors import InputError, UsageError
 from .staging import Staging, together
 
+SETTLED_NS = 2_000_000_000  # since a file changed, within which a stamp may hide a change
 Content = str | bytes | Iterable[str | bytes]
 
 
@@ -39,7 +41,8 @@ def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check t
 def sha256(file: str | os.PathLike[str]) -> str:
     """Return the SHA-256 hash of a file's bytes, hexadecimal."""
     state = os.stat(file)
-    return _digest(os.fspath(file), state.st_ino, state.st_size, state.st_mtime_ns)
+    digest = _digest if time.time_ns() - state.st_mtime_ns > SETTLED_NS else _digest.__wrapped__
+    return digest(os.fspath(file), state.st_ino, state.st_size, state.st_mtime_ns)
 
 
 @lru_cache(maxsize=64)

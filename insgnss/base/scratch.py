@@ -9,11 +9,13 @@ import json
 import os
 import shutil
 import tempfile
+import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from .errors import UsageError
 from .interrupts import deferred
 
 try:
@@ -24,6 +26,7 @@ except ImportError:  # Windows
 PREFIX, ENGINE = ".insgnss-", ".engine-"
 PREFIXES = (PREFIX, ENGINE)
 JOURNAL, LEAD = "journal.json", "lead"
+MOST_WAIT_S = 10.0
 Moves = list[tuple[str, str, str | None]]
 """Source, goal, where the goal's old file goes; all relative to the directory of the journal."""
 
@@ -102,6 +105,43 @@ def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
         if path.exists():
             return path, descriptor
         os.close(descriptor)
+
+
+@contextmanager
+def alone(directories: Iterable[Path]) -> Iterator[None]:
+    """Keep other runs from moving files into directories while the block runs.
+
+    Raises
+    ------
+    UsageError
+        Where another run does so for longer than moves take.
+    """
+    descriptors: list[int] = []
+    try:
+        for directory in sorted({os.path.realpath(d) for d in directories}) if fcntl else ():
+            descriptors.append(os.open(directory, os.O_RDONLY))
+            _wait_for(descriptors[-1], directory)
+        yield
+    finally:
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+
+def _wait_for(descriptor: int, directory: str) -> None:
+    deadline = time.monotonic() + MOST_WAIT_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() > deadline:
+                raise UsageError(
+                    f"{directory}: another run has been moving its files there for"
+                    f" {MOST_WAIT_S:.0f} s; wait for it, or give another directory"
+                ) from None
+            time.sleep(0.01)
+        except OSError:  # a file system without locks
+            return
 
 
 def sweep(*directories: Path) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from .errors import UsageError
 from .interrupts import deferred
-from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, sweep, undo, write_journal
+from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
 
 NEW, OLD = "new", "old"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
@@ -135,10 +135,10 @@ class Staging:
         UsageError
             Where something cannot be moved.
         """
-        made, moves = self.moves()
-        if not moves:
-            return
-        with deferred():
+        with alone(self.scratch), deferred():
+            made, moves = self.moves()
+            if not moves:
+                return
             if len(moves) == 1 and not made:
                 _renamed(*moves[0])
                 return

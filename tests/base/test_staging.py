@@ -286,3 +286,17 @@ def test_what_is_in_the_way_is_refused_and_stays(tmp_path: Path) -> None:
     ):
         staging.tree(tmp_path / "out" / "Ori")
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_two_runs_do_not_move_at_the_same_time(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a lock of the directory that another run holds, by the system's own call."""
+    fcntl = pytest.importorskip("fcntl")
+    monkeypatch.setattr("insgnss.base.scratch.MOST_WAIT_S", 0.02)
+    other = os.open(root, os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    with pytest.raises(UsageError, match="another run has been moving its files there"):
+        move(root)
+    assert content(root) == BEFORE
+    os.close(other)
+    move(root)
+    assert content(root) == AFTER
