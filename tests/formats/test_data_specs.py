@@ -274,7 +274,7 @@ def test_every_page_is_tested() -> None:
         "mounting_file",
         "pose_covariance",
         "noise_model",
-        "returned",  # in comparison/test_returned
+        "returned",  # in test_returned_poses
         "adjust_json",  # in test_adjust
         "targets",  # with the two below in target_measurement/test_targets
         "metashape_markers",
