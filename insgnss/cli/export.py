@@ -102,7 +102,7 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     eo = read_eo_json(given.eo)
     progress(f"writing {out}")
     done = export(eo, given.format, out, target, **options)
-    return ExportResult(given.format, (done.file,), done.notes)
+    return ExportResult(given.format, (done.file, *done.helpers), done.notes)
 
 
 def frame_kind(word: str | None) -> str | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import InputError, UsageError, near
+from ..base.files import atomic_writes
 from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
@@ -55,11 +56,15 @@ class Target:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written, and what its reader must know: one sentence each."""
+    """What was written, and what its reader must know: one sentence each.
+
+    `helpers` are files by which the program reads it.
+    """
 
     file: Path
     frame: str
     notes: tuple[str, ...]
+    helpers: tuple[Path, ...] = ()
 
 
 def known_format(name: str) -> Export:
@@ -70,12 +75,20 @@ def known_format(name: str) -> Export:
 
 
 def export(
-    eo: ExteriorOrientation, name: str, path: Path, target: Target | None = None, **options: Any
+    eo: ExteriorOrientation,
+    name: str,
+    path: Path,
+    target: Target | None = None,
+    *,
+    helpers: bool = True,
+    **options: Any,
 ) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
 
     Parameters
     ----------
+    helpers : whether scripts and descriptions by which the program reads the file are written
+        beside it, where the format has some.
     options : of the format. Raises UsageError for an unknown format, an option that it does not
         take, a frame that it cannot carry and heights that it needs and does not get; InputError
         where a CRS does not reach the flight.
@@ -121,37 +134,55 @@ def export(
         form.write(_relative(name, framed, eo, options), path)
     else:
         form.write(framed, path, **options)
-    notes = _notes(form, projection, framed)
-    if (
-        projection is not None
-        and projection.units != (METRE, METRE)
-        and "length_unit" not in options
-    ):
-        plan, height = (unit.plural for unit in projection.units)
-        units = plan if plan == height else f"{plan}, heights in {height}"
-        notes = (
-            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
-            " unit",
-            *notes,
-        )
-    if projection is None and eo.datum is not None:
-        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
-        notes = (f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}", *notes)
-    if projection is None and form.frames[0] == PROJECTED and target.frame is None:
-        notes = (
-            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)",
-            *notes,
-        )
-    if projection is not None and (outside := projection.outside(*framed.geodetic[:, :2].T)):
+    beside = form.helpers(framed, path) if helpers else {}
+    if beside:
+        atomic_writes(beside)
+    notes = [
+        *_on_frame(form, projection, framed, eo, target),
+        *([] if "length_unit" in options else _on_units(projection)),
+        *_notes(form, projection, framed),
+    ]
+    return Exported(path, framed.frame.name, tuple(notes), tuple(beside))
+
+
+def _on_frame(
+    form: Export,
+    projection: MapProjection | None,
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    target: Target,
+) -> list[str]:
+    """What to know of a frame that nobody named, and of a CRS that is made for another place."""
+    if projection is not None:
+        outside = projection.outside(*framed.geodetic[:, :2].T)
+        if not outside:
+            return []
         area = projection.horizontal.area_of_use.name
-        notes = (
-            (
-                f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
-                " outside: is it the right CRS?"
-            ),
-            *notes,
+        return [
+            f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
+            " outside: is it the right CRS?"
+        ]
+    notes = []
+    if form.frames[0] == PROJECTED and target.frame is None:
+        notes.append(
+            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)"
         )
-    return Exported(path, framed.frame.name, notes)
+    if eo.datum is not None:
+        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+        notes.append(f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}")
+    return notes
+
+
+def _on_units(projection: MapProjection | None) -> list[str]:
+    """What to know of a CRS that counts in feet."""
+    if projection is None or projection.units == (METRE, METRE):
+        return []
+    plan, height = (unit.plural for unit in projection.units)
+    units = plan if plan == height else f"{plan}, heights in {height}"
+    return [
+        f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+        " unit"
+    ]
 
 
 def _relative(

@@ -265,7 +265,7 @@ def _export(
         target = Target(output.crs, geoid, None, output.ground_m)
     options = {"noise": noise} if "noise" in form.options else {}
     try:
-        done = export(eo, name, directory / form.product, target, **options)
+        done = export(eo, name, directory / form.product, target, helpers=False, **options)
     except UsageError as error:  # the flight file asked for it
         raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}
