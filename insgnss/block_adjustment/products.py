@@ -100,7 +100,7 @@ def _write_orientation(
     eo = adjusted_orientation(solved, judgement)
     if eo is not None:
         for name in dict.fromkeys([*file.output.formats, "eo_json"]):
-            export(eo, name, into / EXPORTS[name].product)
+            export(eo, name, into / EXPORTS[name].product, helpers=False)
     write_poses(solved, into / POSES)
     if file.output.pose_covariance:
         images = solved.result.problem.block.images

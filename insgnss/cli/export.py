@@ -126,7 +126,8 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     eo = read_eo_json(given.eo)
     progress(f"writing {out}")
     done = export(eo, given.format, out, target, given.rename, **options)
-    return ExportResult(given.format, done.files or (done.file,), done.notes)
+    files = (*(done.files or (done.file,)), *done.helpers)
+    return ExportResult(given.format, files, done.notes)
 
 
 def _refuse_others(out: Path, eo: Path) -> None:

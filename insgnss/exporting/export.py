@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import InputError, UsageError, near
+from ..base.files import atomic_writes
 from ..base.staging import together
 from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
@@ -62,12 +63,16 @@ class Target:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written, and what its reader must know: one sentence each."""
+    """What was written, and what its reader must know: one sentence each.
+
+    `helpers` are files by which the program reads it.
+    """
 
     file: Path
     frame: str
     notes: tuple[str, ...]
     files: tuple[Path, ...] = ()
+    helpers: tuple[Path, ...] = ()
 
 
 def known_format(name: str) -> Export:
@@ -83,6 +88,8 @@ def export(
     path: Path,
     target: Target | None = None,
     rename: Sequence[str | Path] = (),
+    *,
+    helpers: bool = True,
     **options: Any,
 ) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
@@ -91,6 +98,8 @@ def export(
     ----------
     rename : rules of `renamed`, by which images are called otherwise in the export; the table of
         both names goes beside it.
+    helpers : whether scripts and descriptions by which the program reads the file are written
+        beside it, where the format has some.
     options : of the format. Raises UsageError for an unknown format, an option that it does not
         take, a frame that it cannot carry and heights that it needs and does not get; InputError
         where a CRS does not reach the flight.
@@ -99,7 +108,7 @@ def export(
     with together():
         eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
         with _remedy():
-            done = _export(eo, name, path, target or Target(), options)
+            done = _export(eo, name, path, target or Target(), options, helpers)
         if not names:
             return done
         table = names_file(path)
@@ -138,7 +147,12 @@ def refuse_names(images: Sequence[str], names: Sequence[str], rename: Sequence[s
 
 
 def _export(
-    eo: ExteriorOrientation, name: str, path: Path, target: Target, options: dict[str, Any]
+    eo: ExteriorOrientation,
+    name: str,
+    path: Path,
+    target: Target,
+    options: dict[str, Any],
+    helpers: bool,
 ) -> Exported:
     form = EXPORTS[name]
     if not eo.images:
@@ -181,37 +195,55 @@ def _export(
         form.write(_relative(name, framed, eo, options), path)
     else:
         form.write(framed, path, **options)
-    notes = _notes(form, projection, framed)
-    if (
-        projection is not None
-        and projection.units != (METRE, METRE)
-        and "length_unit" not in options
-    ):
-        plan, height = (unit.plural for unit in projection.units)
-        units = plan if plan == height else f"{plan}, heights in {height}"
-        notes = (
-            f"{projection.name} counts in {units}; standard deviations of positions are in the same"
-            " unit",
-            *notes,
-        )
-    if projection is None and eo.datum is not None:
-        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
-        notes = (f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}", *notes)
-    if projection is None and form.frames[0] == PROJECTED and target.frame is None:
-        notes = (
-            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)",
-            *notes,
-        )
-    if projection is not None and (outside := projection.outside(*framed.geodetic[:, :2].T)):
+    beside = form.helpers(framed, path) if helpers else {}
+    if beside:
+        atomic_writes(beside)
+    notes = [
+        *_on_frame(form, projection, framed, eo, target),
+        *([] if "length_unit" in options else _on_units(projection)),
+        *_notes(form, projection, framed),
+    ]
+    return Exported(path, framed.frame.name, tuple(notes), tuple(beside))
+
+
+def _on_frame(
+    form: Export,
+    projection: MapProjection | None,
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    target: Target,
+) -> list[str]:
+    """What to know of a frame that nobody named, and of a CRS that is made for another place."""
+    if projection is not None:
+        outside = projection.outside(*framed.geodetic[:, :2].T)
+        if not outside:
+            return []
         area = projection.horizontal.area_of_use.name
-        notes = (
-            (
-                f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
-                " outside: is it the right CRS?"
-            ),
-            *notes,
+        return [
+            f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
+            " outside: is it the right CRS?"
+        ]
+    notes = []
+    if form.frames[0] == PROJECTED and target.frame is None:
+        notes.append(
+            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)"
         )
-    return Exported(path, framed.frame.name, notes)
+    if eo.datum is not None:
+        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+        notes.append(f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}")
+    return notes
+
+
+def _on_units(projection: MapProjection | None) -> list[str]:
+    """What to know of a CRS that counts in feet."""
+    if projection is None or projection.units == (METRE, METRE):
+        return []
+    plan, height = (unit.plural for unit in projection.units)
+    units = plan if plan == height else f"{plan}, heights in {height}"
+    return [
+        f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+        " unit"
+    ]
 
 
 def _relative(

@@ -7,6 +7,7 @@ besides are its options. `eo_json` is the master and takes the `ExteriorOrientat
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Literal
 
 from ..records import FramedOrientation
@@ -51,6 +52,9 @@ class Export:
     without_geoid : str
         What a user without a grid of geoid heights can give in its place, by the option `altitude`;
         empty where nothing.
+    helper : str
+        Module and function that give what the program needs besides to read the file, texts by
+        path; empty where it needs nothing.
     any_unit : bool
         Whether a projected CRS may count in feet: positions and their standard deviations stand in
         its unit then.
@@ -78,6 +82,7 @@ class Export:
     frame: str = ""
     without_geoid: str = ""
     separator: str = ""
+    helper: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -89,6 +94,10 @@ class Export:
         """The page of `data_specs` that states the format."""
         module = self.writer.partition(":")[0].rpartition(".")[2].removesuffix("_accuracy")
         return "generic_ascii" if module == "table_presets" else module
+
+    def helpers(self, eo: FramedOrientation, path: Path) -> dict[Path, str]:
+        """Return what the program needs besides to read `path`, texts by path."""
+        return dict(function_at(self.helper)(eo, path)) if self.helper else {}
 
     def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
         """Return `eo` in the frame that the file is really in."""
@@ -124,6 +133,7 @@ EXPORTS: dict[str, Export] = {
         reader="bundle.metashape:read_metashape",
         any_unit=True,
         separator=",",
+        helper="bundle.import_helpers:metashape_script",
     ),
     "metashape_opk": Export(
         "metashape_opk.csv",
@@ -132,6 +142,7 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, GEOGRAPHIC, TANGENT),
         any_unit=True,
         separator=",",
+        helper="bundle.import_helpers:metashape_opk_script",
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
@@ -140,6 +151,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT),
         any_unit=True,
         separator=",",
+        helper="bundle.import_helpers:metashape_offset_script",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -178,6 +190,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.micmac:write_micmac",
         (TANGENT, GEOCENTRIC),
         separator=" ",
+        helper="bundle.import_helpers:tangent_system",
     ),
     "micmac_xml": Export(
         "Ori-Nav",
@@ -186,6 +199,7 @@ EXPORTS: dict[str, Export] = {
         (TANGENT, GEOCENTRIC),
         options=("calibration",),
         several=True,
+        helper="bundle.import_helpers:tangent_system",
     ),
     "realitycapture": Export(
         "realitycapture.csv",
@@ -193,6 +207,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.realitycapture:write_realitycapture",
         (GEOGRAPHIC, TANGENT),
         separator=",",
+        helper="bundle.import_helpers:flight_log_format",
     ),
     "bentley": Export(
         "blocks.xml",
@@ -369,9 +384,10 @@ EXPERIMENTAL: dict[str, Export] = {
         "RealityCapture/RealityScan flight log with accuracies",
         "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
         (GEOGRAPHIC, TANGENT, PROJECTED),
-        experimental="names of accuracies; north of yaw in a projected CRS",
+        experimental="north of yaw in a projected CRS",
         any_unit=True,
         separator=",",
+        helper="bundle.import_helpers:flight_log_format",
     ),
     "patb": Export(
         "patb_experimental.ori",
@@ -398,8 +414,19 @@ EXPERIMENTAL: dict[str, Export] = {
             ("orima", "ORIMA"),
             ("xpro", "XPro"),
             ("simactive", "SimActive"),
+            ("uasmaster", "UASMaster"),
+            ("contextcapture", "ContextCapture, Import photo positions"),
         )
     },
+    "esri_frames": Export(
+        "esri_frames_experimental.csv",
+        "frames table of ArcGIS",
+        "experimental.esri_frames:write_esri_frames",
+        (PROJECTED,),
+        options=("camera",),
+        experimental="which way the angles turn depends on the cameras table",
+        any_unit=True,
+    ),
     "dji_terra": Export(
         "dji_terra_experimental.csv",
         "table for DJI Terra",

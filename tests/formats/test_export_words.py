@@ -35,6 +35,7 @@ ELSEWHERE = {
     "rtklib_pos": "positions in WGS84",
     "odm": "the program takes the first line for the CRS",
     "patb": "no comments",
+    "esri_frames": "no comments",
 }
 
 

@@ -1,8 +1,8 @@
 """Flight log of RealityCapture with accuracies, data_specs/realitycapture.md.
 
-What the columns of accuracies are called in an import format, and from which north yaw counts in a
-projected CRS, could not be checked. The standard deviations are those of the axes, correlations
-have no place.
+From which north yaw counts in a projected CRS could not be checked. The standard deviations are
+those of the axes, correlations have no place. The columns are named to the program by the
+description beside the file (`bundle.import_helpers`).
 """
 
 from ...records import FramedOrientation
@@ -11,10 +11,7 @@ from ..bundle.realitycapture import write_log
 from ..orientation.exported import check_frame
 from ..text.text import Source
 
-UNVERIFIED = (
-    "experimental: the accuracies' names in an import format, and the north of yaw in a projected"
-    " CRS, are unverified"
-)
+UNVERIFIED = "experimental: the north of yaw in a projected CRS is unverified"
 
 
 def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:

@@ -21,6 +21,14 @@ PRESETS: dict[str, dict[str, Any]] = {
     "orima": {"columns": "image xyz opk s_xyz s_opk", "unit": "gon"},
     "xpro": {"columns": "image xyz opk s_xyz s_opk"},
     "simactive": {"columns": "image xyz opk"},
+    # fields that Trimble Business Center writes for it (help.fieldsystems.trimble.com, Export
+    # Flight Mission Files), all but `activate`
+    "uasmaster": {
+        "columns": "image number xyz roll_ned pitch_ned yaw_ned tow",
+        "delimiter": "comma",
+    },
+    # the order of the sample in ContextCapture's user guide, Import photo positions
+    "contextcapture": {"columns": "image xyz opk"},
     "dji_terra": {"columns": "image lat lon h ypr s_plan", "delimiter": "comma"},
 }
 
@@ -44,6 +52,13 @@ def write_preset(name: str, eo: FramedOrientation, path: Source) -> None:
     )
 
 
-write_bingo, write_bluh, write_orima, write_xpro, write_simactive, write_dji_terra = (
-    partial(write_preset, name) for name in PRESETS
-)
+(
+    write_bingo,
+    write_bluh,
+    write_orima,
+    write_xpro,
+    write_simactive,
+    write_uasmaster,
+    write_contextcapture,
+    write_dji_terra,
+) = (partial(write_preset, name) for name in PRESETS)

@@ -95,6 +95,14 @@ def read_dji_terra(path: Path) -> Table:
     return _preset(path, "name y x z yaw pitch roll", "deg", ",")
 
 
+def read_esri(path: Path) -> Table:
+    """Esri, Frames table schema: a header, then comma separated rows; camera names as numbers."""
+    table = [row[:2] + row[3:] for row in rows(path, ",")[1:]]
+    names, values = named(table, "number name x y z omega phi kappa")
+    said = {"camera axes": "RUB (", "attitude": "camera to frame", "north": "true", "kind": "opk"}
+    return Table(names, values, said)
+
+
 def poses(table: Table, frame: Frame, body: np.ndarray | None = None) -> Poses:
     """body : (3, 3), camera (right, down, view) into the body, for angles of the body."""
     if "lat" in table.columns:
