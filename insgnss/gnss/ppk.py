@@ -96,7 +96,7 @@ class PpkInput:
     rover, base : Path or tuple of Path
         RINEX 2 or 3 observations, plain or packed; several files of a receiver are joined.
     navigation : tuple of Path
-        RINEX 2 or 3 navigation files, plain or packed.
+        RINEX 2, 3 or 4 navigation files, plain or packed.
     options : EngineOptions
         Options of the engine, with the base's position.
     covariance : CovarianceModel
