@@ -45,20 +45,22 @@ def drawn_in_letters(
         From the camera's projection centre, camera axes, m.
     """
     axes = {direction: name for name, direction in camera_axes(camera_from_body).items()}
-    at = {name: f"[{axes[name]}]" if name in axes else "" for name in DIRECTIONS}
-    vertical = next((name for name in ("down", "up") if at[name]), "")
+    beside = {name: f"[{axes[name]}]" if name in axes else "" for name in DIRECTIONS}
+    vertical = next((name for name in ("down", "up") if beside[name]), "")
     lines = [
         "Seen from above; C is the camera's projection centre, [] are axes of the camera:",
         "",
-        f"                    forward    {at['forward']}",
+        f"                    forward    {beside['forward']}",
         "                       ^",
         "                       |",
-        f"{at['left']:>16}  <----C---->  {at['right']}",
+        f"{beside['left']:>16}  <----C---->  {beside['right']}",
         "             left      |      right",
         "                       v",
-        f"                    backward   {at['backward']}",
+        f"                    backward   {beside['backward']}",
         "",
-        f"{at[vertical]} points {vertical}." if vertical else "No axis of the camera is vertical.",
+        f"{beside[vertical]} points {vertical}."
+        if vertical
+        else "No axis of the camera is vertical.",
     ]
     for name, vector in (("antenna_m", antenna_m), ("imu_m", imu_m)):
         lines.append(f"{name}: {in_words(camera_from_body, vector)}")

@@ -304,6 +304,7 @@ def test_what_is_wrong_is_said_with_file_and_line(written):
         "RINEX 5.00": good.replace("     3.04", "     5.00"),
         "no record of RINEX 4": good.replace("     3.04", "     4.00"),
         "header has no end": lines[0],
+        "is SP3 (precise orbits), which is not used": "#dP2024  3  6  0  0  0.0      96 ORBIT",
         f":{len(lines) - 7}: message of E08 has 5 lines of 8": "".join(lines[:-3]),
         ":5: '    5.15": good,
         "no message of a healthy satellite": "".join(lines[:2]),

@@ -16,6 +16,7 @@ the same elements they differ in the clock by the delay between the bands; I/NAV
 
 import gzip
 import math
+import re
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -74,6 +75,7 @@ CONSTANTS = {
 LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
 LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
 BEIDOU_LAG_S = 14.0
+SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 GZIP = b"\x1f\x8b"
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
@@ -249,6 +251,13 @@ def _text(path: Source) -> str:
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     """Version, system of a RINEX 2 file, and the place of the first line after the header."""
     first = lines[0] if lines else ""
+    if SP3.match(first):
+        raise InputError.at_line(
+            path,
+            1,
+            "is SP3 (precise orbits), which is not used: broadcast orbits of 1 m move a position"
+            " 10 km from its base by 0.5 mm; give the broadcast ephemerides alone",
+        )
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
         raise InputError.at_line(
             path,
