@@ -232,7 +232,7 @@ class RawGnss(EngineSettings):
     )
     navigation: tuple[Path, ...] = option(
         ...,
-        "broadcast ephemerides of all systems",
+        "broadcast ephemerides of all systems, RINEX 2, 3 or 4",
         cli="--navigation",
         metavar="FILE",
     )

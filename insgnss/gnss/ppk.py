@@ -36,7 +36,8 @@ from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
-from .engine.preflight import check_base_point
+from .engine.convert import converted, log_format
+from .engine.preflight import check_base_point, check_rover_antenna
 from .engine.rtklib import EngineRun, Progress, solve
 from .exposures.event_times import check_beside, check_camera_delay
 from .exposures.receiver_clock import to_gpst
@@ -98,7 +99,7 @@ class PpkInput:
     rover, base : Path or tuple of Path
         RINEX 2 or 3 observations, plain or packed; several files of a receiver are joined.
     navigation : tuple of Path
-        RINEX 2 or 3 navigation files, plain or packed.
+        RINEX 2, 3 or 4 navigation files, plain or packed.
     options : EngineOptions
         Options of the engine, with the base's position.
     covariance : CovarianceModel
@@ -206,8 +207,11 @@ def solve_ppk(
     InputError, UsageError, DataError
         Of the steps, each in one line.
     """
-    if isinstance(given.rover, tuple) or isinstance(given.base, tuple):
+    observed = (*all_of(given.rover), *all_of(given.base))
+    if len(observed) > 2 or any(map(log_format, observed)):
         return _solve_joined(given, directory, progress)
+    assert isinstance(given.rover, Path)
+    assert isinstance(given.base, Path)
     if directory is None:
         with scratch_directory(Path(gettempdir())) as scratch:
             return replace(_solved_in(given, scratch, progress or _quiet), files={})
@@ -235,7 +239,8 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
     solved = _Solved.of(run, np.array(position), given.covariance)
     navigation = read_navigation(given.navigation)
     base_point_check = check_base_point(given.options, base.header, given.base_point_chosen)
-    fixes, checks = solved.fixes, [*rover.notes, base_point_check, *run.checks, *solved.fixes.notes]
+    fixes, checks = solved.fixes, [*rover.notes, base_point_check]
+    checks += [*check_rover_antenna(given.options, rover.header), *run.checks, *fixes.notes]
     if events is not None:
         checks += _checks_of(events, given, rover, fixes)
         events = _at_exposures(events, given, rover, fixes)
@@ -281,15 +286,19 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
 
 
 def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | None) -> PpkResult:
-    """Solve receivers of which several files are given, joined to one each."""
+    """Solve receivers of which several files are given, joined to one each, or their own logs."""
+    logs: list[Check] = []
     with scratch_directory(Path(gettempdir())) as scratch:
-        rover, base = (
-            joined(all_of(files), scratch / name)
-            for files, name in ((given.rover, "rover"), (given.base, "base"))
-        )
+        one_each = []
+        for files, name in ((given.rover, "rover"), (given.base, "base")):
+            folder = scratch / name
+            rinex = [converted(file, folder, given.navigation) for file in all_of(files)]
+            logs += [check for one in rinex for check in one.checks]
+            one_each.append(joined([one.path for one in rinex], folder / "joined"))
+        rover, base = one_each
         result = solve_ppk(replace(given, rover=rover.path, base=base.path), directory, progress)
     source = str(all_of(given.rover)[0])
-    checks = tuple(check for one in (rover, base) for check in one.checks)
+    checks = (*logs, *rover.checks, *base.checks)
     events = result.events
     if events is not None and events.source == str(rover.path):
         events = replace(events, source=source)

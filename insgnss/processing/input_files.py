@@ -46,7 +46,7 @@ def input_files(flight: Flight) -> list[Path]:
     if flight.barometer is not None and isinstance(flight.barometer.file, Path):
         files.append(flight.barometer.file)
     if flight.camera is not None:
-        if isinstance(flight.camera.events, Path):
+        if isinstance(flight.camera.events, Path) and not flight.camera.events.is_dir():
             files.append(flight.camera.events)
         files += flight.camera.match.files
     files += [source.file for source in flight.mounting_files]

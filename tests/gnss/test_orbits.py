@@ -23,7 +23,7 @@ from broadcast import (
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import geodetic_to_ecef, rotation_en
-from insgnss.gnss.rinex.navigation_message import AF0, TOC, TOE, read_navigation
+from insgnss.gnss.rinex.navigation_message import AF0, TOC, TOE, navigation_bytes, read_navigation
 from insgnss.gnss.satellites.orbits import (
     EARTH_RATE,
     LIGHT,
@@ -293,6 +293,33 @@ def test_words_that_a_message_lacks_are_said_with_their_line(written):
         read_navigation(path)
 
 
+MESSAGES = {"G": "LNAV", "J": "LNAV", "E": "INAV", "C": "D1", "R": "FDMA", "S": "SBAS", "I": "LNAV"}
+OTHERS = (
+    "> STO G01 LNAV\n    2024 03 06 13 00 00 GPUT\n     1.0D+00 2.0D+00 3.0D+00 4.0D+00\n"
+    "> EPH G01 CNAV\nG01 2024 03 06 13 00 00 1.000000000000D-04 0.0 0.0\n     1.0D+00\n"
+)
+
+
+def test_rinex_4_is_rinex_3_behind_its_record_lines(written):
+    """Oracle: the same messages of a RINEX 3 file; others are counted; the engine gets it."""
+    good = constellation()
+    head, lines = good.splitlines(keepends=True)[:2], good.splitlines(keepends=True)[2:]
+    text = "".join(head).replace("     3.04", "     4.00") + OTHERS
+    for line in lines:
+        if line[:3].strip():
+            text += f"> EPH {line[:3]} {MESSAGES[line[0]]}\n"
+        text += line
+    four, three = read_navigation(written(text)), read_navigation(written(good))
+    assert four.satellite.tolist() == three.satellite.tolist()
+    np.testing.assert_array_equal(four.table, three.table)
+    assert dict(four.left_out)["EPH CNAV"] == 1
+    assert dict(four.left_out)["STO LNAV"] == 1
+    assert navigation_bytes(written(text)).decode() == good
+    bad = written(text.replace("> EPH G01 LNAV", "> EPH G01", 1))
+    with pytest.raises(InputError, match="is no record of RINEX 4"):
+        read_navigation(bad)
+
+
 def test_what_is_wrong_is_said_with_file_and_line(written):
     """Oracle: the place where the text was spoilt."""
     good = constellation()
@@ -301,8 +328,10 @@ def test_what_is_wrong_is_said_with_file_and_line(written):
         "no RINEX navigation file": (
             good.replace("N: GNSS NAV DATA", "OBSERVATION DATA").replace("M: MIXED", "M       ")
         ),
-        "RINEX 4.00": good.replace("     3.04", "     4.00"),
+        "RINEX 5.00": good.replace("     3.04", "     5.00"),
+        "no record of RINEX 4": good.replace("     3.04", "     4.00"),
         "header has no end": lines[0],
+        "is SP3 (precise orbits), which is not used": "#dP2024  3  6  0  0  0.0      96 ORBIT",
         f":{len(lines) - 7}: message of E08 has 5 lines of 8": "".join(lines[:-3]),
         ":5: '    5.15": good,
         "no message of a healthy satellite": "".join(lines[:2]),

@@ -18,6 +18,7 @@ from insgnss.gnss.engine.preflight import (
     check_base_point,
     check_navigation,
     check_observations,
+    check_rover_antenna,
 )
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.rinex.navigation_message import TOE, read_navigation
@@ -401,3 +402,14 @@ def test_what_stands_at_the_base_coordinates_is_told(fake, given, chosen, verdic
         [float(x) for x in place.split(",")], BASE_LLH, rtol=0.0, atol=[1e-7, 1e-7, 0.01]
     )
     assert re.search(what, words)
+
+
+def test_an_antex_file_is_of_the_base_alone(tmp_path):
+    """Oracle: what the positions are of; without such a file nothing is said."""
+    path = tmp_path / "rover.18o"
+    path.write_text(observations(types=("C1", "L1")))
+    header = read_observations(path).header
+    assert check_rover_antenna(EngineOptions(), header) == ()
+    (check,) = check_rover_antenna(EngineOptions(antex=tmp_path / "igs20.atx"), header)
+    assert "igs20.atx is used for the base alone" in check.found
+    assert check.verdict == "ok"

@@ -286,8 +286,8 @@ def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Check, ...]]:
         time = time + 0.5
         finding += ", taken in the middle of their seconds, which cameras cut off"
     advice = (
-        "10 m/s make metres of it; use the camera's event marks at the receiver (hot-shoe), or"
-        " stamps of more digits"
+        f"at 10 m/s these are {10.0 * sigma:.2g} m along the path; use the camera's event marks at"
+        " the receiver (hot-shoe), or stamps of more digits"
     )
     check = note("exposure times", finding, f"stamps finer than {MATTERS_S:g} s", advice)
     return time, sigma, (check,)

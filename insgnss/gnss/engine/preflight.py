@@ -20,6 +20,7 @@ Europe (40 to 55 m).
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -499,6 +500,29 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
         expected,
         "note",
         f"{advice} 0.05 to 0.2 m below the phase centre",
+    )
+
+
+def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Check, ...]:
+    """Return what is said of the rover's antenna where an ANTEX file is given: that it is not used.
+
+    Parameters
+    ----------
+    options : EngineOptions
+        With the ANTEX file, or without.
+    rover : RinexHeader
+        Header of the rover.
+    """
+    if options.antex is None:
+        return ()
+    antenna = " ".join(rover.antenna.split())
+    return (
+        Check(
+            "rover antenna",
+            f"{antenna or 'not named'}: {Path(options.antex).name} is used for the base alone;"
+            " positions are of the rover's phase centre",
+            "a lever arm that ends at the phase centre, not at the reference point below it",
+        ),
     )
 
 

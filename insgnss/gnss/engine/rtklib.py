@@ -46,8 +46,7 @@ from ..options import (
     option_file,
     single_point_file,
 )
-from ..rinex.header import load_rinex
-from ..rinex.navigation_message import read_navigation
+from ..rinex.navigation_message import navigation_bytes, read_navigation
 from ..rinex.observations import Observations, read_observations, without_events
 from .combined import combined
 from .preflight import (
@@ -132,7 +131,7 @@ def solve(
     rover, base : path-like
         RINEX 2 or 3 observations, plain or packed.
     navigation : path-like or iterable of these
-        RINEX 2 or 3 navigation files, plain or packed.
+        RINEX 2, 3 or 4 navigation files, plain or packed.
     options : EngineOptions
         Options of the engine.
     directory : path-like
@@ -356,8 +355,7 @@ class _Runs:
         for observations, name in zip((rover, base), observed, strict=True):
             (self.scratch / name).write_bytes(without_events(observations))
         for source, name in zip(navigation, broadcast, strict=True):
-            buf, _, _ = load_rinex(source)
-            (self.scratch / name).write_bytes(bytes(buf))
+            (self.scratch / name).write_bytes(navigation_bytes(source))
         names = [*observed, *broadcast]
         if self.options.antex is not None:
             shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)

@@ -1,19 +1,21 @@
 """Broadcast ephemerides of RINEX navigation files into one table of messages: GPS, QZSS, Galileo,
 BeiDou, GLONASS.
 
-Read are RINEX 2 (GPS `.n`, GLONASS `.g`) and RINEX 3 (one system or mixed), plain or packed (gzip;
-others through hatanaka). Messages of SBAS and NavIC are left out and counted, as are those of
-satellites that call themselves unhealthy (GPS, QZSS, BeiDou and GLONASS by their health word,
-Galileo by the bits of the signal whose message it is). Times become GPST seconds of one GPS week:
-those of GPS, QZSS and Galileo as they stand, BeiDou time + 14 s, GLONASS from UTC by the leap
-seconds. The week of a time of ephemeris is the one that brings it nearest to the time of clock; the
-week number of the message, of which writers make different things, is not used.
+Read are RINEX 2 (GPS `.n`, GLONASS `.g`), RINEX 3 (one system or mixed) and of RINEX 4 the messages
+that RINEX 3 has (`navigation_4`), plain or packed (gzip; others through hatanaka). Messages of SBAS
+and NavIC are left out and counted, as are those of satellites that call themselves unhealthy (GPS,
+QZSS, BeiDou and GLONASS by their health word, Galileo by the bits of the signal whose message it
+is). Times become GPST seconds of one GPS week: those of GPS, QZSS and Galileo as they stand, BeiDou
+time + 14 s, GLONASS from UTC by the leap seconds. The week of a time of ephemeris is the one that
+brings it nearest to the time of clock; the week number of the message, of which writers make
+different things, is not used.
 
 RINEX 2.11, tables A4 and A10; RINEX 3.04, tables A5 to A15. Where Galileo's I/NAV and F/NAV give
 the same elements they differ in the clock by the delay between the bands; I/NAV stands first.
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -28,6 +30,8 @@ from ...base.errors import InputError
 from ...base.files import lines_of
 from ...base.unpacking import unpack
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
+from .header import load_rinex
+from .navigation_4 import as_rinex_3, rinex_3_text
 
 Array = NDArray[np.float64]
 Source = str | Path
@@ -77,6 +81,8 @@ WORDS = {
     "E": ((SOURCE, "the data source", 0, 1023), (HEALTH, "the health", 0, 511)),
 }
 BEIDOU_LAG_S = 14.0
+SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
+GZIP = b"\x1f\x8b"
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
 GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
@@ -133,20 +139,20 @@ class _Message:
 
 
 def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
-    """Read the messages of one or several RINEX 2 or 3 navigation files.
+    """Read the messages of one or several navigation files of RINEX 2, 3 or 4.
 
     Raises
     ------
     InputError
-        With file and line for a file that is no navigation file, is of RINEX 4, is cut short, or
-        holds an impossible element.
+        With file and line for a file that is no navigation file, is cut short, or holds an
+        impossible element.
     """
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
     left_out: Counter[str] = Counter()
     rows: list[tuple[str, Array, int]] = []
     week = None
     for path in paths:
-        for message in _messages(path):
+        for message in _messages(path, left_out):
             system = message.satellite[0]
             if system in LEFT_OUT:
                 left_out[LEFT_OUT[system]] += 1
@@ -181,9 +187,21 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
     )
 
 
-def _messages(path: Source) -> Iterator[_Message]:
+def navigation_bytes(path: Source) -> bytes:
+    """Return a navigation file, unpacked, as the engine reads it: RINEX 4 as RINEX 3.04."""
+    lines = lines_of(_text(path))
+    version, _, start = _header(path, lines)
+    if version >= 4.0:
+        return rinex_3_text(path, lines, start).encode("latin-1")
+    return bytes(load_rinex(path)[0])
+
+
+def _messages(path: Source, left_out: Counter[str]) -> Iterator[_Message]:
     lines = lines_of(_text(path))
     version, system, start = _header(path, lines)
+    if version >= 4.0:
+        lines, others = as_rinex_3(path, lines, start)
+        left_out.update(others)
     first = [i for i in range(start, len(lines)) if lines[i][:3].strip()]
     for begin, after in pairwise([*first, len(lines)]):
         line = lines[begin]
@@ -236,6 +254,13 @@ def _text(path: Source) -> str:
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     """Version, system of a RINEX 2 file, and the place of the first line after the header."""
     first = lines[0] if lines else ""
+    if SP3.match(first):
+        raise InputError.at_line(
+            path,
+            1,
+            "is SP3 (precise orbits), which is not used: broadcast orbits of 1 m move a position"
+            " 10 km from its base by 0.5 mm; give the broadcast ephemerides alone",
+        )
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
         raise InputError.at_line(
             path,
@@ -244,9 +269,9 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
             " right places?",
         )
     version = _number(path, 0, 0, first[:9].strip())
-    if not 2.0 <= version < 4.0:
+    if not 2.0 <= version < 5.0:
         raise InputError.at_line(
-            path, 1, f"RINEX {version:.2f}; 2 and 3 are read, convert it to 3.04"
+            path, 1, f"RINEX {version:.2f}; 2, 3 and 4 are read, convert it to 3.04"
         )
     if version < 3.0 and first[20] == "H":
         raise InputError.at_line(

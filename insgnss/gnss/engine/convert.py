@@ -1,0 +1,126 @@
+"""Receivers' own logs (.ubx, .sbf, .rtcm3) as RINEX, by RTKLIB's converter.
+
+The converter is that of the wheel pyrtklib5, in a process of its own. What a file is its first
+bytes tell: frames of u-blox, Septentrio or RTCM 3 that follow each other. RTCM 3 has no date but
+the time of week, which is taken to lie within half a week of the navigation messages that are given
+besides; without these it would be of the week in which the file is converted.
+"""
+
+import importlib.util
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import DataError, InputError
+from ...base.files import first_bytes
+from ...geodesy.gpstime import calendar_from_gps
+from ...records import Check
+from ..rinex.navigation_message import TOE, read_navigation
+from ..rinex.observations import read_observations
+
+MODULE = "pyrtklib5"
+NAMES = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
+HEAD, FRAMES, LONGEST_S = 1 << 14, 3, 600.0
+RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6
+UBX_SYNC, SBF_SYNC = b"\xb5\x62", b"$@"
+
+
+@dataclass(frozen=True)
+class Converted:
+    """RINEX observations of a log, and what is to be said of it."""
+
+    path: Path
+    checks: tuple[Check, ...] = ()
+
+
+def log_format(path: Path) -> str:
+    """Return the name of a receiver's log, a key of `NAMES`; empty for other files."""
+    if not path.is_file():
+        return ""
+    head = first_bytes(path, HEAD)
+    if _ubx_frames(head) >= FRAMES:
+        return "UBX"
+    if head.startswith(SBF_SYNC) and head.count(SBF_SYNC) >= FRAMES:
+        return "SEPT"
+    return "RTCM3" if _rtcm_frames(head) >= FRAMES else ""
+
+
+def _ubx_frames(head: bytes) -> int:
+    """How many frames of u-blox follow each other from the first one on."""
+    start, count = head.find(UBX_SYNC), 0
+    while 0 <= start <= len(head) - 8 and head[start : start + 2] == UBX_SYNC:
+        count, start = count + 1, start + 8 + int.from_bytes(head[start + 4 : start + 6], "little")
+        start = head.find(UBX_SYNC, start) if head[start : start + 1] == b"$" else start
+    return count
+
+
+def _rtcm_frames(head: bytes) -> int:
+    """How many frames of RTCM 3 follow each other from the first byte on."""
+    start, count = 0, 0
+    while start <= len(head) - 3 and head[start] == RTCM_PREAMBLE and head[start + 1] < 4:
+        count, start = count + 1, start + RTCM_AROUND + (head[start + 1] << 8) + head[start + 2]
+    return count
+
+
+def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Converted:
+    """Convert a receiver's log to RINEX 3.04; a file that is none stays as it is.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    directory : Path
+        Gets the RINEX; is made.
+    navigation : tuple of Path
+        Broadcast messages, of which RTCM 3 gets its week.
+
+    Raises
+    ------
+    InputError
+        Without the converter.
+    DataError
+        Where it finds no observations.
+    """
+    form = log_format(path)
+    if not form:
+        return Converted(path)
+    if importlib.util.find_spec(MODULE) is None:
+        raise InputError.at_line(
+            path,
+            None,
+            f"is a log of {NAMES[form]}; its converter comes with pip install 'insgnss[ppk]'"
+            f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name})",
+        )
+    directory.mkdir(parents=True, exist_ok=True)
+    observations = directory / f"{path.stem}.obs"
+    words = [form, str(path.absolute()), str(observations), str(directory / f"{path.stem}.nav")]
+    week = ""
+    if form == "RTCM3":
+        messages = read_navigation(navigation)
+        middle = float(np.median(messages.table[:, TOE]))
+        when = calendar_from_gps(messages.gps_week, middle, "gpst")
+        words.append(f"{when:%Y,%m,%d,%H,%M,%S}")
+        week = ", its week by the navigation files"
+    _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *words], path)
+    if not observations.is_file():
+        raise DataError(f"{path}: {NAMES[form]}: the converter found no raw observations in it")
+    epochs = read_observations(observations).time.size
+    finding = f"{path.name} is of {NAMES[form]}: {epochs} epochs as RINEX 3.04{week}"
+    check = Check("receiver log", finding, "RINEX, or a log that the converter reads")
+    return Converted(observations, (check,))
+
+
+def _run(command: list[str], path: Path) -> None:
+    """Run the converter; DataError where it fails."""
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=LONGEST_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise DataError(f"{path}: the converter did not finish in {LONGEST_S:g} s") from None
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["nothing"])[-1]
+        raise DataError(f"{path}: the converter stopped; it said: {last[:200]}")

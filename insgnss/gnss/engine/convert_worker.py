@@ -1,0 +1,36 @@
+"""One conversion of a receiver's log by RTKLIB, in a process of its own:
+`python -m insgnss.gnss.engine.convert_worker FORMAT FILE OBSERVATIONS NAVIGATION [Y,M,D,h,m,s]`.
+
+FORMAT is a name of RTKLIB's stream formats (UBX, SEPT, RTCM3). Failures are reported on standard
+error, with exit code 1.
+"""
+
+import sys
+
+VERSION, ALL_KINDS, ALL_FREQUENCIES = 304, 15, 63
+OUTPUTS = 9
+
+
+def main(arguments: list[str]) -> int:
+    """Run convrnx() on the arguments, and return its exit code."""
+    import pyrtklib5 as rtklib
+
+    form, log, observations, navigation, *date = arguments
+    options = rtklib.rnxopt_t()
+    options.rnxver, options.navsys = VERSION, rtklib.SYS_ALL
+    options.obstype, options.freqtype = ALL_KINDS, ALL_FREQUENCIES
+    if date:
+        calendar = rtklib.Arr1Ddouble(6)
+        for k, value in enumerate(date[0].split(",")):
+            calendar[k] = float(value)
+        options.trtcm = rtklib.epoch2time(calendar)
+    files = [observations, navigation, *[""] * (OUTPUTS - 2)]
+    status = rtklib.convrnx(getattr(rtklib, f"STRFMT_{form}"), options, log, files)
+    if status > 0:
+        return 0
+    sys.stderr.write(f"convrnx() returned {status}\n")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

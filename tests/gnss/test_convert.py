@@ -1,0 +1,82 @@
+"""Receivers' own logs, converted to RINEX by RTKLIB."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insgnss.base.errors import InputError
+from insgnss.gnss.engine import convert as room
+from insgnss.gnss.engine.convert import converted, log_format
+from insgnss.gnss.rinex.observations import read_observations
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+
+
+def ubx(payload: bytes) -> bytes:
+    """A frame of u-blox, without a true checksum."""
+    return b"\xb5\x62\x02\x15" + len(payload).to_bytes(2, "little") + payload + b"\0\0"
+
+
+def rtcm(payload: bytes) -> bytes:
+    """A frame of RTCM 3, without a true checksum."""
+    return b"\xd3" + len(payload).to_bytes(2, "big") + payload + b"\0\0\0"
+
+
+@pytest.mark.parametrize(
+    ("content", "form"),
+    [
+        (ubx(b"abc") + ubx(b"") + ubx(b"\xd3" * 40), "UBX"),
+        (b"$GNRMC,1*00\r\n" + ubx(b"abc") * 3, "UBX"),
+        (rtcm(b"abc") + rtcm(b"") + rtcm(b"x" * 300), "RTCM3"),
+        (b"$@abcd" * 4, "SEPT"),
+        (rtcm(b"abc") * 2, ""),
+        (b"     3.04           OBSERVATION DATA\n", ""),
+    ],
+)
+def test_first_bytes_tell_a_log(tmp_path, content, form):
+    """Oracle: frames by hand, as the interface documents have them."""
+    (tmp_path / "x.log").write_bytes(content)
+    assert log_format(tmp_path / "x.log") == form
+
+
+def test_without_the_converter_one_line_says_how_to_get_it(tmp_path, monkeypatch):
+    """Oracle: the line; a file of RINEX needs none."""
+    monkeypatch.setattr(room.importlib.util, "find_spec", lambda name: None)
+    (tmp_path / "x.ubx").write_bytes(ubx(b"abc") * 3)
+    with pytest.raises(InputError, match=r"log of u-blox; .* pip install .*\[ppk\]"):
+        converted(tmp_path / "x.ubx", tmp_path, ())
+    (tmp_path / "x.obs").write_text("RINEX\n")
+    assert converted(tmp_path / "x.obs", tmp_path, ()).path == tmp_path / "x.obs"
+
+
+@pytest.mark.slow
+def test_a_recorded_log_of_ublox(tmp_path):
+    """Oracle: RINEX of the same recording by another version of the converter."""
+    pytest.importorskip("pyrtklib5")
+    place = DATA / "rinex_ublox_2018"
+    if not place.is_dir():
+        pytest.skip("the recording rinex_ublox_2018 is not here")
+    log = tmp_path / "rover.ubx"
+    log.write_bytes(gzip.decompress((place / "rover-20181004-1532.ubx.gz").read_bytes()))
+    one = converted(log, tmp_path / "out", ())
+    ours, theirs = (read_observations(p) for p in (one.path, place / "rover-20181004-1532.obs"))
+    assert one.checks[0].found == "rover.ubx is of u-blox: 1180 epochs as RINEX 3.04"
+    np.testing.assert_allclose(ours.time, theirs.time, atol=1e-6)
+    both = min(ours.values.shape[0], theirs.values.shape[0])
+    assert both > 0.99 * max(ours.values.shape[0], theirs.values.shape[0])
+
+
+@pytest.mark.slow
+def test_a_recorded_stream_of_rtcm_is_of_its_week(tmp_path):
+    """Oracle: RINEX of the same recording, for which a person gave the day."""
+    pytest.importorskip("pyrtklib5")
+    place = DATA / "dji_p4rtk"
+    if not place.is_dir():
+        pytest.skip("the recording dji_p4rtk is not here")
+    navigation = (place / "DERIVED_rover_incomplete.nav",)
+    one = converted(place / "100_0004_PPKRAW.bin", tmp_path, navigation)
+    ours, theirs = (read_observations(p) for p in (one.path, place / "DERIVED_rover.obs.gz"))
+    assert ours.gps_week == theirs.gps_week == 2024
+    np.testing.assert_allclose(ours.time, theirs.time, atol=1e-6)
