@@ -117,7 +117,7 @@ def test_image_names_that_the_file_cannot_hold_are_refused(tmp_path: Path) -> No
     """Oracle: a line end would make two lines of the name."""
     c = control()
     object.__setattr__(c, "images", ("a\nb", *c.images[1:]))
-    with pytest.raises(InputError, match="image name .* has a line end"):
+    with pytest.raises(InputError, match=r"image name .* has a line end"):
         write_relative_csv(c, tmp_path / "relative.csv")
     assert not (tmp_path / "relative.csv").exists()
 
