@@ -52,7 +52,7 @@ STANDS_ON |= {
     "exporting": ROOMS,
     "comparison": ROOMS,
     "proof": ROOMS | {"exporting"},
-    # exporting: formats of the adjusted orientation; processing: files that appear whole
+    # exporting: formats of the adjusted orientation
     "block_adjustment": ROOMS | {"exporting", "processing"},
     # comparison: poses of any format; processing: a flight is solved with each mounting
     "mounting_calibration": ROOMS | {"comparison", "processing"},

@@ -118,7 +118,8 @@ def alone(directories: Iterable[Path]) -> Iterator[None]:
     """
     descriptors: list[int] = []
     try:
-        for directory in sorted({os.path.realpath(d) for d in directories}) if fcntl else ():
+        own = {os.path.realpath(scratch.path) for scratch in _OPEN}  # locked by this run
+        for directory in sorted({os.path.realpath(d) for d in directories} - own) if fcntl else ():
             descriptors.append(os.open(directory, os.O_RDONLY))
             _wait_for(descriptors[-1], directory)
         yield

@@ -12,6 +12,5 @@ orientation         the trajectory and the orientation of the images
 diagnostics         what the report shows
 history             what was done, in sentences
 products            the files of a run
-staging             files that appear whole or not at all
 progress            the name and the time of each step
 """

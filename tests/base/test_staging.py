@@ -15,7 +15,7 @@ import pytest
 from insgnss.base.errors import UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.interrupts import ENDING, Terminated, raise_on_termination
-from insgnss.base.scratch import ENGINE, PREFIX, Scratch, sweep
+from insgnss.base.scratch import ENGINE, PREFIX, Scratch, scratch_directory, sweep
 from insgnss.base.staging import is_vacant, staged, together
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
@@ -300,3 +300,14 @@ def test_two_runs_do_not_move_at_the_same_time(root: Path, monkeypatch: pytest.M
     os.close(other)
     move(root)
     assert content(root) == AFTER
+
+
+def test_files_within_a_scratch_directory_of_the_run_itself(tmp_path: Path) -> None:
+    """Oracle: the files; its lock is the run's own."""
+    with scratch_directory(tmp_path) as own:
+        for text in ("old", "new"):
+            with together():
+                atomic_write(own / "a", text)
+                atomic_write(own / "b", text)
+            assert content(own) == {"a": text, "b": text}
+    assert not list(tmp_path.iterdir())
