@@ -135,6 +135,7 @@ def test_every_format_has_a_page() -> None:
         "mounting_file",
         "pose_covariance",
         "noise_model",
+        "noise_exports",
         "pose_table",
     }
     others |= {"rinex"}

@@ -270,6 +270,8 @@ def test_every_page_is_tested() -> None:
         "mounting_file",
         "pose_covariance",
         "noise_model",
+        "noise_exports",  # in test_noise_exports
+        "rosbag",  # in test_rosbag
         "adjust_json",  # in test_adjust
         "targets",  # with the two below in target_measurement/test_targets
         "metashape_markers",

@@ -23,7 +23,7 @@ from ...stochastic.model import (
     RecordingSource,
     write_noise_model,
 )
-from ..targets import check_target, refuse_present
+from ..targets import check_target, make_directory, refuse_present
 
 if TYPE_CHECKING:
     from ...calibrate.innovation_noise import InFlightNoise
@@ -74,6 +74,7 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     drawn = spectrum_figure(tuning)
     files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
+    make_directory(target)
     if drawn:
         atomic_write(picture, drawn)
     twin = json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n"
