@@ -4,7 +4,7 @@ Channels that are not there become constants, the vertical at rest: they keep th
 record, and nothing is checked of them or fitted to them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,11 +84,12 @@ def fields_of_some(
 
 
 def _named(
-    table: TableInfo, columns: Sequence[str] | None, clocks: Mapping[str, str]
+    table: TableInfo, columns: tuple[str, ...] | None, clocks: Mapping[str, str]
 ) -> dict[str, str]:
     if columns is not None:
         pairs = zip(columns, table.columns, strict=False)
-        same = len(columns) == len(table.columns)
+        once = all(columns.count(name) == 1 for name in columns if name != "-")
+        same = once and len(columns) == len(table.columns)
         return {name: field for name, field in pairs if name != "-"} if same else {}
     aliases = {alias: name for name in ("tow", *CHANNELS) for alias in ALIASES[name]}
     canonical = names_of(table.columns, aliases | dict(clocks), KINDS)
