@@ -136,6 +136,7 @@ def test_every_format_has_a_page() -> None:
         "mounting_file",
         "pose_covariance",
         "noise_model",
+        "noise_exports",
         "pose_table",
     }
     others |= {"rinex", "returned"}  # poses of bundle adjustments, read by `insgnss compare`

@@ -9,14 +9,18 @@ from typing import Any
 from ..base.errors import UsageError
 from ..base.files import sha256
 from .console import Progress
-from .verb import Verb, show_result
+from .verb import Verb, positive, show_result
 
 EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
   insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
   insgnss export ppk/camera_positions.csv metashape
+  insgnss export imu_noise.toml kalibr --set cluster=10 --out imu.yaml
   insgnss export --proof metashape proof_scene"""
+
+
+NOISE_SETTINGS = {"rate": "rate_hz", "cluster": "cluster_s", "topic": "topic"}
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "eo",
         type=Path,
         metavar="EO",
-        help="the eo.json of a processed flight, or the camera_positions.csv of ppk, for metashape,"
-        " pix4d_matic, pix4d_mapper and odm (with --proof: a format below)",
+        help="the eo.json of a processed flight, the camera_positions.csv of ppk, for metashape,"
+        " pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with --proof: a"
+        " format below)",
     )
     parser.add_argument(
         "format",
@@ -106,8 +111,55 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+    """Write a noise model as another estimator reads it.
+
+    Raises
+    ------
+    UsageError
+        For options that have no meaning with it, and values that cannot be.
+    """
+    from ..base.files import atomic_write
+    from ..stochastic.consumers import FORMS, text_for
+    from ..stochastic.model import load_noise_model
+
+    if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
+        raise UsageError("export: --crs, --geoid, --frame and --ground have no meaning for noise")
+    settings = _settings(given.settings)
+    if odd := [key for key in settings if key not in NOISE_SETTINGS]:
+        raise UsageError(f"export: {given.format} takes no {odd[0]}; it takes rate, cluster, topic")
+    options: dict[str, Any] = {}
+    for key, name in NOISE_SETTINGS.items():
+        if key in settings:
+            options[name] = settings[key] if key == "topic" else _positive(key, settings[key])
+    model = load_noise_model(str(given.eo))
+    beside = given.eo.parent if given.eo.is_file() else Path()
+    out = given.out or beside / FORMS[given.format][0]
+    text = text_for(given.format, model, **options)
+    progress(f"writing {out}")
+    atomic_write(out, text)
+    kept = options.get("cluster_s", 10.0)
+    note = (
+        f"white noise and random walk have the model's Allan variance at {kept:g} s; other times"
+        " differ (data_specs/noise_exports.md)"
+    )
+    return ExportResult(given.format, (out,), (note,))
+
+
+def _positive(key: str, text: str) -> float:
+    """The number of a setting; UsageError for what is none."""
+    try:
+        return positive(text)
+    except (ValueError, argparse.ArgumentTypeError):
+        raise UsageError(f"export: {key}={text}: a number greater than zero is expected") from None
+
+
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Do what the parsed command line asks for."""
+    from ..stochastic.consumers import FORMS
+
+    if given.format in FORMS:
+        return noise_verb(given, progress)
     if given.eo.suffix.lower() == ".csv":
         return _positions_verb(given, progress)
     from ..exporting.export import Target, export, known_format
@@ -210,7 +262,11 @@ def _list_formats() -> str:
         lines.append(
             f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n"
         )
-    return "formats:\n" + "".join(lines)
+    from ..stochastic.consumers import FORMS
+
+    takes = "(--set rate, cluster, topic)"
+    noise = [f"  {name:{width}}  {form[1]} {takes}\n" for name, form in FORMS.items()]
+    return "formats:\n" + "".join(lines) + "of a noise model:\n" + "".join(noise)
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

@@ -39,6 +39,10 @@ def tune(
             "tune: give static recordings, or --flight FLIGHT; see insgnss tune --help"
         )
     options = options_of(given)
+    if given.only is not None:
+        from ..tuning.some_channels import chosen_channels
+
+        chosen_channels(given.only)
     if given.flight is None:
         if given.parameters:
             raise UsageError(
@@ -179,6 +183,14 @@ def _add_reading(parser: argparse.ArgumentParser) -> None:
         "--variable", metavar="NAME", help="the table inside a file that holds several"
     )
     read.add_argument(
+        "--only",
+        metavar="NAMES",
+        help=(
+            "tune these channels alone: gyro, accel, gyro_z, ... with commas between (default:"
+            " those that the file has)"
+        ),
+    )
+    read.add_argument(
         "--skip",
         type=_from_zero,
         default=0.0,
@@ -274,6 +286,7 @@ def options_of(given: argparse.Namespace) -> TuneOptions:
         "time_unit",
         "quantity",
         "variable",
+        "only",
         "model",
         "gyro_model",
         "accel_model",

@@ -44,10 +44,10 @@ TABLES = (
     "tum",
 )
 HEADERS = {  # of files that other programs take, in lower case
-    "pix4d_matic": r"^#?\s*imagename,.*,yaw,pitch,roll",
-    "realitycapture": r"^#?\s*name,.*,yaw,pitch,roll",
-    "inpho_ascii": r"^#\s*id e n h omega phi kappa",
-    "tum": r"^#\s*time tx ty tz qx qy qz qw",
+    "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
+    "realitycapture": r"^#?[ \t]*name,.*,yaw,pitch,roll",
+    "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
+    "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
 UNKNOWN_M = (
     0.98765,
@@ -123,16 +123,27 @@ def sniff_poses(path: str | Path) -> str:
     first = next((line for line in lines_of(text) if line.strip()), "")
     if "# frame kind:" in text and "# camera axes:" in text:
         return "generic_ascii"
-    if (label := re.search(r"^#?\s*label[,;\t].*", text, re.MULTILINE)) is not None:
+    if (label := re.search(r"^#?[ \t]*label[,;\t].*", text, re.MULTILINE)) is not None:
         return "metashape_opk" if "omega" in label[0] else "metashape"
     for form, columns in HEADERS.items():
         if re.search(columns, text, re.MULTILINE):
             return form
     if first.startswith("gps_week,tow,lat_deg"):
         return "trajectory_csv"
-    if re.search(r"^#.*\bomega\b.*\bphi\b.*\bkappa\b", text, re.MULTILINE):
+    if any(line.startswith("#") and _names_opk(line) for line in lines_of(text)):
         return "eo_local_plane"
     return "gnss"
+
+
+def _names_opk(line: str) -> bool:
+    """Tell whether a line names omega, phi and kappa in this order."""
+    start = 0
+    for name in ("omega", "phi", "kappa"):
+        match = re.compile(rf"\b{name}\b").search(line, start)
+        if match is None:
+            return False
+        start = match.end()
+    return True
 
 
 def _eo_json(path: Path, hints: Hints) -> Poses:

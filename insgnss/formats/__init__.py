@@ -50,6 +50,7 @@ IMU_OPTIONS = {
     "psins": ("quantity", "gps_week"),
     "ardupilot": ("variable", "quantity", "gps_week"),
     "ulog": ("variable", "quantity", "gps_week"),
+    "rosbag": ("variable", "quantity", "gps_week"),
     "imu_csv": ("columns", "units", "quantity", "gps_week", "rate_hz", "accel_file"),
 }
 GNSS_OPTIONS = {
@@ -81,6 +82,7 @@ _READERS = {
         "psins": "imu.psins:read_psins",
         "ardupilot": "logs.ardupilot:read_imu_ardupilot",
         "ulog": "logs.ulog:read_imu_ulog",
+        "rosbag": "logs.rosbag:read_imu_rosbag",
         "imu_csv": "imu.imu_csv:read_imu_csv",
     },
     "gnss": {
@@ -202,7 +204,7 @@ def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
 
     Parameters
     ----------
-    path : text, MATLAB, npy, $AIMU, PSINS, ArduPilot or PX4 log; its bytes tell which.
+    path : text, MATLAB, npy, $AIMU, PSINS, ArduPilot or PX4 log, ROS bag; its bytes tell which.
     **spec : what the file does not say, as far as its format takes it: `columns` (names in their
         order, or a mapping), `units` (gyro, accel, time), `quantity`, `gps_week`, `variable` (a
         table inside the file), `rate_hz`, `accel_file` (of text: that of the accelerometers).

@@ -26,6 +26,10 @@ def by_bytes(path: str | Path, head: bytes) -> str:
         return "ulog"
     if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
         return "ardupilot"
+    if head.startswith((b"#ROSBAG V2.0", b"\x89MCAP0\r\n")):
+        return "rosbag"
+    if head.startswith(b"SQLite format 3\0") and Path(path).suffix.lower() == ".db3":
+        return "rosbag"
     if head.startswith(b"\x93NUMPY"):
         return "npy"
     if head.startswith(b"MATLAB 5.0 MAT-file"):

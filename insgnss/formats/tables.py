@@ -21,6 +21,10 @@ def tables_in(path: str | Path) -> list[TableInfo]:
         from .logs.ardupilot import load_ardupilot
 
         return list(tables_of(load_ardupilot(path)))
+    if form == "rosbag":
+        from .logs.rosbag import tables_of_bag
+
+        return tables_of_bag(path)
     if form == "ulog":
         from .logs.ulog import load_ulog
 

@@ -558,7 +558,7 @@ def _crs(definition: str) -> Any:
     try:
         if len(text) < 1000 and path.suffix.lower() in (".wkt", ".prj", ".txt") and path.is_file():
             text = path.read_text(encoding="utf-8")
-        return CRS.from_user_input(int(text) if text.isdigit() else text)
+        return CRS.from_user_input(int(text) if text.isdecimal() else text)
     except (CRSError, UnicodeDecodeError, OSError):
         raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None
 

@@ -18,6 +18,7 @@ Rounding to a step s adds s^2/12 of white noise as long as the noise before it e
 variance shows the sensor's noise any more.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +107,11 @@ class StaticSpan:
 
 
 def static_span(
-    imu: ImuSamples, skip_s: float = 0.0, keep_s: float = np.inf, bridge_s: float = 0.0
+    imu: ImuSamples,
+    skip_s: float = 0.0,
+    keep_s: float = np.inf,
+    bridge_s: float = 0.0,
+    channels: Sequence[bool] = (True,) * 6,
 ) -> StaticSpan:
     """Find the longest unbroken span of a recording and check it.
 
@@ -121,6 +126,9 @@ def static_span(
         Time taken from there on.
     bridge_s : float, s
         Gaps up to this length are filled by the straight line between their ends.
+    channels : sequence of bool
+        Which of gyroscopes x, y, z and accelerometers x, y, z are there; others hold constants, of
+        which nothing is checked.
 
     Returns
     -------
@@ -148,11 +156,18 @@ def static_span(
     )
     rate = float(cells[-1] / (time[last - 1] - time[first]))
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
-    checks += _channels([*gyro.T, *accel.T], rate)
-    checks.append(_units(gyro, accel))
+    named = [
+        (name, column)
+        for name, column, there in zip(CHANNELS, [*gyro.T, *accel.T], channels, strict=True)
+        if there
+    ]
+    checks += _channels(named, rate)
+    checks.append(_units(gyro, accel, all(channels[3:])))
     disturbances: tuple[Disturbance, ...] = ()
     if all(check.verdict != "contradiction" for check in checks):
-        disturbances, rest = _at_rest(gyro, accel, float(time[first]), rate)
+        disturbances, rest = _at_rest(
+            gyro, accel, float(time[first]), rate, [column for _, column in named]
+        )
         checks.append(rest)
     return StaticSpan(
         gyro, accel, rate, float(time[first]), filled, (*imu.notes, *checks), disturbances
@@ -238,9 +253,8 @@ def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) ->
     return values if scale == 1.0 else values * scale
 
 
-def _channels(columns: list[Array], rate: float) -> list[Check]:
+def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Check]:
     """Check for stuck channels, rails and rounding."""
-    named = list(zip(CHANNELS, columns, strict=True))
     expected = f"no channel constant for over {STUCK_S:.0f} s"
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
         advice = "the sensor is dead, its column is wrong, or its driver hides small values"
@@ -300,8 +314,11 @@ def _stuck(column: Array, rate: float) -> str:
     )
 
 
-def _units(gyro: Array, accel: Array) -> Check:
-    """Check the units against gravity and the smallness of the rate at rest."""
+def _units(gyro: Array, accel: Array, whole: bool) -> Check:
+    """Check the units against gravity and the smallness of the rate at rest.
+
+    whole : whether the three accelerometers are there; fewer do not show gravity.
+    """
     name, expected = (
         "units",
         (
@@ -311,7 +328,7 @@ def _units(gyro: Array, accel: Array) -> Check:
     )
     force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
     finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
-    if not NORM_LOW < force < NORM_HIGH:
+    if whole and not NORM_LOW < force < NORM_HIGH:
         factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
         near = [
             unit
@@ -365,7 +382,7 @@ def _rail(column: Array) -> str:
 
 
 def _at_rest(
-    gyro: Array, accel: Array, begin: float, rate: float
+    gyro: Array, accel: Array, begin: float, rate: float, columns: Sequence[Array]
 ) -> tuple[tuple[Disturbance, ...], Check]:
     """Find the disturbances, and check that the sensor is stationary."""
     length = len(gyro) / rate
@@ -388,7 +405,7 @@ def _at_rest(
             "contradiction",
             advice,
         )
-    disturbances = _disturbances(np.column_stack([gyro, accel]), begin, rate)
+    disturbances = _disturbances(np.column_stack(columns), begin, rate)
     if not disturbances:
         return (), Check(name, "at rest throughout", expected)
     more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""

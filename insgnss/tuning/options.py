@@ -46,6 +46,7 @@ class TuneOptions:
     keep_s : used from there on, s.
     bridge_s : gaps up to this length are filled by straight lines, s.
     accept : names of checks that shall not stop.
+    only : channels to tune, such as "gyro" or "gyro_z,accel"; None: those that the recordings have.
     """
 
     columns: tuple[str, ...] | Mapping[str, str] | None = None
@@ -69,6 +70,7 @@ class TuneOptions:
     keep_s: float = float("inf")
     bridge_s: float = 0.0
     accept: tuple[str, ...] = ()
+    only: str | None = None
 
 
 def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:

@@ -16,19 +16,22 @@ from typing import Any
 
 from ..base.errors import InputError, UsageError
 from ..formats import TableInfo, describe, read_imu, sniff_imu
+from ..formats.detect import LOADERS
 from ..formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
 from ..formats.text.headers import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
 from ..prepare.gaps import nominal_interval
 from ..records import ImuSamples
 from .options import TuneOptions
+from .some_channels import fields_of_some, read_some
 
 PLAIN = ("tow", *GYRO, *ACCEL)
 HEAD = 1 << 13
-SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog")
+SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
 USUAL_HZ = (20.0, 20e3)
 CLOCKS = ("time", "timestamp", "time_of_week", "tow", "stamp", "clock", "t")
 OF_CLOCKS = ("", "gps_", "imu_", "sensor_", "sys_", "system_")
+CLOCK_NAMES = {f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS}
 _WORDS = (
     (
         r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
@@ -64,8 +67,8 @@ def own_text(text: str) -> str:
     return text
 
 
-def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
-    """Read the samples of a file in SI.
+def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bool, ...]]:
+    """Read the samples of a file in SI, and which of the six channels are there.
 
     Parameters
     ----------
@@ -76,8 +79,11 @@ def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
 
     Returns
     -------
-    ImuSamples
+    imu : ImuSamples
         The samples.
+    channels : tuple of bool
+        Gyroscopes x, y, z, accelerometers x, y, z; of one that is not there the samples are
+        constants.
 
     Raises
     ------
@@ -86,16 +92,23 @@ def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
     UsageError
         Where units or columns are missing.
     """
+    channels: tuple[bool, ...] = (True,) * 6
     with own_words():
-        imu = _read(path, options)
+        form = sniff_imu(path)
+        fields = fields_of_some(path, form, options, CLOCK_NAMES)
+        if fields is None:
+            imu = _read(path, options)
+        else:
+            imu, channels = read_some(path, form, fields, options)
     _refuse_rate(path, imu, options)
-    return replace(
+    with_notes = replace(
         imu,
         notes=tuple(
             replace(note, found=own_text(note.found), advice=own_text(note.advice))
             for note in imu.notes
         ),
     )
+    return with_notes, channels
 
 
 def _read(path: Path, options: TuneOptions) -> ImuSamples:
@@ -115,7 +128,7 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
     """Return the arguments of `read_imu`."""
     form = sniff_imu(path)
     columns: Any = options.columns
-    nameless = columns is None and form == "npy"
+    nameless = columns is None and form in LOADERS
     if nameless or (form not in SAY_THEIR_UNITS and not (options.gyro_unit and options.accel_unit)):
         tables = describe(path)
         if nameless:
@@ -133,9 +146,10 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
 
 def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
     """Return the columns of a matrix of samples, with or without time; None for anything else."""
+    tables = [table for table in tables if options.variable in (None, table.name)]
     simple = (
         len(tables) == 1
-        and tables[0].name == ""
+        and (tables[0].name == "" or options.variable is not None)
         and all(name.startswith("[") for name in tables[0].columns)
     )
     width = len(tables[0].columns) if simple else 0
@@ -148,9 +162,7 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
     """Return the field of each column by its canonical name; None where they are not all named."""
-    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
-        f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS
-    }
+    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | CLOCK_NAMES
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None

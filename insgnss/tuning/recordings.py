@@ -14,12 +14,14 @@ import numpy as np
 from ..base.errors import DataError, InputError, UsageError
 from ..base.files import first_bytes, sha256
 from ..formats.imu.variances import read_variances
+from ..formats.logs.rosbag import bag_file
 from ..prepare.static_recording import Disturbance, StaticSpan, static_span
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
 from ..stochastic.moments.wavelet import wavelet_variances
 from .options import TuneOptions
 from .reading import HEAD, own_words, read_samples
+from .some_channels import chosen_channels
 
 Progress = Callable[[str], None]
 
@@ -88,17 +90,21 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     DataError
         For a recording that does not show the noise of a stationary sensor.
     """
+    path = bag_file(path)
     progress(f"reading {path.name}")
     with own_words():
         if holds_variances(path):
             return _published(path, options)
-    imu = read_samples(path, options)
+    imu, channels = read_samples(path, options)
     progress(f"checking {path.name}")
-    span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s)
+    span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s, channels)
     _refuse(path, span, options.accept)
     progress(f"wavelet variances of {path.name}")
     triads = {"gyro": span.gyro, "accel": span.accel}
-    curves, method_notes = _variances(triads, span, options.robust)
+    wanted = tuple(a and b for a, b in zip(channels, chosen_channels(options.only), strict=True))
+    if not any(wanted):
+        raise UsageError(f"{path}: --only {options.only!r} names none of its channels")
+    curves, method_notes = _variances(triads, span, options.robust, wanted)
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
     return StaticRecording(
@@ -113,7 +119,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
 
 
 def _variances(
-    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None
+    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None, wanted: tuple[bool, ...]
 ) -> tuple[dict[tuple[str, int], WaveletVariance], list[Check]]:
     """Return the curves, and what is to be said of how they were taken.
 
@@ -121,11 +127,13 @@ def _variances(
     """
 
     def taken(robustly: bool) -> dict[tuple[str, int], WaveletVariance]:
-        return {
-            (sensor, k): c
-            for sensor, values in triads.items()
-            for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=robustly))
-        }
+        out: dict[tuple[str, int], WaveletVariance] = {}
+        for first, (sensor, values) in zip((0, 3), triads.items(), strict=True):
+            axes = [k for k in range(3) if wanted[first + k]]
+            if axes:
+                curves = wavelet_variances(values[:, axes], span.rate_hz, robust=robustly)
+                out |= {(sensor, k): c for k, c in zip(axes, curves, strict=True)}
+        return out
 
     knocks = len(span.disturbances)
     if robust is not None or not knocks:

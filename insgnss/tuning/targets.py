@@ -8,19 +8,29 @@ from ..base.errors import UsageError
 
 
 def check_target(target: Path) -> Path:
-    """`target`. Raises UsageError unless it names a TOML file in a directory that takes files."""
+    """`target`. Raises UsageError unless it names a TOML file in a directory that takes files.
+
+    A directory that is not there yet is made when the files are written.
+    """
     if target.suffix != ".toml":
         raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
-    if not target.parent.is_dir():
-        raise UsageError(f"{target}: the directory does not exist; create it first")
+    present = next(path for path in target.absolute().parents if path.exists())
     try:
-        with tempfile.TemporaryFile(dir=target.parent):
+        with tempfile.TemporaryFile(dir=present):
             pass
     except OSError as error:
         raise UsageError(
             f"{target}: cannot be written: {error.strerror or error}; give another --out FILE"
         ) from None
     return target
+
+
+def make_directory(target: Path) -> None:
+    """Make the directory of `target` where it is missing. Raises UsageError where it cannot be."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{target.parent}: cannot be made: {error.strerror or error}") from None
 
 
 def refuse_present(files: Sequence[Path]) -> None:

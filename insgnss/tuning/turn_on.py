@@ -38,6 +38,8 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
         A sentence on each.
     """
     blocks = [r.blocks for r in recordings if r.blocks is not None]
+    if blocks and len(recordings[0].curves) < 6:
+        return {}, ("some channels alone do not determine the turn-on bias: set it by hand",)
     if not blocks:
         return {}, (
             (

@@ -275,6 +275,8 @@ def test_every_page_is_tested() -> None:
         "pose_covariance",
         "noise_model",
         "returned",  # in test_returned_poses
+        "noise_exports",  # in test_noise_exports
+        "rosbag",  # in test_rosbag
         "adjust_json",  # in test_adjust
         "targets",  # with the two below in target_measurement/test_targets
         "metashape_markers",

@@ -12,7 +12,11 @@ from hypothesis import strategies as st
 
 from insgnss.base.errors import InputError, UsageError
 from insgnss.base.files import atomic_write, lines_of
+from insgnss.comparison.reading import read_poses
 from insgnss.exposures.images import image_names
+from insgnss.formats import read_barometer, read_events, read_gnss
+from insgnss.formats.events.mrk import read_mrk
+from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.text.text import format_rows, read_table, read_text_table
 from insgnss.stochastic.noise_file import model_of_text
 
@@ -230,3 +234,31 @@ def test_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     assert path.read_text() == "before"
     with pytest.raises(UsageError, match="directory does not exist"):
         atomic_write(tmp_path / "none" / "out.txt", b"x")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * 90_000 + "x",
+        "a " + "_" * 12_000 + " b\n1 2 3",
+        "# a = x" + " " * 90_000 + "y\n1 2",
+        "\n" * 16_000 + "x",
+        "# " + "omega " * 1300 + "phi " * 1300,
+        "# " + " ' " * 4000 + "(\n1 2",
+    ],
+)
+def test_no_pattern_takes_the_square_of_a_length(tmp_path: Path, text: str) -> None:
+    """Oracle: finds of scripts/fuzz_readers.py, each of which took 5 s to minutes."""
+    path = text_file(tmp_path, text + "\n")
+    start = time.process_time()
+    for read in (read_barometer, read_events, read_mrk, read_variances, read_poses, read_gnss):
+        with contextlib.suppress(InputError, UsageError):
+            read(path)
+    assert time.process_time() - start < 3.0
+
+
+def test_a_field_that_is_not_there_is_told_by_its_count(tmp_path: Path) -> None:
+    """Oracle: the line; an IndexError before, as the field is longer than what is shown."""
+    path = text_file(tmp_path, "1,2,3\n4,5," + "6" * 5000 + "x\n7,8,9\n")
+    with pytest.raises(InputError, match=r"txt:2: "):
+        read_table(path)

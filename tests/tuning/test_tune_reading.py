@@ -105,7 +105,7 @@ def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):
         ),
         (save(tmp_path / "record.npy", record), given),
     ):
-        imu = read_samples(path, options)
+        imu, _ = read_samples(path, options)
         assert imu.notes == ()
         np.testing.assert_allclose(imu.time - imu.time[0], t, rtol=0, atol=1e-6)
         np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
@@ -135,7 +135,7 @@ def test_units_behind_names_need_no_option(rest, tmp_path, capsys):
         counts,
         "clock_us,gyro_x_dps,gyro_y_dps,gyro_z_dps,acc_x_mg,acc_y_mg,acc_z_mg",
     )
-    imu = read_samples(path, TuneOptions())
+    imu, _ = read_samples(path, TuneOptions())
     np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
     np.testing.assert_allclose(imu.time, t, rtol=0, atol=1e-9)
     code, said = run(capsys, path, "--gyro-unit", "deg/h", "--out", tmp_path / "x.toml")

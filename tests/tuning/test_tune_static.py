@@ -236,7 +236,7 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ),
         ([rest, *UNITS[:4], *out], "give the sensor's rate in samples a second, --rate HZ"),
         ([rest, rest, *UNITS, *out], "given twice"),
-        ([rest, *UNITS, "--out", tmp_path / "nowhere" / "x.toml"], "the directory does not exist"),
+        ([rest, *UNITS, "--only", "gyro_w", *out], "'gyro_w' is none of gyro, accel, gyro_x"),
         ([rest, *UNITS, "--out", tmp_path / "x.txt"], "end its name with .toml"),
         ([rest, *UNITS, "--out", folder / "imu.toml"], "are there already"),
         (

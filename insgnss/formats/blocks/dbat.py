@@ -392,7 +392,7 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
         return held
     text, first = datum.get("ref_cam") or "1", _text(datum)
     base = datum.get("ref_base") or "longest"
-    if first != "depend" or not text.isdigit() or not 0 < int(text) <= len(position):
+    if first != "depend" or not text.isdecimal() or not 0 < int(text) <= len(position):
         raise InputError.at_line(
             path, None, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
         )
@@ -405,7 +405,7 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
             "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
         )
     if base != "longest":
-        if not base.isdigit() or not 0 < int(base) <= len(position):
+        if not base.isdecimal() or not 0 < int(base) <= len(position):
             raise InputError.at_line(path, None, f"set_datum: ref_base {base!r} is no image")
         apart[np.arange(len(apart)) != int(base) - 1] = -1.0
     held[reference] = True

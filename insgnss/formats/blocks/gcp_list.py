@@ -152,7 +152,7 @@ def _crs(path: Source, row: tuple[int, str]) -> str:
         return "EPSG:4326"
     if words[:2] == ["WGS84", "UTM"] and len(words) == 3:
         zone, south = words[2].rstrip("NS"), words[2].endswith("S")
-        if zone.isdigit() and 1 <= int(zone) <= 60:
+        if zone.isdecimal() and 1 <= int(zone) <= 60:
             return f"EPSG:{(32700 if south else 32600) + int(zone)}"
     try:
         CRS.from_user_input(text)

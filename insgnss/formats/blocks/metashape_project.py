@@ -27,7 +27,15 @@ Element = ElementTree.Element
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
-DAMAGED = (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
+DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+    RuntimeError,
+)
 _TYPES = {
     "char": "i1",
     "uchar": "u1",
@@ -201,7 +209,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:
         raise source.error(f"{name}: has no column {missing[0]}; save the project again")
     kind = np.dtype([(column, _TYPES[of]) for of, column in columns])
-    n = int(elements[0][2]) if elements[0][2:] and elements[0][2].isdigit() else -1
+    n = int(elements[0][2]) if elements[0][2:] and elements[0][2].isdecimal() else -1
     if n < 0 or len(body) < n * kind.itemsize:
         raise source.error(
             f"{name}: ends after {len(body) // kind.itemsize} of {n} rows; copy the project again"

@@ -259,7 +259,7 @@ def _tracks(
     version, first = 0, 0
     if lines[0].startswith(VERSION):
         text, first = lines[0][len(VERSION) :].strip(), 1
-        version = int(text) if text.isdigit() else -1
+        version = int(text) if text.isdecimal() else -1
     if version not in FIELDS:
         raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
     image_row, point, xy, scale = [], [], [], []

@@ -46,7 +46,8 @@ _VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
 _ROUNDING = 0.01  # relative, of a published scale
 _AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
-_COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:]\s*(.*?)\s*")
+LARGEST_COUNT = 1e15
+_COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ def _comments(text: str) -> dict[str, tuple[int | None, str]]:
     for number_, line in enumerate(lines_of(text), 1):
         match = _COMMENT.fullmatch(line) if is_comment(line) else None
         if match and match[1].lower() in KEYS:
-            comments[match[1].lower()] = (number_, match[2])
+            comments[match[1].lower()] = (number_, match[2].strip())
     return comments
 
 
@@ -314,6 +315,8 @@ def _curve(
                 f"the interval at scale {s:g} s does not hold its value, or starts below zero;"
                 " leave it out",
             )
+    if not (np.abs(count) < LARGEST_COUNT).all():
+        raise refuse(0, f"{count.max():g} coefficients at a scale; a recording has fewer")
     if low is None or high is None:
         low, high = chi_square_interval(nu, np.maximum(count / 2.0**level, 1.0))
     return WaveletVariance(level, nu, low, high, count.astype(np.int64), rate_hz, samples)

@@ -303,7 +303,7 @@ def _refusal(
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
     description = (
         f"{shown(fields[column])} in field {column + 1}"
-        if fields[column]
+        if column < len(fields) and fields[column]
         else f"nothing in field {column + 1}"
     )
     return InputError.at_line(

@@ -41,7 +41,7 @@ UNITS: dict[str, dict[str, float]] = {
     },
 }
 _NUMBER = re.compile(
-    r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s*[*]?\s*(.*?)\s*", re.DOTALL
+    r"\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s*[*]?\s*(.*?)\s*", re.DOTALL
 )
 _SPELLINGS = {
     **{

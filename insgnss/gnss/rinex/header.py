@@ -367,7 +367,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
                     path, line, f"{label}: {missing} codes fewer than announced; correct the header"
                 )
             system = "" if version < 3 else text[0].upper()
-            if not count.strip().isdigit() or (version >= 3 and system not in SYSTEMS):
+            if not count.strip().isdecimal() or (version >= 3 and system not in SYSTEMS):
                 raise InputError.at_line(
                     path,
                     line,
@@ -410,7 +410,7 @@ def codes_of(version: float, system: str, types: Sequence[str]) -> tuple[str, ..
 
 
 def _code(system: str, name: str, types: Sequence[str]) -> str:
-    if len(name) != 2 or name[0] not in "CPLDS" or not name[1].isdigit():
+    if len(name) != 2 or name[0] not in "CPLDS" or not name[1].isdecimal():
         return name
     band = name[1]
     opened = _OPEN.get(system + band, "" if system == "C" else f"{band}X")

@@ -74,7 +74,7 @@ def imu_roles(grid: Grid) -> Roles | None:
 def _goes_on(triad: tuple[str, ...], names: Mapping[str, int]) -> bool:
     """Tell whether numbered columns do not end with the third: which are x y z is then unknown."""
     *_, last = triad
-    return last[-1].isdigit() and f"{last[:-1]}{int(last[-1]) + 1}" in names
+    return last[-1].isdecimal() and f"{last[:-1]}{int(last[-1]) + 1}" in names
 
 
 def has_gravity(grid: Grid, roles: Roles) -> bool:

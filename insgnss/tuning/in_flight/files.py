@@ -24,7 +24,7 @@ from ...stochastic.model import (
     RecordingSource,
     write_noise_model,
 )
-from ..targets import check_target, refuse_present
+from ..targets import check_target, make_directory, refuse_present
 
 if TYPE_CHECKING:
     from ...calibrate.innovation_noise import InFlightNoise
@@ -75,6 +75,7 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     drawn = spectrum_figure(tuning)
     files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
+    make_directory(target)
     twin = json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n"
     with together():
         if drawn:

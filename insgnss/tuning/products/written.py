@@ -14,7 +14,7 @@ from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_
 from ...stochastic.noise_file import model_of_text, text_of_model
 from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
-from ..targets import check_target, refuse_present
+from ..targets import check_target, make_directory, refuse_present
 from ..usable import envelope, rounded_axis
 from .words import FITS, goodness_p, misfit, verdict
 
@@ -98,6 +98,7 @@ def write(result: TuneResult, target: Path) -> TuneResult:
     result = replace(result, files=files, notes=notes)
     if result.model is not None:
         _read_back(result, target)
+    make_directory(target)
     twin = json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n"
     with together():
         for path, png in drawn.items():
