@@ -269,6 +269,7 @@ def test_every_page_is_tested() -> None:
         "imu_calibration",
         "mounting_file",
         "pose_covariance",
+        "returned",  # in test_returned_poses
         "noise_model",
         "adjust_json",  # in test_adjust
         "targets",  # with the two below in target_measurement/test_targets
