@@ -111,7 +111,6 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     """What the format asks for, of this scene."""
     values: dict[str, Any] = {
         "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
-        "ground_m": GROUND_M,
         "width_px": WIDTH_PX,
         "height_px": HEIGHT_PX,
         "focal_px": FOCAL_PX,
@@ -119,6 +118,8 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
         "images": "images" if name == "opf" else images,
         "lever_m": LEVER_C,
     }
+    if "ground_m" in form.needs:  # of kml it belongs to heights above the ground
+        values["ground_m"] = GROUND_M
     if "camera" in form.needs:
         values["camera"] = CAMERA
     if "noise" in form.needs:

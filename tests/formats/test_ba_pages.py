@@ -76,6 +76,14 @@ EXAMPLES: list[
     ("inpho", "true", "bundle.inpho:write_inpho_prj", "EPSG:2056", PRJ, "x.txt"),
     ("inpho", "ascii", "bundle.inpho:write_inpho_ascii", "EPSG:2056", {}, "x.txt"),
     ("patb", "true", "experimental.patb:write_patb", "EPSG:2056", {}, "x.txt"),
+    (
+        "esri_frames",
+        "true",
+        "experimental.esri_frames:write_esri_frames",
+        "EPSG:2056",
+        {},
+        "x.txt",
+    ),
     ("patb", "ids", "experimental.patb:write_patb", "EPSG:2056", {}, "x_ids.txt"),
     (
         "generic_ascii",

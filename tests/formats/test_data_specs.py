@@ -273,6 +273,7 @@ def test_every_page_is_tested() -> None:
         "imu_calibration",
         "mounting_file",
         "pose_covariance",
+        "returned",  # in test_returned_poses
         "noise_model",
         "returned",  # in test_returned_poses
         "noise_exports",  # in test_noise_exports
