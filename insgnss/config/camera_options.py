@@ -91,7 +91,7 @@ class CameraInput:
         "log, or as a last resort the directory of the images for their Exif times; without the "
         "table the product is the trajectory alone; with gnss.rover by default those of the "
         "rover's RINEX",
-        kind="existing",
+        kind="file_or_directory",
         form="file or directory",
         cli="--events",
         metavar="FILE",

@@ -18,6 +18,7 @@ _TYPES: dict[str, Any] = {
     "covariance": Path,
     "event_numbers": int,
     "existing": Path,
+    "file_or_directory": Path,
     "file": Path,
     "files": Path,
     "images": Path,

@@ -133,6 +133,12 @@ def existing(table: Table, item: Declared) -> Path:
     return path
 
 
+def file_or_directory(table: Table, item: Declared) -> Path:
+    """The path of a directory, or of a file that is there and not empty."""
+    path = table.resolve(table.text(item.name))
+    return path if path.is_dir() else table.file(item.name)
+
+
 def images(table: Table, item: Declared) -> Path:
     """A directory of images, or a list of their names."""
     images = table.resolve(table.text(item.name))
@@ -200,6 +206,7 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "event_numbers": event_numbers,
     "existing": existing,
     "file": file,
+    "file_or_directory": file_or_directory,
     "files": files,
     "flag": flag,
     "images": images,

@@ -443,6 +443,7 @@ _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
     "engine": _no_text,
     "event_numbers": _no_event_numbers,
     "existing": _no_path,
+    "file_or_directory": _no_path,
     "file": _no_path,
     "files": _no_paths,
     "flag": _no_flag,
