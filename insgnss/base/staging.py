@@ -90,6 +90,10 @@ class Staging:
                 return target / path.relative_to(own)
         return path
 
+    def written(self, goal: Path) -> Path:
+        """Return where the content of `goal` stands before it is moved; others stay."""
+        return self._files.get(goal, goal)
+
     def forget(self, goal: Path) -> None:
         """Leave a file out that could not be written."""
         written = self._files.pop(goal, goal if self.holds(goal) else None)
@@ -283,6 +287,12 @@ def destination(path: Path) -> Path:
     """Return where a path goes to that may be within a directory of the open staging."""
     staging = _OPEN.get()
     return path if staging is None else staging.destination(path)
+
+
+def written(path: Path) -> Path:
+    """Return where a file stands now that the open staging may still have to move to `path`."""
+    staging = _OPEN.get()
+    return path if staging is None else staging.written(path)
 
 
 def is_vacant(directory: Path) -> bool:

@@ -203,7 +203,7 @@ def _export(
         *([] if "length_unit" in options else _on_units(projection)),
         *_notes(form, projection, framed),
     ]
-    return Exported(path, framed.frame.name, tuple(notes), tuple(beside))
+    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside))
 
 
 def _on_frame(

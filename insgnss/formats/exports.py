@@ -426,6 +426,7 @@ EXPERIMENTAL: dict[str, Export] = {
         options=("camera",),
         experimental="which way the angles turn depends on the cameras table",
         any_unit=True,
+        separator=",",
     ),
     "dji_terra": Export(
         "dji_terra_experimental.csv",

@@ -42,6 +42,7 @@ REFUSED = {  # by separators of programs that know no quotation marks
     *("metashape", "metashape_opk", "metashape_offset", "pix4d_matic", "pix4d_mapper", "odm"),
     *("micmac", "realitycapture", "inpho_ascii", "colmap", "pix4d_mapper_accuracy"),
     *("realitycapture_accuracy", "bingo", "bluh", "orima", "xpro", "simactive", "dji_terra"),
+    *("uasmaster", "contextcapture", "esri_frames"),
 }
 
 
@@ -110,7 +111,7 @@ def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
         monkeypatch.setattr(
             "insgnss.exporting.export._undulation", lambda eo, *_: np.full(len(eo.images), 49.6)
         )
-    if name == "opf":
+    if name in ("opf", "esri_frames"):
         target = Target("EPSG:32632")
     path = tmp_path / "out" / form.product
     path.parent.mkdir()

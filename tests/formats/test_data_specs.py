@@ -275,7 +275,6 @@ def test_every_page_is_tested() -> None:
         "pose_covariance",
         "returned",  # in test_returned_poses
         "noise_model",
-        "returned",  # in test_returned_poses
         "noise_exports",  # in test_noise_exports
         "rosbag",  # in test_rosbag
         "adjust_json",  # in test_adjust

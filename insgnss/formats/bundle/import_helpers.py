@@ -16,6 +16,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from ... import __version__
+from ...base.staging import written
 from ...geodesy.frames import TangentPlane
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, TANGENT
@@ -190,7 +191,7 @@ def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
-    with path.open(encoding="utf-8") as stream:
+    with written(path).open(encoding="utf-8") as stream:
         head = next(line for line in stream if line.startswith("#name"))
     fields = head.strip().lstrip("#").split(",")
     variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
