@@ -62,10 +62,11 @@ STANDS_ON |= {
     "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
+    "installation": BELOW_ALL | {"gnss", "navigation"},
     "cli": (
         (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
-        | {"block_adjustment", "mounting_calibration", "target_measurement"}
+        | {"block_adjustment", "mounting_calibration", "target_measurement", "installation"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},

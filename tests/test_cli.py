@@ -577,13 +577,16 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"insgnss {insgnss.__version__}\n"
 
 
-def test_progress_renews_one_line_on_a_terminal():
+class Terminal(io.StringIO):
+    """Standard error that is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_progress_renews_one_line_on_a_terminal(monkeypatch):
     """Oracle: the control sequences of a terminal, return and erase to the end of the line."""
-
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
+    monkeypatch.setenv("TERM", "xterm")
     terminal, lines = Terminal(), io.StringIO()
     progress = Progress(terminal, lines)
     progress("reading")
@@ -593,6 +596,41 @@ def test_progress_renews_one_line_on_a_terminal():
     parts = terminal.getvalue().split("\r\x1b[K")
     assert [part.partition("] ")[2] for part in parts] == ["", "reading", "smoothing", ""]
     assert lines.getvalue() == ""
+
+
+def test_a_terminal_without_control_sequences_gets_plain_lines(monkeypatch):
+    """Oracle: the name by which such a terminal is known; there is no escape in what it gets."""
+    monkeypatch.setenv("TERM", "dumb")
+    terminal, lines = Terminal(), io.StringIO()
+    progress = Progress(terminal, lines)
+    progress("reading")
+    progress.clear()
+    assert terminal.getvalue() == ""
+    assert lines.getvalue().endswith("s] reading\n")
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["process", "--help"], ["process", "none.toml"]])
+def test_nothing_is_coloured_even_where_colours_are_asked_for(argv, monkeypatch, capsys):
+    """Oracle: the escape character that begins every colour; NO_COLOR changes nothing."""
+    texts = []
+    for wish in ("FORCE_COLOR", "NO_COLOR"):
+        with monkeypatch.context() as environment:
+            environment.setenv(wish, "1")
+            main(argv)
+        streams = capsys.readouterr()
+        texts.append(streams.out + streams.err)
+    assert texts[0] == texts[1]
+    assert "\x1b" not in texts[0]
+
+
+def test_quiet_shows_no_steps_on_a_terminal(monkeypatch):
+    """Oracle: both streams, empty."""
+    monkeypatch.setenv("TERM", "xterm")
+    terminal, lines = Terminal(), io.StringIO()
+    progress = Progress(terminal, lines, quiet=True)
+    progress("reading")
+    progress.clear()
+    assert terminal.getvalue() == lines.getvalue() == ""
 
 
 def _python(*args, **options):

@@ -101,6 +101,7 @@ def test_files_that_the_texts_link_to_exist() -> None:
     """Oracle: the directory's listing."""
     for page in [
         ROOT / "README.md",
+        ROOT / ".github" / "CONTRIBUTING.md",
         *sorted((ROOT / "benchmarks").glob("*.md")),
         *sorted(SPECS.glob("*.md")),
     ]:
@@ -154,3 +155,28 @@ def test_pages_ship_inside_the_wheel() -> None:
         assert {
             page.name: page.read_text() for page in (installed / "data_specs").glob("*.md")
         } == {page.name: page.read_text() for page in SPECS.glob("*.md")}
+
+
+def test_the_citation_is_of_this_version_and_invents_nobody() -> None:
+    """Oracle: the package's version, pyproject.toml, the licence; keys that CFF 1.2.0 requires."""
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    keys = dict(re.findall(r"^([a-z-]+): *(.*)$", text, re.MULTILINE))
+    assert {"cff-version", "message", "title", "authors"} <= set(keys)
+    assert keys["cff-version"] == "1.2.0"
+    assert keys["version"] == insgnss.__version__
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert keys["license"] == project["license"]
+    assert keys["title"].strip('"') == f"insgnss: {project['description'].replace('From', 'from')}"
+    licence = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    authors = re.findall(r"^  - name: (.*)$", text, re.MULTILINE)
+    assert len(authors) == 1
+    assert re.search(rf"Copyright \(c\) \d+ {authors[0]}$", licence, re.MULTILINE)
+
+
+def test_licences_of_what_others_made_are_listed() -> None:
+    """Oracle: the licence files in the package, against the metadata and the README."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / "insgnss").rglob("LICENSE*")}
+    assert set(project["license-files"]) == {"LICENSE", *shipped}
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert all(f"]({name})" in readme for name in shipped)

@@ -1,9 +1,11 @@
 """What a person sees of a run while it runs, and the parser of the command line.
 
-The parser complains as the rest of the program does.
+The parser complains as the rest of the program does. Nothing is coloured, so that NO_COLOR has
+nothing to switch off; the only control sequence is that of the line that renews itself.
 """
 
 import argparse
+import os
 import re
 import time
 from collections.abc import Callable
@@ -15,7 +17,8 @@ from ..base.errors import UsageError
 class Progress:
     """Says which step runs: one line that renews itself on a terminal, else a line a step.
 
-    Silent where `lines` is None.
+    A terminal that knows no control sequences (TERM=dumb) gets a line a step as well. Silent where
+    `lines` is None.
 
     Parameters
     ----------
@@ -24,7 +27,8 @@ class Progress:
     """
 
     def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:
-        self._terminal = terminal if terminal.isatty() and not quiet else None
+        renews = terminal.isatty() and os.environ.get("TERM") != "dumb"
+        self._terminal = terminal if renews and not quiet else None
         self._lines = None if quiet or self._terminal else lines
         self._start = time.monotonic()
 

@@ -30,7 +30,7 @@ from .verb import report_error
 INTERRUPTED = 130
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
-    *("targets", "calibrate", "tune", "compare", "ppk", "figures"),
+    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "doctor"),
 )
 """The verbs, in the order of the help; each is the `VERB` of the module of its name."""
 
@@ -112,7 +112,7 @@ def _verdict(error: BaseException) -> tuple[int, str]:
         InsgnssError.exit_code,
         (
             f"internal error: {type(error).__name__}: {error} (at {location}); this is a defect,"
-            " --debug shows the traceback"
+            " --debug shows the traceback; it and what `insgnss doctor` prints belong into a report"
         ),
     )
 

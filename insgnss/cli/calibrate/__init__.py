@@ -1,6 +1,6 @@
 """The verb `calibrate`: constants of the mounting and of the IMU, one kind a word.
 
-`KINDS` lists the words; each is a verb of its own in `calibration/`.
+`KINDS` lists the words; each is a verb of its own in the module of its name beside this one.
 """
 
 import argparse
@@ -8,10 +8,10 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import UsageError
-from .calibration import imu, materialise, mounting, similarity, tripod
-from .console import Parser, Progress
-from .verb import Verb
+from ...base.errors import UsageError
+from ..console import Parser, Progress
+from ..verb import Verb
+from . import imu, materialise, mounting, similarity, tripod
 
 KINDS: tuple[Verb, ...] = (imu.VERB, tripod.VERB, similarity.VERB, materialise.VERB, mounting.VERB)
 NAMES = tuple(kind.name for kind in KINDS)

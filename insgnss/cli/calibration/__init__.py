@@ -1,1 +1,0 @@
-"""What `insgnss calibrate` does, one module a kind of calibration."""

@@ -1,0 +1,35 @@
+"""The verb `doctor`: what an installation is and lacks, and whether its core counts right."""
+
+import argparse
+
+from .console import Progress
+from .verb import Verb, report_error, show_result
+
+EXAMPLE = """  insgnss doctor
+  insgnss doctor --json > doctor.json"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb: none beside those of all."""
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..installation.examination import examine
+
+    result = examine(progress)
+    show_result(options, progress, result)
+    if (refusal := result.refusal) is None:
+        return 0
+    report_error(f"error: {refusal}", refusal.exit_code, as_json=False)
+    return refusal.exit_code
+
+
+VERB = Verb(
+    "doctor",
+    "versions, what is missing and what to do about it, and a self-test of the compiled core; for"
+    " reports of errors",
+    EXAMPLE,
+    add_arguments,
+    run,
+)

@@ -1,0 +1,7 @@
+"""What `insgnss doctor` looks at: this installation, and whether its compiled core counts right.
+
+`examination`   all findings in their order, as text and as a document
+`packages`      what the package's own metadata asks for: present, new enough, importable?
+`surroundings`  machine, kernels on disk, grids of PROJ, the PPK engine
+`self_test`     the compiled strapdown against a closed form
+"""
