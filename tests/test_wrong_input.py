@@ -427,7 +427,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         ("noise.toml:4: gyro.wite_noise: unknown key", "'white_noise'"),
     ),
-    "noise file no TOML": (_noise("[gyro]", "[gyro"), INPUT, ("noise.toml: not TOML",)),
+    "noise file no TOML": (_noise("[gyro]", "[gyro"), INPUT, ("noise.toml:2: not TOML",)),
     "noise without end": (
         _noise("10 deg", "1e9 deg"),
         DATA,

@@ -271,7 +271,7 @@ class Flight:
         usual="the directory's name",
     )
     gps_week: int | None = option(
-        None, "GPS week, where files carry only the time of week; not modulo 1024", low=1, high=9999
+        None, "GPS week, where files carry only the time of week; not modulo 1024", low=0, high=9999
     )
     start_tow: float | None = option(
         None, "data before this time of week are cut away", unit="s", low=0.0

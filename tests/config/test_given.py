@@ -156,7 +156,7 @@ def test_a_value_that_cannot_be_is_refused_at_construction(table, values, messag
     [
         ({"filter__second_pass": "sometimes"}, r"filter\.second_pass"),
         ({"gnss__sigma_m": (-1.0, 1.0, 1.0)}, r"gnss\.sigma_m"),
-        ({"gps_week": -1}, r"^gps_week = -1: must be 1 to 9999"),
+        ({"gps_week": -1}, r"^gps_week = -1: must be 0 to 9999"),
         ({"start_tow": -5.0}, r"^start_tow = -5\.0: must be 0 or more"),
         ({"accept": ("moton",)}, r"^accept .*'moton' is no check"),
         ({"accept": "motion"}, r"^accept = 'motion': must be a list; give \['motion'\]"),
