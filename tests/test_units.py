@@ -82,6 +82,8 @@ def test_scales_are_those_of_scipy_constants():
         ("100 deg/sqrt h", "'\\(' expected, found 'h'"),
         ("100 deg/sqrt(h", "'\\)' expected, found 'the end'"),
         ("100 deg/s^x", "'x' is no exponent"),
+        ("100 deg/h^999", "'999' is no exponent"),
+        ("1" + "(" * 9000, "a unit of 9000 characters \\(limit 100\\)"),
         ("1,5 deg/h", "',5 deg/h' does not belong in a unit"),
         ("1 000 deg/h", "a unit is expected where '000'"),
     ],

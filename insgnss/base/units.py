@@ -121,10 +121,18 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)")
 _TOKEN = re.compile(r"\s*([A-Za-z%]+|[-+]?\d+(?:\.\d+)?|[*/^()])")
 
 
+LONGEST_UNIT, LARGEST_EXPONENT = 100, 10.0  # of what a person writes
+
+
 class _Parser:
     """Recursive descent over the tokens of one unit."""
 
     def __init__(self, text: str, quantity: str) -> None:
+        if len(text) > LONGEST_UNIT:
+            raise InputError(
+                f"{quantity[:40]!r}...: a unit of {len(text)} characters (limit {LONGEST_UNIT});"
+                " write as in 'deg/h/sqrt(Hz)'"
+            )
         self.quantity = quantity
         self.tokens: list[str] = []
         position = 0
@@ -170,7 +178,10 @@ class _Parser:
         if self.tokens and self.tokens[0] == "^":
             self._next()
             exponent = self._next()
-            if not re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent):
+            if (
+                not re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent)
+                or abs(float(exponent)) > LARGEST_EXPONENT
+            ):
                 raise InputError(
                     f"{self.quantity!r}: {exponent or 'the end'!r} is no exponent; write as in"
                     " 's^2' or 's^-0.5'"

@@ -221,6 +221,7 @@ def test_wrong_json_is_refused(tmp_path, page, name):
     [
         ({"variance": [0.05]}, "are of 2, 1, 2, 2 values"),
         ({"variance": [0.05, float("nan")]}, "finite numbers are expected"),
+        ({"variance": [0.05, 10**309]}, "finite numbers are expected"),
         ({"variance": [0.0509, 0.5]}, "the interval at scale 0.04 s"),
         ({"scales": [0.02, 0.05]}, "scale 0.05 s is 5 samples"),
         ({"alpha": [0.1]}, "intervals of 90 %"),

@@ -446,7 +446,7 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     try:
         numbers = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # the last: an integer of 309 digits
         numbers = np.array([np.nan])
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
