@@ -481,12 +481,14 @@ def test_two_images_of_one_name_are_bad_input(tmp_path, capsys):
 
 
 def test_export_help_lists_the_formats(capsys):
-    """Oracle: the registry."""
+    """Oracle: the registries, of orientations and of noise models."""
     from insgnss.formats import EXPORTS
+    from insgnss.stochastic.consumers import FORMS
 
     assert main(["export", "--help"]) == 0
-    listed = capsys.readouterr().out.partition("formats:\n")[2].splitlines()
-    assert {line.split()[0] for line in listed if line.strip()} == set(EXPORTS)
+    text = capsys.readouterr().out.partition("formats:\n")[2]
+    for listed, names in zip(text.split("of a noise model:\n"), (EXPORTS, FORMS), strict=True):
+        assert {line.split()[0] for line in listed.splitlines() if line.strip()} == set(names)
     assert all(
         "experimental: " in line
         for line in listed

@@ -953,7 +953,7 @@ def test_a_full_disk_leaves_nothing(data, capsys, monkeypatch):
         raise OSError(28, "No space left on device", "report.json")
 
     monkeypatch.setattr("insgnss.report.page.write_report_json", full)
-    _refused(capsys, data.root, INPUT, ("No space left on device", "free space"))
+    _refused(capsys, data.root, 2, ("No space left on device", "free space"))
 
 
 @pytest.mark.parametrize(

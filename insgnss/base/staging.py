@@ -254,7 +254,10 @@ def together() -> Iterator[Staging]:
         except OSError as error:
             if (path := _location(staging, error)) is None:
                 raise
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+            raise UsageError(
+                f"{path}: cannot be written: {error.strerror or error}; check permission and free"
+                " space"
+            ) from None
         staging.commit()
     finally:
         _OPEN.reset(token)

@@ -127,6 +127,8 @@ def test_every_step_of_the_moves_fails_once(root: Path, every: int) -> None:
 def test_a_signal_within_the_moves_waits_until_they_are_over(root: Path, number: int) -> None:
     """Oracle: the files after, and the exception that the handler raises then."""
     handler = signal.getsignal(number)
+    if handler is signal.SIG_IGN:
+        pytest.skip("the signal is ignored here, as under nohup")
     raise_on_termination()
     try:
         with pytest.MonkeyPatch.context() as patch:

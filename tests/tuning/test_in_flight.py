@@ -432,7 +432,6 @@ def test_each_doubt_keeps_the_static_model(tuned):
         (None, {}, UsageError, "there already"),
         (None, {"out": "flight.toml"}, UsageError, "input of this flight"),
         (None, {"out": "noise.txt"}, UsageError, r"end its name with \.toml"),
-        (None, {"out": "nowhere/noise.toml"}, UsageError, "create it first"),
         (
             lambda f: replace(f, gnss=replace(f.gnss, stationary=(46.5, 6.5, 400.0))),
             {"force": True},

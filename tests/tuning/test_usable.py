@@ -171,7 +171,8 @@ def test_digits_of_the_file():
 def recording(gyro, accel):
     """A recording with these means."""
     blocks = {"gyro": np.tile(gyro, (4, 1)), "accel": np.tile(accel, (4, 1))}
-    return StaticRecording(RecordingSource("r", "0", 4, 1.0), {}, blocks, 0.0, 4.0)
+    curves = dict.fromkeys(f"{sensor}_{axis}" for sensor in blocks for axis in "xyz")
+    return StaticRecording(RecordingSource("r", "0", 4, 1.0), curves, blocks, 0.0, 4.0)
 
 
 def test_turn_on_bias_of_the_means():
