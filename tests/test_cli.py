@@ -487,12 +487,14 @@ def test_export_help_lists_the_formats(capsys):
 
     assert main(["export", "--help"]) == 0
     text = capsys.readouterr().out.partition("formats:\n")[2]
-    for listed, names in zip(text.split("of a noise model:\n"), (EXPORTS, FORMS), strict=True):
-        assert {line.split()[0] for line in listed.splitlines() if line.strip()} == set(names)
+    orientations, noise = (
+        [line for line in part.splitlines() if line.strip()]
+        for part in text.split("of a noise model:\n")
+    )
+    assert {line.split()[0] for line in noise} == set(FORMS)
+    assert {line.split()[0] for line in orientations} == set(EXPORTS)
     assert all(
-        "experimental: " in line
-        for line in listed
-        if line.strip() and EXPORTS[line.split()[0]].experimental
+        "experimental: " in line for line in orientations if EXPORTS[line.split()[0]].experimental
     )
 
 
