@@ -11,6 +11,7 @@ from ..config.barometer_options import BarometerInput
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
+from ..config.ppk_options import all_of
 from ..records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def measurements(flight: Flight) -> list[Path]:
         The files; none for what was given as an object.
     """
     raw = flight.gnss.raw
-    given = [flight.imu.file, flight.gnss.file, *((raw.rover, raw.base) if raw is not None else ())]
+    observed = () if raw is None else (*all_of(raw.rover), *all_of(raw.base))
+    given = [flight.imu.file, flight.gnss.file, *observed]
     return [file for file in given if isinstance(file, Path)]
 
 
