@@ -826,7 +826,8 @@ def piece(first: int, count: int, options: argparse.Namespace, keep: Path) -> di
             finds += result["finds"]
             break
         begun = keep / f"begun_{first}"
-        number = int(begun.read_text(encoding="ascii")) if begun.is_file() else first
+        text = begun.read_text(encoding="ascii") if begun.is_file() else ""
+        number = int(text or first)  # ended before it began: from outside
         why = (done.stderr.strip().splitlines() or [""])[-1]
         finds.append(f"{number} the process ended with {done.returncode}: {why}")
         if number > first:  # what stood before the crash, once more

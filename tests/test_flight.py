@@ -704,6 +704,7 @@ WRONG = {
     "too long": (MINIMAL + "#" + 1_000_000 * "x", None, "(limit 1000000); is it a file of"),
     "line behind NEL": ("# a\x85b\n" + _in("imu", "filee = 1"), 3, "imu.filee: unknown key"),
     "syntax": (_in("imu", "axes = forward"), 2, "not TOML: "),
+    "backslash": (_in("imu", 'file = "data\\imu.csv"'), 2, "with /, on Windows too"),
     "unclosed": (MINIMAL + 'name = "x', None, "not TOML: "),
     "encoding": (b'name = "\xff"\n' + MINIMAL.encode(), None, "not UTF-8 at byte 8"),
 }

@@ -17,14 +17,18 @@ Every kernel of the package is defined with the decorator of this module;
 """
 
 import hashlib
+import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
+
+from .advance import share
 
 F = TypeVar("F", bound=Callable[..., Any])
 _COMMENT = re.compile(r"#[^\n]*")
@@ -61,6 +65,24 @@ def njit(**options: Any) -> Callable[[F], F]:
         return compiled
 
     return define
+
+
+def _tell_of_compiling() -> None:
+    """Have numba tell of each function that it compiles; one taken from the disk is none."""
+    from numba.core import event
+
+    class Compiled(event.Listener):
+        def on_start(self, event: Any) -> None:
+            share(math.nan)
+
+        def on_end(self, event: Any) -> None:
+            """Nothing: the next share says that it goes on."""
+
+    event.register("numba:compile", Compiled())
+
+
+with suppress(ImportError, AttributeError):  # a numba without it: a first run says less
+    _tell_of_compiling()
 
 
 @cache

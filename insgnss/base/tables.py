@@ -210,9 +210,10 @@ class Table:
         if path.is_dir():
             raise self.error(key, f"{name} is a directory, a file is expected")
         if not path.is_file():
-            raise self.error(
-                key, f"{name} does not exist; the path is relative to {self.path.name}"
-            )
+            remedy = f"the path is relative to {self.path.name}"
+            if "\\" in name and self.resolve(slashed := name.replace("\\", "/")).is_file():
+                remedy = f"{slashed} does: write paths with /, which every system reads"
+            raise self.error(key, f"{name} does not exist; {remedy}")
         if path.stat().st_size == 0:
             raise self.error(key, f"{name} is empty; copy the recording again")
         return path
@@ -273,9 +274,11 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
-        raise InputError.at_line(
-            path, int(location[1]) if location else None, f"not TOML: {error}"
-        ) from None
+        line_number = int(location[1]) if location else None
+        remedy = ""
+        if line_number and "\\" in text.split("\n")[line_number - 1]:
+            remedy = "; write paths with /, on Windows too, or in single quotes"
+        raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
     if _deeper(data, DEEPEST):
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
     return data

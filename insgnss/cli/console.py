@@ -5,6 +5,7 @@ nothing to switch off; the only control sequence is that of the line that renews
 """
 
 import argparse
+import math
 import os
 import re
 import time
@@ -13,12 +14,18 @@ from typing import Any, NoReturn, TextIO
 
 from ..base.errors import UsageError
 
+LONG_S = 5.0  # a step of which more is to be expected says how far it is
+RENEWED_S = 0.2  # between two renewals of the line on a terminal
+REPEATED_S = 20.0  # between two plain lines about one step
+
 
 class Progress:
     """Says which step runs: one line that renews itself on a terminal, else a line a step.
 
-    A terminal that knows no control sequences (TERM=dumb) gets a line a step as well. Silent where
-    `lines` is None.
+    A step that takes longer than `LONG_S` says how far it is and how much time is left, as far as
+    its loops tell (`insgnss.base.advance`): on the line that renews itself, else in a line now and
+    then. A terminal that knows no control sequences (TERM=dumb) gets plain lines as well. Silent
+    where `lines` is None.
 
     Parameters
     ----------
@@ -30,22 +37,62 @@ class Progress:
         renews = terminal.isatty() and os.environ.get("TERM") != "dumb"
         self._terminal = terminal if renews and not quiet else None
         self._lines = None if quiet or self._terminal else lines
-        self._start = time.monotonic()
+        self._start = self._written = time.monotonic()
+        self._step, self._compiled = "", 0
+        self._since: tuple[float, float] | None = self._start, 0.0
 
     def __call__(self, step: str) -> None:
         """Announce `step`, with the seconds since the start."""
-        elapsed = time.monotonic() - self._start
+        self._step, self._since = step, (time.monotonic(), 0.0)
+        self._write(step)
+
+    def share(self, done: float) -> None:
+        """Say how far the step is, 0 to 1; NaN while a kernel is compiled.
+
+        Parameters
+        ----------
+        done : float
+            The share that is done; time left follows from it where it is long.
+        """
+        now = time.monotonic()
+        if math.isnan(done):
+            self._compiled += 1
+            if self._compiled == 1 or self._terminal:
+                count = f" ({self._compiled})" if self._compiled > 1 else ""
+                self._write(f"{self._step}: compiling, once after an installation{count}")
+            self._since = None
+            return
+        if self._since is None:  # what was compiled says nothing of the speed
+            self._since = now, done
+        began, before = self._since
+        if done <= before or now - began < RENEWED_S:
+            return
+        left = (now - began) * (1.0 - done) / (done - before)
+        long = now - began + left > LONG_S
+        if long and now - self._written >= (RENEWED_S if self._terminal else REPEATED_S):
+            self._write(f"{self._step}: {100.0 * done:.0f} %, {_duration(left)} left")
+
+    def _write(self, text: str) -> None:
+        self._written = time.monotonic()
+        line = f"[{self._written - self._start:6.1f} s] {text}"
         if self._terminal:
-            self._terminal.write(f"\r\x1b[K[{elapsed:6.1f} s] {step}")
+            self._terminal.write(f"\r\x1b[K{line}")
             self._terminal.flush()
         elif self._lines:
-            print(f"[{elapsed:6.1f} s] {step}", file=self._lines, flush=True)
+            print(line, file=self._lines, flush=True)
 
     def clear(self) -> None:
         """Take the renewing line away."""
         if self._terminal:
             self._terminal.write("\r\x1b[K")
             self._terminal.flush()
+
+
+def _duration(seconds: float) -> str:
+    """Return a time that is left, to two digits or so."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
 
 
 class Parser(argparse.ArgumentParser):

@@ -8,6 +8,7 @@ the answer, 130 interrupted, 143 terminated by SIGTERM (129 by SIGHUP), after wh
 they were. Nothing heavy is imported before a verb needs it.
 """
 
+import argparse
 import gc
 import os
 import sys
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .. import __version__
+from ..base.advance import listening
 from ..base.caches import settle
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
@@ -28,6 +30,7 @@ from .console import Parser, Progress
 from .verb import report_error
 
 INTERRUPTED = 130
+SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
     *("targets", "calibrate", "tune", "compare", "ppk", "figures", "doctor"),
@@ -37,6 +40,8 @@ VERBS = (
 
 def run() -> NoReturn:
     """The program `insgnss`: one command in a process of its own."""
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # the matrices are 30 x 30: more threads only spin
@@ -70,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     progress = Progress(
         sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv
     )
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), listening(progress.share):
         warnings.showwarning = _warn_in_one_line(progress)
         try:
             code = _run_verb(argv, progress)
@@ -125,6 +130,43 @@ def _warn_in_one_line(progress: Progress) -> Callable[..., None]:
     return show
 
 
+class _PrintCompletion(argparse.Action):
+    """Prints the shell's part of the completion, and ends as --version does."""
+
+    def __call__(self, parser: Any, options: Any, value: Any, name: str | None = None) -> None:
+        from argcomplete import shell_integration
+
+        print(shell_integration.shellcode(["insgnss"], shell=value))
+        parser.exit()
+
+
+def _complete() -> None:
+    """Answer a shell that asks, in its environment, how the words before the cursor go on."""
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    parser = build_parser(words[1] if len(words) > 1 else "")
+    todo: list[argparse.ArgumentParser] = [parser]
+    while todo:  # a verb's arguments are added when it is first used
+        each = todo.pop()
+        if isinstance(each, Parser):
+            each.complete()
+            each.rearranged = None
+        for action in each._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                todo += action.choices.values()
+            elif each.prog.endswith(" export") and action.dest == "format":
+                action.completer = _formats  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser, always_complete_options="long")  # ends the process
+
+
+def _formats(**_: Any) -> list[str]:
+    from ..formats.exports import EXPERIMENTAL, EXPORTS
+    from ..stochastic.consumers import FORMS
+
+    return sorted({*EXPORTS, *EXPERIMENTAL, *FORMS})
+
+
 def build_parser(verb: str = "") -> Parser:
     """Parser of one verb, whose modules alone are imported then, or of all of them."""
     parser = Parser(
@@ -139,6 +181,13 @@ def build_parser(verb: str = "") -> Parser:
         ),
     )
     parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
+    shells = parser.add_argument(
+        "--completion",
+        action=_PrintCompletion,
+        choices=SHELLS,
+        help="print what lets this shell complete our words and end",
+    )
+    shells.metavar = "SHELL"
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
     for name in (verb,) if verb in VERBS else VERBS:
         import_module(f".{name}", __package__).VERB.add_to(verbs)

@@ -30,6 +30,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..base.advance import through
 from ..records import Array
 from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
 from .event_chain import EventChain, EventTransitions
@@ -238,7 +239,7 @@ class BlockwisePasses:
         if problem.event_chain:
             size = history.cross.shape[0], problem.layout.size
             self.transitions = EventTransitions.before(*size)
-        for b, first, last in self._blocks():
+        for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
             epochs, records, begin = self._of_block_views(b, first, last)
             if b < self.kept_from and self.transitions is None:
@@ -269,7 +270,7 @@ class BlockwisePasses:
         inputs = forward_inputs(problem, self.closed_loop)
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
-        for b, first, last in reversed(list(self._blocks())):
+        for b, first, last in through(list(self._blocks())[::-1]):
             epochs, records, begin = self._of_block_views(b, first, last)
             if b < self.kept_from or not self.fresh:
                 _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)

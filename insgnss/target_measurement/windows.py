@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.advance import through
 from ..targets.codes import LEAST_CLEAR, Reading, Ring, read_ring
 from ..targets.measurement import Measurement, Rules, measure
 from ..targets.neighbours import LIMIT, disagreeing
@@ -82,11 +83,11 @@ def windows_of(
     rows = np.flatnonzero(seen.visible)
     todo = [i for i in np.unique(seen.image[rows]) if photographs.files[i] is not None]
     out: list[Window] = []
-    for count, i in enumerate(todo, start=1):
+    progress(f"measuring in {len(todo)} photographs")
+    for i in through(todo):
         path = photographs.files[i]
         assert path is not None
         own = rows[seen.image[rows] == i]
-        progress(f"photograph {count} of {len(todo)}: {path.name}, {len(own)} ground points")
         grey = read_grey(path, size)
         for row in own.tolist():
             uv, cov, by_point = seen.uv[row], seen.cov[row], seen.by_point[row]

@@ -25,12 +25,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
 from ...base.scratch import ENGINE, scratch_directory
@@ -63,6 +64,7 @@ Source = str | Path
 Progress = Callable[[str], None]
 
 PROCESSES = 2
+WATCHED_S = 0.5  # between two looks at how far the engine is
 MODULE = "pyrtklib5"
 PROGRAM = "rnx2rtkp"
 INSTALL = (
@@ -183,7 +185,7 @@ def solve(
             )
 
         checks += check_base_place(moving, standing, options, whereabouts)
-        ends = runs.both(texts, names, say)
+        ends = runs.both(texts, names, absolute(moving).size, say)
         cpu = {direction: end.cpu_s for direction, end in ends.items()}
         engine = _version(runs.scratch / "forward.pos", command)
         for direction, text in texts.items():
@@ -401,9 +403,9 @@ class _Runs:
             raise OptionError("gnss.engine", f"{message} {statement}", self.command[0])
 
     def both(
-        self, texts: Mapping[str, str], names: Sequence[str], say: Progress
+        self, texts: Mapping[str, str], names: Sequence[str], epochs: int, say: Progress
     ) -> dict[str, _End]:
-        """The end of each run; the first error ends the others."""
+        """The end of each run over so many epochs; the first error ends the others."""
         for direction, text in texts.items():
             (self.scratch / f"{direction}.conf").write_text(text, encoding="utf-8")
         stop = threading.Event()
@@ -413,13 +415,23 @@ class _Runs:
                 pool.submit(copy_context().run, self.solution, direction, names, stop): direction
                 for direction in texts
             }
+            running = set(jobs)
             try:
-                for job in as_completed(jobs):
-                    ends[jobs[job]] = job.result()
-                    say(f"engine: {jobs[job]} solution, {len(ends)} of {len(jobs)}")
+                while running:
+                    ended, running = wait(running, WATCHED_S, FIRST_COMPLETED)
+                    for job in ended:
+                        ends[jobs[job]] = job.result()
+                        say(f"engine: {jobs[job]} solution, {len(ends)} of {len(jobs)}")
+                    written = [self._epochs_of(jobs[job]) / epochs for job in running]
+                    share(min([*written, 1.0]))
             finally:
                 stop.set()
         return {direction: ends[direction] for direction in texts}
+
+    def _epochs_of(self, direction: str) -> int:
+        """How many epochs a run that has not ended has written."""
+        path = self.scratch / f"{direction}.pos"
+        return path.read_bytes().count(b"\n") if path.is_file() else 0
 
     def solution(self, direction: str, names: Sequence[str], stop: threading.Event) -> _End:
         """The end of a run whose output has epochs; DataError where it has none."""

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.advance import through
 from ...base.errors import UsageError
 from ...records import Array, WaveletVariance
 from ..model import AxisNoise
@@ -217,7 +218,7 @@ def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
     seed : as in `draw_variances`, and the errors too.
     """
     variances = draw_variances(fitted, draws, seed=seed)
-    fits = [refit(fitted, curves) for curves in redrawn(fitted, variances)]
+    fits = [refit(fitted, curves) for curves in through(list(redrawn(fitted, variances)))]
     return Bootstrap(
         fitted,
         np.array([f.parameters for f in fits]),

@@ -48,6 +48,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...base.advance import through
 from ...base.errors import UsageError
 from ...records import Array, WaveletVariance
 from ..composition import Composition, families
@@ -245,7 +246,9 @@ def rank(
             "the covariance of the wavelet variances is singular; take weights='interval'"
         )
     drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
-    candidates = [_candidate(curves, c, Omega, V, groups, sampling, drawn) for c in compositions]
+    candidates = [
+        _candidate(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
+    ]
     if not below_a_sample:
         candidates = [c for c in candidates if not _below_a_sample(c.fit)] or candidates
     return _ranked(candidates, criterion)
