@@ -43,9 +43,9 @@ def house(tmp_path):
     folder.mkdir()
     for name, text in SOURCES.items():
         (folder / name).write_text(text.replace("\n        ", "\n"))
-    (folder / "compilation.py").write_bytes(
-        (Path(insgnss.__file__).parent / "base" / "compilation.py").read_bytes()
-    )
+    for name in ("compilation.py", "advance.py"):
+        source = Path(insgnss.__file__).parent / "base" / name
+        (folder / name).write_bytes(source.read_bytes())
     return folder
 
 

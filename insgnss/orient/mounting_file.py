@@ -8,6 +8,7 @@ Tables [mounting] and [camera] are those of a flight file and hold what the cali
 
 import datetime
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -139,9 +140,9 @@ class MountingFile:
             object.__setattr__(self, "camera_from_body", turn)
         for key in VECTORS:
             value = getattr(self, key)
-            if value is not None and (length := float(np.linalg.norm(value))) >= MAX_LEVER_M:
+            if value is not None and (length := math.hypot(*value)) >= MAX_LEVER_M:
                 raise InputError(
-                    f"{key}: {value.tolist()} is {length:.0f} m long (limit {MAX_LEVER_M:.0f} m);"
+                    f"{key}: {value.tolist()} is {length:.6g} m long (limit {MAX_LEVER_M:.0f} m);"
                     " the unit is m"
                 )
         for key in ("antenna_cov", "imu_cov", "boresight_cov"):

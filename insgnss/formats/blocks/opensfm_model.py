@@ -30,6 +30,7 @@ from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
 VERSION = "OPENSFM_TRACKS_VERSION_v"
 FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
+LARGEST = 1e12  # of a turn in rad or a place in m: far beyond any that is real
 MODELS = ("perspective", "brown", "radial", "simple_radial")
 
 
@@ -197,8 +198,10 @@ def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
         vector = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         vector = np.zeros(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError.at_line(file, None, f"shot {shown(of)}: {key} is not three numbers")
+    if vector.shape != (3,) or not (np.abs(vector) < LARGEST).all():
+        raise InputError.at_line(
+            file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
+        )
     return vector
 
 

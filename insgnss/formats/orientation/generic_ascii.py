@@ -337,7 +337,7 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
     table = read_text_table(path)
     words = _header_words(path)
     try:
-        kind, axes = words["frame kind"], words["camera axes"].split()[0]
+        kind, axes = words["frame kind"], words["camera axes"].partition(" ")[0]
         lengths = _lengths(words["length units"]) if "length units" in words else (METRE, METRE)
         how = Conventions(axes, words["attitude"], words["north"], words["angle unit"], lengths)
     except KeyError as missing:

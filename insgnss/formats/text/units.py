@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 from ...base.errors import UsageError
 from ...base.units import STANDARD_GRAVITY
+from .layout import shown
 
 DEG = math.pi / 180.0
 
@@ -41,7 +42,7 @@ UNITS: dict[str, dict[str, float]] = {
     },
 }
 _NUMBER = re.compile(
-    r"\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s*[*]?\s*(.*?)\s*", re.DOTALL
+    r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?(?:\s*[*])?(.*)", re.DOTALL
 )
 _SPELLINGS = {
     **{
@@ -110,7 +111,7 @@ def unit_name(unit: str) -> str:
 
 def split_unit(text: str) -> tuple[float, str]:
     """Return the number before a unit (1 without one), and the unit in one spelling."""
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text.strip())
     number, unit = match.groups() if match else (None, text)
     return (1.0 if number is None else float(number)), unit_name(unit)
 
@@ -134,11 +135,11 @@ def unit_factor(text: str, kind: str) -> float:
     factor = next((factor for name, factor in UNITS[kind].items() if unit_name(name) == unit), None)
     if factor is None:
         raise UsageError(
-            f"{text!r} is none of {', '.join(UNITS[kind])}, with or without a number before it (of"
+            f"{shown(text)} is none of {', '.join(UNITS[kind])}, with or without a number before it (of"
             " one count: 0.05 deg/s)"
         )
     if not 0.0 < number * factor < math.inf:
-        raise UsageError(f"{text!r}: the number before a unit must be positive")
+        raise UsageError(f"{shown(text)}: the number before a unit must be positive")
     return number * factor
 
 

@@ -206,7 +206,7 @@ class _Reading:
         lines = (
             1.05 * np.count_nonzero(sample == ord("\n")) * (buf.size - offset) / max(sample.size, 1)
         )
-        a_satellite = -(-len(self.types[""]) // 5) if header.version < 3 else 1
+        a_satellite = max(-(-len(self.types[""]) // 5), 1) if header.version < 3 else 1
         self.allocate(int(lines / a_satellite / 4) + 16, int(lines / a_satellite) + 16)
 
     def allocate(self, epochs: int, rows: int) -> None:
