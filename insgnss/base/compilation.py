@@ -12,6 +12,10 @@ the user's cache directory; see `insgnss.base.caches`). Outdated code is overwri
 so that nothing has to be cleaned up, and several processes may compile at the same time, as numba
 replaces whole files only.
 
+What numba takes from the disk it needs no knowledge of Python's and numpy's functions for, and the
+half second in which it learns them (`refresh` of its contexts) is left to the first function that
+has to be compiled, which asks for it by itself.
+
 Every kernel of the package is defined with the decorator of this module;
 `tests/test_architecture.py` sees to it.
 """
@@ -58,9 +62,31 @@ def njit(**options: Any) -> Callable[[F], F]:
             return uncached
         sources = digest(Path(function.__code__.co_filename))
         entry._source_stamp = (entry._source_stamp, np.__version__, sources)
+        _load_without_refresh(compiled._cache)
         return compiled
 
     return define
+
+
+def _load_without_refresh(kept: Any) -> None:
+    """Have a function's cache take compiled code from the disk with numba's runtime alone set up.
+
+    Parameters
+    ----------
+    kept : numba.core.caching.Cache
+        The cache of one function. With a numba of other inner names it stays as it is.
+    """
+    if not (hasattr(kept, "_load_overload") and hasattr(kept, "_guard_against_spurious_io_errors")):
+        return
+
+    def load_overload(signature: Any, context: Any) -> Any:
+        from numba.core.runtime import rtsys
+
+        rtsys.initialize(context)
+        with kept._guard_against_spurious_io_errors():
+            return kept._load_overload(signature, context)
+
+    kept.load_overload = load_overload
 
 
 @cache
