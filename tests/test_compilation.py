@@ -51,11 +51,17 @@ def house(tmp_path):
 
 def _run(house: Path, **variables: str) -> tuple[float, int]:
     """What the kernel returns for 1, and how often its code came from disk."""
+    value, hits = _printed(house, RUN, **variables).split()
+    return float(value), int(hits)
+
+
+def _printed(house: Path, code: str, **variables: str) -> str:
+    """What code prints in a process of its own."""
     environment = (
         os.environ | {"PYTHONPATH": str(house.parent), "PYTHONDONTWRITEBYTECODE": "1"} | variables
     )
     done = subprocess.run(
-        [sys.executable, "-c", RUN],
+        [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         env=environment,
@@ -63,8 +69,7 @@ def _run(house: Path, **variables: str) -> tuple[float, int]:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    value, hits = done.stdout.split()
-    return float(value), int(hits)
+    return done.stdout.strip()
 
 
 @pytest.mark.slow
@@ -83,6 +88,21 @@ def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(h
     assert (
         len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1
     )  # outdated code is overwritten
+
+
+@pytest.mark.slow
+def test_code_from_disk_is_run_without_what_numba_compiles_with(house, monkeypatch):
+    """Oracle: the modules in which numba keeps its versions of numpy's functions; sums by hand."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    loaded = RUN.replace("; print(outer(1.0),", "; y = outer(1.0); print(LEARNED, y,")
+    loaded = loaded.replace("LEARNED", "'numba.np.npyimpl' in __import__('sys').modules")
+    both = loaded.replace("; y =", "; from house.inner import inner; inner(1.0); y =")
+    assert _printed(house, loaded) == "True 20.0 0"
+    assert _printed(house, loaded) == "False 20.0 1"
+    # a caller that is compiled beside a callee from disk
+    (house / "outer.py").write_text((house / "outer.py").read_text().replace("10.0 *", "5.0 *"))
+    assert _printed(house, both) == "True 10.0 0"
+    assert _printed(house, loaded) == "False 10.0 1"
 
 
 @pytest.mark.slow

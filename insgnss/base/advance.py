@@ -6,6 +6,7 @@ share belongs to the step that was announced last. What a first run compiles is 
 `insgnss.base.compilation`.
 """
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
@@ -33,7 +34,12 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def share(done: float) -> None:
-    """Say that the share `done` of the step that runs is done, 0 to 1; NaN: compiling."""
+    """Say that the share `done` of the step that runs is done, 0 to 1; NaN: compiling.
+
+    What runs beside it, in another thread, says nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
     for listener in _listeners:
         listener(done)
 

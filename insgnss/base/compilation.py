@@ -12,6 +12,10 @@ the user's cache directory; see `insgnss.base.caches`). Outdated code is overwri
 so that nothing has to be cleaned up, and several processes may compile at the same time, as numba
 replaces whole files only.
 
+What numba takes from the disk it needs no knowledge of Python's and numpy's functions for, and the
+half second in which it learns them (`refresh` of its contexts) is left to the first function that
+has to be compiled, which asks for it by itself.
+
 Every kernel of the package is defined with the decorator of this module;
 `tests/test_architecture.py` sees to it.
 """
@@ -35,11 +39,15 @@ _COMMENT = re.compile(r"#[^\n]*")
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
-def njit(**options: Any) -> Callable[[F], F]:
+def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
     """Return a decorator that compiles a function when it is first called and keeps it on disk.
 
     Parameters
     ----------
+    allocates : bool
+        Whether the function makes arrays. In one that makes none, slices apart, numba counts no
+        references: every array that a record brings along costs two atomic operations else, a tenth
+        of the filter. Such a function divides like numpy: x / 0 is infinite and no exception.
     **options
         What `numba.njit` takes, such as ``nogil`` or ``error_model``. With ``cache=True`` the
         compiled code is kept on disk for the next process.
@@ -50,6 +58,9 @@ def njit(**options: Any) -> Callable[[F], F]:
         The decorator; what it returns is numba's dispatcher, or the function itself where numba is
         switched off (``NUMBA_DISABLE_JIT``).
     """
+
+    if not allocates:
+        options = {"_nrt": False, "error_model": "numpy"} | options
 
     def define(function: F) -> F:
         compiled: F = numba.njit(**options)(function)
@@ -62,6 +73,7 @@ def njit(**options: Any) -> Callable[[F], F]:
             return uncached
         sources = digest(Path(function.__code__.co_filename))
         entry._source_stamp = (entry._source_stamp, np.__version__, sources)
+        _load_without_refresh(getattr(compiled, "_cache", None))
         return compiled
 
     return define
@@ -83,6 +95,27 @@ def _tell_of_compiling() -> None:
 
 with suppress(ImportError, AttributeError):  # a numba without it: a first run says less
     _tell_of_compiling()
+
+
+def _load_without_refresh(kept: Any) -> None:
+    """Have a function's cache take compiled code from the disk with numba's runtime alone set up.
+
+    Parameters
+    ----------
+    kept : numba.core.caching.Cache
+        The cache of one function. With a numba of other inner names it stays as it is.
+    """
+    if not (hasattr(kept, "_load_overload") and hasattr(kept, "_guard_against_spurious_io_errors")):
+        return
+
+    def load_overload(signature: Any, context: Any) -> Any:
+        from numba.core.runtime import rtsys
+
+        rtsys.initialize(context)
+        with kept._guard_against_spurious_io_errors():
+            return kept._load_overload(signature, context)
+
+    kept.load_overload = load_overload
 
 
 @cache

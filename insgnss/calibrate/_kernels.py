@@ -124,7 +124,7 @@ class Linear(NamedTuple):
     used: np.ndarray  # (k,) leading columns of H that may differ from zero
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
     """Linearise a segment about its nominal, written into `out`.
 
@@ -206,7 +206,7 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
             out.R[e, j] = triple.R
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def mixed_noise(lin, e, share, W, Qbb):
     """Sum the components of the process noise at epoch e, each times its `share`."""
     W[:] = 0.0
@@ -225,7 +225,7 @@ def mixed_noise(lin, e, share, W, Qbb):
                     W[r, IMU0 + s] += v * lin.Q_cross[e, component, r, s]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, total):
     """Update with one scalar (K.4), and with it the slopes of (L.5) in each parameter.
 
@@ -300,7 +300,7 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
     return S, y
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_linear(
     lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict
 ):

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..base.beside import Beside
 from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED
 from ..navigation.layout import FixErrors, StateLayout
@@ -39,6 +40,7 @@ FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
+MOST_EPOCHS = 100_000  # of a flight whose constants are looked at beside its first passes
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
@@ -99,9 +101,51 @@ class ErrorModelSearch:
         wide = self.layout(with_every_constant(model))
         return constants_evidence(problem, start, self.layout(model), wide, self.requested)
 
+    def constants_beside(
+        self, problem: EstimationProblem, start: InitialState
+    ) -> "ConstantsBeside | None":
+        """Begin to look at the constants of a flight under the requested errors.
+
+        None where there are too few fixes for it, or so many epochs that two passes at a time are a
+        matter of memory.
+        """
+        offered = np.count_nonzero(problem.epochs.has_position)
+        if offered < FEWEST_FIXES or problem.epochs.stop.size > MOST_EPOCHS:
+            return None
+        model = ErrorModel(self.requested_errors)
+        evidence = Beside(lambda: self.constants(problem, start, model))
+        return ConstantsBeside(problem, start, model, evidence)
+
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
         return lambda fixes: self.layout_factory(fixes, model.imu)
+
+
+@dataclass(frozen=True)
+class ConstantsBeside:
+    """What a flight says of its constants, looked at while the flight is filtered and smoothed.
+
+    The pass of the evidence needs no solution, and that of most flights is the one of the problem
+    as it was posed.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The problem and its initial state.
+    model : ErrorModel
+        The error model.
+    evidence : Beside
+        The evidence, as `ErrorModelSearch.constants` returns it.
+    """
+
+    problem: EstimationProblem
+    start: InitialState
+    model: ErrorModel
+    evidence: "Beside[ConstantsEvidence | None]"
+
+    def fits(self, problem: EstimationProblem, start: InitialState, model: ErrorModel) -> bool:
+        """Tell whether it is the evidence of this problem under this model."""
+        return problem is self.problem and start is self.start and model == self.model
 
 
 @dataclass(frozen=True)
@@ -123,7 +167,12 @@ class Diagnosis:
     history: tuple[str, ...] = ()
 
 
-def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) -> Diagnosis:
+def diagnose(
+    search: ErrorModelSearch,
+    start: InitialState,
+    solution: Solution,
+    beside: ConstantsBeside | None = None,
+) -> Diagnosis:
     """Look for the error model that explains the innovations of a solution.
 
     Constants (`constants`), variances (`variances`) and a time-correlated error of the fixes
@@ -139,6 +188,8 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
         The initial state of the solution's problem.
     solution : Solution
         The solution with the requested errors.
+    beside : ConstantsBeside, optional
+        The evidence of constants that was looked at beside; of another problem it is not taken.
 
     Returns
     -------
@@ -152,7 +203,10 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        constants = search.constants(*posed, here.model) or constants
+        if beside is not None and beside.fits(*posed, here.model):
+            constants = beside.evidence.result()
+        else:
+            constants = search.constants(*posed, here.model) or constants
         there = _next(search, posed, here, constants)
         if there is None:
             break

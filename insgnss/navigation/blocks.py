@@ -5,7 +5,8 @@ of 34 states, and nothing of it is wanted afterwards. A flight is therefore divi
 `BLOCK` epochs. The forward pass keeps where it stood before each block (a checkpoint: nominal,
 mean, P), and the records of as many of the last blocks as `RECORDS_BYTES` hold. The backward pass
 goes from the last block to the first; a block whose records are gone is filtered once more from its
-checkpoint, which gives the same records to the last bit, since the filter sees nothing else.
+checkpoint, which gives the same records to the last bit, since the filter sees nothing else. That
+is done beside the backward pass over the block behind it, whose records are other rows.
 
     memory   m / BLOCK checkpoints, and the records of some blocks
     work     a short flight: nothing more; a long one: one forward pass more
@@ -26,11 +27,13 @@ What a flight needs of memory is forecast before it is filtered (`forecast`), wi
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from ..base.advance import through
+from ..base.beside import Beside
 from ..records import Array
 from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
 from .event_chain import EventChain, EventTransitions
@@ -194,6 +197,7 @@ class BlockwisePasses:
             blocks = min(blocks, max(1, int(records_bytes // (each * self.size))))
         # the latest blocks stay; the row in front of a block is that of the epoch before it
         self.kept_from = max(self.first.size - blocks, 0)
+        self.alternates = blocks > 1  # whether there is room for two blocks at a time
         room = min(blocks * self.size, m) + 1
         self.history = make_history(epochs, layout, records=room)
         self.fresh = False  # whether the records of the kept blocks are those of the latest pass
@@ -209,12 +213,17 @@ class BlockwisePasses:
         for b, first in enumerate(self.first.tolist()):
             yield b, first, min(first + self.size, m)
 
+    def _front_row(self, b: int) -> int:
+        """Return the row in front of the records of a block, which no pass over it touches."""
+        if b >= self.kept_from:
+            return (b - self.kept_from) * self.size
+        # beside the records of the block behind it
+        return (self.kept_from - b) % 2 * self.size if self.alternates else 0
+
     def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
         """Return epochs and room of a block, with the epoch before it in front, and its begin."""
         front = max(first - 1, 0)
-        kept = b >= self.kept_from
-        row = first - int(self.first[self.kept_from]) if kept else 0
-        row += 1 - (first - front)
+        row = self._front_row(b) + 1 - (first - front)
         history = _piece_of_history(self.history, front, last, row, self.outages)
         return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
 
@@ -270,10 +279,17 @@ class BlockwisePasses:
         inputs = forward_inputs(problem, self.closed_loop)
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
-        for b, first, last in through(list(self._blocks())[::-1]):
+        blocks = list(self._blocks())
+        ahead: Beside[None] | None = None
+        for b, first, last in through(blocks[::-1]):
             epochs, records, begin = self._of_block_views(b, first, last)
-            if b < self.kept_from or not self.fresh:
-                _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
+            if ahead is not None:
+                ahead.result()
+            elif self._gone(b):
+                self._filter_again(inputs, *blocks[b])
+            ahead = None
+            if b > 0 and self.alternates and self._gone(b - 1):
+                ahead = Beside(partial(self._filter_again, inputs, *blocks[b - 1]))
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
             own = room.piece(first - begin, last)
@@ -281,6 +297,15 @@ class BlockwisePasses:
         self.adjoints.reverse()
         self.fresh = self.kept_from == 0
         return room.smoothed()
+
+    def _gone(self, b: int) -> bool:
+        """Tell whether the records of a block are not those of the latest forward pass."""
+        return b < self.kept_from or not self.fresh
+
+    def _filter_again(self, inputs: ForwardInputs, b: int, first: int, last: int) -> None:
+        """Filter a block from its checkpoint, for its records."""
+        epochs, records, begin = self._of_block_views(b, first, last)
+        _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
 
     def _keep_sigma(self, P: Array, first: int, last: int) -> None:
         """Keep the filter's sigmas at the rows among epochs first..last - 1 with covariances P."""

@@ -246,6 +246,7 @@ def _solve(
     step("align")
     spells: tuple[Spell, ...] = ()
     noisy: tuple[Check, ...] = ()
+    beside = None
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
@@ -257,6 +258,8 @@ def _solve(
                 time_correlated=of_code is None,
             )
             how = how if of_code is None else f"{how}; {of_code}"
+        if flight.gnss.stationary is None:
+            beside = search.constants_beside(prepared.problem, start)
         prepared, spells, solution = _filtered(flight, prepared, start, step)
     except DataError as error:
         step("what would explain it")
@@ -279,7 +282,7 @@ def _solve(
     history: tuple[str, ...] = (how,)
     checks = (*checks, *noisy)
     if flight.gnss.stationary is None and not noisy:
-        diagnosis = diagnose(search, start, solution)
+        diagnosis = diagnose(search, start, solution, beside)
         drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)

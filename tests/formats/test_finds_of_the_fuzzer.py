@@ -1,4 +1,4 @@
-"""What a million mutated files showed; the rest of such finds stands with the reader's own tests."""
+"""What a million mutated files showed; the rest of them stands with each reader's own tests."""
 
 import json
 import time

@@ -135,8 +135,8 @@ def unit_factor(text: str, kind: str) -> float:
     factor = next((factor for name, factor in UNITS[kind].items() if unit_name(name) == unit), None)
     if factor is None:
         raise UsageError(
-            f"{shown(text)} is none of {', '.join(UNITS[kind])}, with or without a number before it (of"
-            " one count: 0.05 deg/s)"
+            f"{shown(text)} is none of {', '.join(UNITS[kind])}, with or without a number before it"
+            " (of one count: 0.05 deg/s)"
         )
     if not 0.0 < number * factor < math.inf:
         raise UsageError(f"{shown(text)}: the number before a unit must be positive")

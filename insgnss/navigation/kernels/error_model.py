@@ -28,7 +28,7 @@ GRAVITY = 9.8  # m/s^2, for its gradient alone
 SAME_BLOCK_S = 1e-8  # what differs by less has the same decay: stamps of a week resolve 1e-10 s
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def apply_nav_rows(A, columns, B, s1, s2, side, o):
     """Apply the block's 9 x 9 transition (E.4) to rows in place: A[:, :columns] <- F_block A.
 
@@ -63,7 +63,7 @@ def apply_nav_rows(A, columns, B, s1, s2, side, o):
         A[AZ, j] = a2 - B * (o[0] * a1 - o[1] * a0)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def channel_columns(integrals, B, column):
     """Compute the effect of a unit constant error of each channel over the block (E.5).
 
@@ -94,7 +94,7 @@ def channel_columns(integrals, B, column):
         column[AX, ACCEL0 + a], column[AY, ACCEL0 + a], column[AZ, ACCEL0 + a] = 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def add_white_noise(Q, integrals, B, white, v9):
     """Add the white gyro and accelerometer noise of one block to Q[:9, :9] (E.7).
 
@@ -148,7 +148,7 @@ def add_white_noise(Q, integrals, B, white, v9):
                     Q[VEL0 + r, VEL0 + c] += k * B
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def add_channel_sums(W, share, channel, group):
     """Add up columns of [Q_nn Q_nb] by channel: group <- sum over the states of share W.
 
@@ -171,7 +171,7 @@ def add_channel_sums(W, share, channel, group):
                 to[r] += w * W[r, IMU0 + s]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def step_covariance(W, Qbb, B, model, work, side, o, first):
     """Take the process noise W = [Q_nn Q_nb] and the diagonal Q_bb over one more block (E.6).
 
@@ -203,7 +203,10 @@ def step_covariance(W, Qbb, B, model, work, side, o, first):
         share[s] = weight[s] * mean[s]
     if not first:
         add_channel_sums(W, share, channel, group)
-        X[:] = W
+        for r in range(N_NAV):
+            of, to = W[r], X[r]
+            for c in range(N_NAV + ns):
+                to[c] = of[c]
         apply_nav_rows(X, N_NAV + ns, B, s1, s2, side, o)
         for r in range(N_NAV):
             to = X[r]
@@ -259,7 +262,7 @@ def step_covariance(W, Qbb, B, model, work, side, o, first):
     add_white_noise(W, integrals, B, model.white, v9)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def set_decay(model, B, work):
     """Work out decay and mean of each state over a block.
 
@@ -279,7 +282,7 @@ def set_decay(model, B, work):
     work.last_block[0] = B
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def block_states(intervals, i0, i1, B, elapsed, x, model, work):
     """Compute decay, mean and weight of each state over the block, and the biases at its ends.
 
@@ -335,7 +338,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
     return has_scale
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
     """Propagate the nominal over integration intervals, and fill transition and process noise.
 
@@ -410,7 +413,7 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
         a = b
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def add_gap_noise(W, column, B, variance):
     """Add the noise of increments that were made up over a gap of the IMU (E.8).
 
@@ -473,7 +476,7 @@ def predict_covariance(P, F, D, W, Qbb, X, nine):
         row[s] += Qbb[s]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def propagate_mean(F, D, m, gap, scratch):
     """Predict the error estimate in place: m <- Phi m + gap, Phi = [F; 0 D].
 
@@ -497,4 +500,5 @@ def propagate_mean(F, D, m, gap, scratch):
         scratch[r] = t
     for s in range(D.size):
         scratch[IMU0 + s] = gap[IMU0 + s] + D[s] * m[IMU0 + s]
-    m[:] = scratch
+    for c in range(m.size):
+        m[c] = scratch[c]

@@ -39,7 +39,7 @@ from .update import (
 )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin):
     """Run the extended Kalman filter over the whole flight, or over a block of its epochs.
 

@@ -30,7 +30,7 @@ from ..codes import (
 )
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def antenna(nav, x, lever_b, model, triple):
     """Leave C_lb, and the lever arm with its error states, in the triple.
 
@@ -55,7 +55,7 @@ def antenna(nav, x, lever_b, model, triple):
             lever[i] += x[model.lever + i]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def fix_delay(x, elapsed, model):
     """Return by how much a fix was taken later than it is stamped (time offset).
 
@@ -79,7 +79,7 @@ def fix_delay(x, elapsed, model):
     return d
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def minus_skew(H, column, a0, a1, a2):
     """Write a skew matrix into three columns: H[:, column : column + 3] <- -[a x].
 
@@ -97,7 +97,7 @@ def minus_skew(H, column, a0, a1, a2):
     H[2, column], H[2, column + 1] = a1, -a0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def body_rate(nav, x, elapsed, rate, model, earth, triple):
     """Leave the body's rate against the Earth and its derivatives in the triple.
 
@@ -139,7 +139,7 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
             omega[c] -= x[s] * u
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group, triple):
     """Fill the triple with the measured position of the antenna (K.1).
 
@@ -213,7 +213,7 @@ def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group
                 H[r, IMU0 + first + r] = sigma[r]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
     """Fill the triple with the measured velocity of the antenna (K.2).
 
@@ -284,7 +284,7 @@ def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
             H[r, IMU0 + first + r] = 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def zupt_rows(nav, triple):
     """Fill the triple with a zero-velocity update, ZUPT (K.8): the velocity is zero.
 
@@ -302,7 +302,7 @@ def zupt_rows(nav, triple):
         H[r, VEL0 + r] = 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def nhc_rows(nav, triple):
     """Fill the triple with the non-holonomic constraint, NHC (K.9); its row 0 stays empty.
 
@@ -329,7 +329,7 @@ def nhc_rows(nav, triple):
         H[r, AZ] = c0 * v1 - c1 * v0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def zaru_rows(model, earth, triple):
     """Fill the triple with a zero angular rate update, ZARU (K.10): the body does not turn.
 
@@ -359,7 +359,7 @@ def zaru_rows(model, earth, triple):
             H[model.channel[s], IMU0 + s] = triple.gain[s]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def barometer_rows(nav, x, model, earth, z, triple):
     """Fill the triple with a barometer's height (K.12); its rows 1 and 2 stay empty.
 
@@ -398,23 +398,41 @@ def barometer_rows(nav, x, model, earth, z, triple):
     nu[1, 0] = nu[2, 0] = 0.0
 
 
-@njit(cache=True)
-def scale_of(R, factor):
-    """Scale a covariance, in place.
+@njit(cache=True, allocates=False)
+def take(cov, R):
+    """Copy a covariance.
 
     Parameters
     ----------
-    R : ndarray
+    cov : ndarray
         (3, 3) the covariance.
-    factor : ndarray
-        (3,) of its standard deviations.
+    R : ndarray
+        (3, 3) its copy, filled in place.
     """
     for i in range(3):
         for j in range(3):
-            R[i, j] *= factor[i] * factor[j]
+            R[i, j] = cov[i, j]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
+def take_scaled(cov, factor, R):
+    """Copy a covariance, scaled.
+
+    Parameters
+    ----------
+    cov : ndarray
+        (3, 3) the covariance.
+    factor : ndarray
+        (3,) of its standard deviations.
+    R : ndarray
+        (3, 3) the scaled one, filled in place.
+    """
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = cov[i, j] * (factor[i] * factor[j])
+
+
+@njit(cache=True, allocates=False)
 def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
     """Fill the triple with what an epoch measures of one kind.
 
@@ -452,11 +470,10 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
             return False
         if model.offset >= 0:
             body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
-        R[:] = epochs.position_cov[e]
         group = epochs.group[e]
         z, sigma = epochs.position[e], epochs.sigma[e]
         position_rows(nav, x, epochs.time[e], lever_b, model, acceleration, z, sigma, group, triple)
-        scale_of(R, model.white_scale[group])
+        take_scaled(epochs.position_cov[e], model.white_scale[group], R)
     elif kind == VELOCITY:
         if not epochs.has_velocity[e]:
             return False
@@ -464,8 +481,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         velocity_rows(
             nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple
         )
-        R[:] = epochs.velocity_cov[e]
-        scale_of(R, model.white_scale[OF_VELOCITY])
+        take_scaled(epochs.velocity_cov[e], model.white_scale[OF_VELOCITY], R)
     elif kind == VELOCITY_CONSTRAINT:
         if epochs.constraint[e] == NO_CONSTRAINT:
             return False
@@ -473,7 +489,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
             zupt_rows(nav, triple)
         else:
             nhc_rows(nav, triple)
-        R[:] = epochs.constraint_cov[e]
+        take(epochs.constraint_cov[e], R)
     elif kind == ZARU:
         if epochs.zaru_variance[e] == 0.0:
             return False

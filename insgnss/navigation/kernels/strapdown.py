@@ -11,7 +11,7 @@ EARTH_RADIUS_M = 6.37e6  # for the gradient of gravity alone
 FREE_BLOCK_S = 0.02  # s, length of the blocks of a free-inertial run
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def rotate_left(nav, a, b, c):
     """Rotate the attitude from the left in place: q_lb <- exp([a b c]) q_lb, normalised.
 
@@ -38,7 +38,7 @@ def rotate_left(nav, a, b, c):
     nav[QW], nav[QX], nav[QY], nav[QZ] = qw * m, qx * m, qy * m, qz * m
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def gravity_l(px, py, pz, earth, g_e, g_l):
     """Compute gravity in the axes of l.
 
@@ -65,7 +65,7 @@ def gravity_l(px, py, pz, earth, g_e, g_l):
         g_l[i] = C[0, i] * g_e[0] + C[1, i] * g_e[1] + C[2, i] * g_e[2]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, integrals):
     """Integrate the nominal over a block of integration intervals (S.1-S.6).
 

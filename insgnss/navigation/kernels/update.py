@@ -10,7 +10,7 @@ from .strapdown import rotate_left
 LARGEST_TILT_VARIANCE = 3e-4  # rad^2, a degree: what a covariance reset adds to psi at most
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def cholesky(R, L):
     """Compute the lower Cholesky factor of a matrix.
 
@@ -41,7 +41,7 @@ def cholesky(R, L):
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def forward_solve3(L, A):
     """Solve with a lower triangular matrix in place: A <- L^-1 A.
 
@@ -60,7 +60,7 @@ def forward_solve3(L, A):
             A[r, j] = t / L[r, r]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
     """Compute the normalised innovation squared (NIS) of a triple.
 
@@ -120,7 +120,7 @@ def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
     return y0 * y0 + y1 * y1 + y2 * y2
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def reset_covariance(P, innovation, since_s):
     """Reset the covariance of position, velocity and psi after rejected fixes (K.7), in place.
 
@@ -143,7 +143,7 @@ def reset_covariance(P, innovation, since_s):
         P[i, i] += d
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def scalar_update(P, m, h, nu, used, K, cross, track_cross):
     """Update mean and covariance with one scalar measurement of unit variance (K.4), in place.
 
@@ -208,7 +208,7 @@ def scalar_update(P, m, h, nu, used, K, cross, track_cross):
     return S, y
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def feed_back(nav, x, m):
     """Move the error estimate into the nominal state (K.5), and set it to zero.
 
@@ -229,7 +229,7 @@ def feed_back(nav, x, m):
     m[:] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def state_difference(nav_a, x_a, nav_b, x_b, out):
     """Compute the difference a minus b of two states as an error vector.
 

@@ -1,0 +1,67 @@
+"""Work beside the main line."""
+
+import threading
+from itertools import pairwise
+
+import pytest
+
+from insgnss.base import beside
+from insgnss.base.beside import Beside
+from insgnss.base.errors import DataError
+from insgnss.diagnosis.decision import ConstantsBeside
+from insgnss.navigation import blocks
+
+
+@pytest.fixture(params=[1, 2])
+def processors(request, monkeypatch):
+    """A machine of so many processors."""
+    monkeypatch.setattr(beside, "processors", lambda: request.param)
+    return request.param
+
+
+def test_a_job_is_done_once_and_in_a_thread_only_where_that_gains(processors):
+    """Oracle: the thread that the job ran in, and how often it ran."""
+    ran = []
+
+    def job():
+        ran.append(threading.current_thread() is threading.main_thread())
+        return 7
+
+    work = Beside(job)
+    assert (work.result(), work.result()) == (7, 7)
+    assert ran == [processors == 1]
+
+
+def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(processors):
+    """Oracle: the error itself, whose line and exit code the command line shows."""
+    error = DataError("the filter diverged")
+
+    def job():
+        raise error
+
+    work = Beside(job)
+    for _ in range(2):
+        with pytest.raises(DataError) as caught:
+            work.result()
+        assert caught.value is error
+
+
+def test_evidence_of_another_problem_is_not_taken():
+    """Oracle: identity; a problem without some fixes is another one."""
+    problem, start, model = object(), object(), ("requested", 1.0)
+    evidence = ConstantsBeside(problem, start, model, Beside(lambda: None))
+    assert evidence.fits(problem, start, ("requested", 1.0))
+    assert not evidence.fits(object(), start, model)
+    assert not evidence.fits(problem, object(), model)
+    assert not evidence.fits(problem, start, ("requested", 2.0))
+
+
+def test_rows_of_neighbouring_blocks_are_apart():
+    """Oracle: the rows themselves; the row in front of a block is written by nobody."""
+    passes = blocks.BlockwisePasses.__new__(blocks.BlockwisePasses)
+    passes.size, passes.alternates, count = 4, True, 10
+    for passes.kept_from in (0, 5, 8):
+        front = [passes._front_row(b) for b in range(count)]
+        own = [set(range(row + 1, row + 5)) for row in front]
+        assert all(not one & other for one, other in pairwise(own))
+        assert max(front) + 4 == 4 * (count - passes.kept_from)
