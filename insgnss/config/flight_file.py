@@ -232,6 +232,8 @@ class Flight:
         The file; names in its directory are shown relative to it.
     include : Path or None
         The file whose keys it took over.
+    include : Path or None
+        The file whose keys it took over.
     gps_week : int or None
         The GPS week, where the files carry only the time of week.
     start_tow, end_tow : float or None
@@ -242,10 +244,10 @@ class Flight:
         States and constraints of the filter.
     barometer : BarometerInput or None
         Table of that name; None: there is none.
-    included : tuple of Path
-        The files whose keys it took over, the nearest first.
     mounting_files : tuple of MountingSource
         The files that `mounting` and the camera's delay were taken from, the last taken last.
+    included : tuple of Path
+        The files whose keys it took over, the nearest first.
     name : str
         Of the data set, in titles and reports.
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None

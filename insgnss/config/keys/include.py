@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.tables import Source, Table, read_toml
-from .flight_file import TABLES
+from ...base.tables import Source, Table, read_toml
+from ..flight_file import TABLES
 from .retired import renewed
 
 KEY = "include"
