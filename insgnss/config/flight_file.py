@@ -232,8 +232,6 @@ class Flight:
         The file; names in its directory are shown relative to it.
     include : Path or None
         The file whose keys it took over.
-    include : Path or None
-        The file whose keys it took over.
     gps_week : int or None
         The GPS week, where the files carry only the time of week.
     start_tow, end_tow : float or None

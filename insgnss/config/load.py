@@ -39,8 +39,8 @@ from .flight_file import (
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
-from .ppk_options import OF_POSITIONS, RawGnss
 from .keys.retired import renewed
+from .ppk_options import OF_POSITIONS, RawGnss
 from .schema import declared, options_of
 from .values import covariance_of, take
 
