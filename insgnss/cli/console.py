@@ -32,6 +32,11 @@ class Progress:
         self._lines = None if quiet or self._terminal else lines
         self._start = time.monotonic()
 
+    @property
+    def renews(self) -> bool:
+        """Whether one line renews itself, on a terminal."""
+        return self._terminal is not None
+
     def __call__(self, step: str) -> None:
         """Announce `step`, with the seconds since the start."""
         elapsed = time.monotonic() - self._start

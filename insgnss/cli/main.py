@@ -30,9 +30,11 @@ from .verb import report_error
 INTERRUPTED = 130
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
-    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "doctor"),
+    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "batch", "archive", "doctor"),
 )
 """The verbs, in the order of the help; each is the `VERB` of the module of its name."""
+FOLDERS = {"batch": "season", "archive": "season"}
+"""Folders of verbs whose modules stand in one."""
 
 
 def run() -> NoReturn:
@@ -141,5 +143,6 @@ def build_parser(verb: str = "") -> Parser:
     parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
     for name in (verb,) if verb in VERBS else VERBS:
-        import_module(f".{name}", __package__).VERB.add_to(verbs)
+        module = f".{FOLDERS[name]}.{name}" if name in FOLDERS else f".{name}"
+        import_module(module, __package__).VERB.add_to(verbs)
     return parser
