@@ -74,8 +74,8 @@ class SeasonPage:
             mood,
             why,
             charts=tuple(charts(self.rows, self.trends)),
-            first=tuple(self._first()),
-            parts=(self._flights(), self._all_trends()),
+            first=(*self._first(), self._flights()),
+            parts=(self._all_trends(),),
             settings=dict(self.settings),
         )
         for piece in page.html():
@@ -153,11 +153,11 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
     """
     groups: dict[tuple[str, str], list[Trend]] = {}
     for trend in trends:
-        kind = " ".join(trend.quantity.name.split()[:-1])
+        kind = trend.quantity.name.removesuffix(f" {trend.quantity.axis}")
         groups.setdefault((trend.equipment, kind), []).append(trend)
     for number, ((equipment, kind), own) in enumerate(groups.items(), 1):
         panels = [
-            Axes(f"{t.quantity.name.split()[-1]}, {t.quantity.unit}", list(_layers(t, ink)))
+            Axes(f"{t.quantity.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
             for t, ink in zip(own, INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""

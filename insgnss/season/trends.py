@@ -50,6 +50,8 @@ class Quantity:
         That one.
     physical : float
         What matters, in the shown unit.
+    axis : str
+        The end of the name, where it is one of three.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Quantity:
     factor: float
     unit: str
     physical: float
+    axis: str = ""
 
 
 QUANTITIES = (
@@ -69,6 +72,7 @@ QUANTITIES = (
             1e3,
             "mm",
             5.0,
+            axis,
         )
         for axis in LEVER
     ),
@@ -81,6 +85,7 @@ QUANTITIES = (
             1.0,
             "deg",
             0.02,
+            axis,
         )
         for axis in "xyz"
     ),
@@ -132,12 +137,13 @@ class Trend:
 
     def sentence(self) -> str:
         """Return what is said of it, without full stop."""
-        q, who = self.quantity, self.equipment or "flights without a shared file"
+        q = self.quantity
+        name = f"{q.name} of {self.equipment or 'the flights without a shared file'}"
         span = float(np.ptp(self.days)) if self.days.size else 0.0
         if self.finding == "drift":
             monthly, sigma = MONTH_DAYS * self.slope, MONTH_DAYS * self.slope_sigma
             return (
-                f"{who}: the {q.name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month,"
+                f"the {name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month,"
                 f" {abs(self.slope) * span:.3g} {q.unit} over {span:.0f} days"
                 f" ({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights): look"
                 " for what loosens or ages, and calibrate the mounting anew"
@@ -145,16 +151,16 @@ class Trend:
         if self.finding == "scatter":
             worst = int(np.argmax(np.abs(self.residual / self.sigma)))
             return (
-                f"{who}: the {q.name} differs from flight to flight by more than its sigmas"
+                f"the {name} differs from flight to flight by more than its sigmas"
                 f" ({self.chi_square:.1f} times in variance, {self.days.size} flights), most at"
                 f" {self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line): what"
                 " was mounted anew, or bent, between flights"
             )
         if self.finding == "steady":
-            return f"{who}: the {q.name} shows no drift ({self.days.size} flights)"
+            return f"the {name} shows no drift ({self.days.size} flights)"
         few = f"{self.days.size} of {FEWEST} flights that a trend needs"
         why = few if self.finding == "too few" else "all flights at one time"
-        return f"{who}: nothing is said of the {q.name}: {why}"
+        return f"nothing is said of the {name}: {why}"
 
     @property
     def residual(self) -> Array:
