@@ -2,7 +2,7 @@
 
 Each flight is one task. A worker runs one at a time; what runs side by side is limited by
 processors and by memory. Dask starts a flight again whose worker died, on another worker, and
-gives it up after `RETRIES` deaths; no other flight notices.
+gives it up after `RETRIES` more deaths; it then runs once more alone.
 """
 
 import logging
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from ..base.errors import DataError, UsageError
 from ..base.memory import available
-from .work import Outcome, Task, failed, process_task
+from .work import INTERNAL, Outcome, Task, failed, process_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -42,6 +42,7 @@ CONFIGURATION = {
     "distributed.worker.memory.terminate": 0.95,
     "distributed.diagnostics.nvml": False,
 }
+QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}  # what becomes of a flight is said by its line
 Tell = Callable[[Outcome], None]
 
 
@@ -117,8 +118,11 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
         raise UsageError(f"batch {MISSING}") from None
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(CONFIGURATION))
+        environment = "distributed.nanny.pre-spawn-environ"
+        spawned = dask.config.get(environment, {}) | QUIET
+        stack.enter_context(dask.config.set({environment: spawned}))
         stack.callback(logging.disable, logging.root.manager.disable)
-        logging.disable(logging.CRITICAL)  # what becomes of a flight is said by its line
+        logging.disable(logging.CRITICAL)
         address: Any = scheduler
         if scheduler is None:
             address = stack.enter_context(
@@ -126,7 +130,7 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
                     n_workers=workers.count,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # not 8787, which others may have
                     memory_limit=int(workers.memory_bytes) or None,
                     host="127.0.0.1",
                 )
@@ -181,6 +185,9 @@ def run_tasks(
 ) -> list[Outcome]:
     """Run all flights; return what became of them, in the order of the tasks.
 
+    A flight whose workers died runs once more, alone, when all others are done: what waited in the
+    queue of a worker that another flight took down is then not blamed for it.
+
     Parameters
     ----------
     client : Client
@@ -204,6 +211,27 @@ def run_tasks(
     DataError
         No worker was there for minutes; flights that are done stay.
     """
+    outcomes: dict[str, Outcome] = {}
+    killed: list[Task] = []
+    for task, outcome in _arriving(client, tasks, workers, tick):
+        if outcome is None:
+            killed.append(task)
+            continue
+        outcomes[task.name] = outcome
+        tell(outcome)
+    for alone in killed:
+        start = time.monotonic()
+        for task, outcome in _arriving(client, [alone], workers, tick):
+            final = outcome or _deadly(task, workers, time.monotonic() - start)
+            outcomes[task.name] = final
+            tell(final)
+    return [outcomes[task.name] for task in tasks]
+
+
+def _arriving(
+    client: "Client", tasks: Sequence[Task], workers: Workers, tick: Callable[[int], None]
+) -> Iterator[tuple[Task, Outcome | None]]:
+    """Yield flights as they end, with None where their workers died."""
     from distributed import as_completed
 
     declared = _declared(client)
@@ -215,7 +243,6 @@ def run_tasks(
             process_task, task, key=f"flight-{number}-{start}", pure=False, resources=need or None
         )
         futures[future] = task
-    outcomes: dict[str, Outcome] = {}
     arriving = as_completed(list(futures))
     seen = time.monotonic()
     while arriving.count():
@@ -231,11 +258,8 @@ def run_tasks(
             time.sleep(POLL_S)
             continue
         for future in arriving.next_batch(block=False):
-            task = futures[future]
-            outcomes[task.name] = _outcome(future, task, workers, time.monotonic() - start)
+            yield futures[future], _outcome(future, futures[future], time.monotonic() - start)
             future.release()
-            tell(outcomes[task.name])
-    return [outcomes[task.name] for task in tasks]
 
 
 def _declared(client: "Client") -> float:
@@ -244,8 +268,8 @@ def _declared(client: "Client") -> float:
     return min((float(info["resources"].get(RESOURCE, 0.0)) for info in infos), default=0.0)
 
 
-def _outcome(future: "Future", task: Task, workers: Workers, seconds: float) -> Outcome:
-    """Return what became of a flight; of one whose workers died, that they did."""
+def _outcome(future: "Future", task: Task, seconds: float) -> Outcome | None:
+    """Return what became of a flight; None where the workers died that ran it."""
     from distributed.scheduler import KilledWorker
 
     if future.status == "finished":
@@ -253,13 +277,18 @@ def _outcome(future: "Future", task: Task, workers: Workers, seconds: float) -> 
         return outcome
     error = future.exception() if future.status == "error" else None
     if isinstance(error, KilledWorker):
-        limit = f" of {workers.memory_bytes / GB:.1f} GB each" if workers.memory_bytes else ""
-        return failed(
-            task,
-            f"its worker died {RETRIES + 1} times (memory forecast"
-            f" {task.forecast_bytes / GB:.1f} GB, workers{limit}): most often for want of memory;"
-            f" insgnss process {task.file} by itself, or batch --workers 1",
-            DataError.exit_code,
-            seconds,
-        )
-    return failed(task, f"ended by Dask: {future.status}: {error}", 1, seconds)
+        return None
+    return failed(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)
+
+
+def _deadly(task: Task, workers: Workers, seconds: float) -> Outcome:
+    """Return the outcome of a flight that workers die of."""
+    limit = f" of {workers.memory_bytes / GB:.1f} GB each" if workers.memory_bytes else ""
+    return failed(
+        task,
+        f"its worker died {RETRIES + 1} times beside other flights and as often alone (memory"
+        f" forecast {task.forecast_bytes / GB:.1f} GB, workers{limit}): most often for want of"
+        f" memory; insgnss process {task.file} by itself, or batch --workers 1",
+        DataError.exit_code,
+        seconds,
+    )

@@ -101,8 +101,8 @@ def _matching(pattern: str) -> list[SeasonFlight]:
         elif match.is_file() and match.suffix.lower() == ".toml":
             flights.append(SeasonFlight(match.absolute()))
     if not flights:
-        what = "nothing" if not matches else f"{len(matches)} files, of which none is a flight"
-        raise UsageError(f"{pattern}: the pattern matches {what}; put it into quotation marks?")
+        count = "nothing" if not matches else f"{len(matches)} files, of which none is a flight"
+        raise UsageError(f"{pattern}: the pattern matches {count}; put it into quotation marks?")
     return flights
 
 

@@ -203,7 +203,7 @@ def _sigmas(rows: Sequence[Row]) -> Iterator[Chart]:
         for column, word, ink in zip(columns, words, INKS, strict=True):
             y = np.array([r[column] if is_number(r.get(column)) else np.nan for r in rows])
             there = np.isfinite(y)
-            texts = [name for name, known in zip(names, there, strict=True) if known]
+            texts = [name for name, finite in zip(names, there, strict=True) if finite]
             if there.any():
                 layers.append(
                     Layer("points", number[there], y[there], word, ink, texts=texts, width=5.0)
