@@ -81,14 +81,14 @@ def test_two_hundred_flights_and_a_worker_killed_in_the_middle(
     address, workers = scheduler
     flights = copies(short_flight(tmp_path), MANY)
     broken(flights[2])
-    run = started(tmp_path, ".", "--scheduler", address)
-    assert run.stdout is not None
-    lines = []
-    for line in run.stdout:
-        lines.append(line)
-        if sum(": done" in one for one in lines) == 40:
-            workers[0].kill()
-    assert run.wait(timeout=60) == 3
+    done = 0
+    with started(tmp_path, ".", "--scheduler", address) as run:
+        assert run.stdout is not None
+        for line in run.stdout:
+            done += ": done" in line
+            if done == 40 and ": done" in line:
+                workers[0].kill()
+        assert run.wait(timeout=60) == 3
     rows = read_season(tmp_path / "season.csv")
     assert len(rows) == MANY
     assert [row["name"] for row in rows if row["status"] == "failed"] == ["f002"]
@@ -110,25 +110,25 @@ def test_ctrl_c_ends_calmly_and_the_next_run_goes_on(tmp_path: Path) -> None:
     whose worker is killed with SIGKILL, and the rest done.
     """
     flights = copies(short_flight(tmp_path), 16)
-    run = started(tmp_path, ".", "--workers", 2)
-    assert run.stdout is not None
-    for line in run.stdout:
-        if ": done" in line:
-            run.send_signal(signal.SIGINT)
-            break
-    _, errors = run.communicate(timeout=60)
+    with started(tmp_path, ".", "--workers", 2) as run:
+        assert run.stdout is not None
+        for line in run.stdout:
+            if ": done" in line:
+                run.send_signal(signal.SIGINT)
+                break
+        _, errors = run.communicate(timeout=60)
     assert run.returncode == 130
     assert errors == "insgnss: error: interrupted\n"
     assert of_session(run.pid) == []
     assert not (tmp_path / "season.csv").exists()
-    run = started(tmp_path, ".", "--workers", 2, "--parquet")
-    assert run.stdout is not None
     output = ""
-    for line in run.stdout:
-        output += line
-        if output.count(": done") == 2 and ": done" in line:
-            os.kill(workers_of(run.pid)[-1], signal.SIGKILL)
-    assert run.wait(timeout=60) == 0
+    with started(tmp_path, ".", "--workers", 2, "--parquet") as run:
+        assert run.stdout is not None
+        for line in run.stdout:
+            output += line
+            if output.count(": done") == 2 and ": done" in line:
+                os.kill(workers_of(run.pid)[-1], signal.SIGKILL)
+        assert run.wait(timeout=60) == 0
     assert "kept, whose inputs, options and version are the same" in output
     assert {row["status"] for row in read_season(tmp_path / "season.csv")} == {"done", "kept"}
     left = [p.name for flight in flights for p in flight.rglob(".insgnss*")]
