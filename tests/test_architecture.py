@@ -63,10 +63,13 @@ STANDS_ON |= {
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "installation": BELOW_ALL | {"gnss", "navigation"},
+    # report: its page; installation: whether kernels are compiled
+    "season": BELOW_ALL | {"config", "navigation", "report", "processing", "installation"},
     "cli": (
         (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
         | {"block_adjustment", "mounting_calibration", "target_measurement", "installation"}
+        | {"season"}
     ),
     "flight": {"config"},  # names under which scripts know config and processing
     "pipeline": {"processing"},
@@ -118,6 +121,7 @@ LOCAL_ONLY = {
     "pyulog",
     "h5py",
 }
+LOCAL_ONLY |= {"dask", "distributed", "pyarrow"}
 LOCAL_ONLY |= {"orjson", "pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
 
 # of code, without docstrings: at 100 columns what 400 and 60 were at 140

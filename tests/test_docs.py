@@ -127,6 +127,7 @@ def test_every_format_has_a_page() -> None:
     # settings, and RINEX, whose readers stand in gnss/: they give raw observations
     others |= {"dbat", "image_points", "ground_points", "camera_toml", "camera_files"}
     others |= {"eo_covariance", "block_file", "adjust_json"}
+    others |= {"season"}  # written by `insgnss batch`
     others |= {"camera_positions"}  # written by `insgnss ppk`
     others |= {"target_positions", "target_sizes"}  # of vehicles, read by `insgnss adjust`
     others |= {"targets", "metashape_markers", "pix4d_marks"}  # written by `insgnss targets`

@@ -9,7 +9,7 @@ import reprlib
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +37,27 @@ _TYPE_NAMES = {
 
 
 @dataclass(frozen=True)
+class Source:
+    """The file that a key of a table came from, where that is another one than the table's.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    lines : mapping of str to int
+        Line, counted from 1, of each of its keys by dotted name.
+    """
+
+    path: Path
+    lines: Mapping[str, int]
+
+
+@dataclass(frozen=True)
 class Table:
     """A table of the file: its checked values by key, and errors that know the line.
 
-    The default ``...`` means required.
+    The default ``...`` means required. `sources` has the keys, by dotted name, that came from
+    another file, to which their paths are relative.
     """
 
     path: Path
@@ -48,14 +65,26 @@ class Table:
     keys: Mapping[str, tuple[str, ...]]
     name: str
     data: Mapping[str, Any]
+    sources: Mapping[str, Source] = field(default_factory=dict)
 
     def error(self, key: str, problem: str) -> InputError:
         """Return an error at the line of `key`, of its table where the key is absent."""
-        full = ".".join(filter(None, (self.name, key)))
+        full = self._full(key)
+        source = self.source(key)
         line, prefix = None, full
         while prefix and line is None:
-            line, prefix = self.lines.get(prefix), prefix.rpartition(".")[0]
-        return InputError.at_line(self.path, line, f"{full}: {problem}")
+            line, prefix = source.lines.get(prefix), prefix.rpartition(".")[0]
+        return InputError.at_line(source.path, line, f"{full}: {problem}")
+
+    def source(self, key: str) -> Source:
+        """Return the file that `key`, or the value around it, came from."""
+        prefix = self._full(key)
+        while prefix and prefix not in self.sources:
+            prefix = prefix.rpartition(".")[0]
+        return self.sources[prefix] if prefix else Source(self.path, self.lines)
+
+    def _full(self, key: str) -> str:
+        return ".".join(filter(None, (self.name, key)))
 
     def check_keys(self) -> None:
         """Refuse a key that this table does not know.
@@ -80,23 +109,17 @@ class Table:
     def table(self, key: str) -> "Table":
         """Return a sub-table, its keys checked; it is empty where it is absent."""
         value = self.value(key, dict, {})
-        sub = Table(
-            self.path, self.lines, self.keys, ".".join(filter(None, (self.name, key))), value
-        )
+        sub = Table(self.path, self.lines, self.keys, self._full(key), value, self.sources)
         sub.check_keys()
         return sub
 
     def tables(self, key: str) -> "list[Table]":
         """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
         items = self.value(key, list, [])
+        name = self._full(key)
         if not all(isinstance(item, dict) for item in items):
-            raise self.error(
-                key,
-                f"{reprlib.repr(items)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
-                " tables",
-            )
-        name = ".".join(filter(None, (self.name, key)))
-        subs = [Table(self.path, self.lines, self.keys, name, item) for item in items]
+            raise self.error(key, f"{reprlib.repr(items)}, expected [[{name}]] tables")
+        subs = [Table(self.path, self.lines, self.keys, name, item, self.sources) for item in items]
         for sub in subs:
             sub.check_keys()
         return subs
@@ -194,24 +217,25 @@ class Table:
             raise self.error("columns", "is an empty list")
         return None if value is None else self.texts("columns", ())
 
-    def resolve(self, name: str) -> Path:
-        """Return the path of a name given relative to the file."""
+    def resolve(self, name: str | Path, key: str = "") -> Path:
+        """Return the path of a name given relative to the file, or to that which gave `key`."""
         text = str(name)
         longest = max(len(step) for step in re.split(r"[/\\]", text))
         if longest > LONGEST_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
             raise InputError.at_line(self.path, None, f"{shown}, is no path of a file")
-        return self.path.parent / name
+        return self.source(key).path.parent / name
 
     def file(self, key: str) -> Path:
         """Return the path of a file that exists and is not empty."""
         name = self.text(key)
-        path = self.resolve(name)
+        path = self.resolve(name, key)
         if path.is_dir():
             raise self.error(key, f"{name} is a directory, a file is expected")
         if not path.is_file():
-            remedy = f"the path is relative to {self.path.name}"
-            if "\\" in name and self.resolve(slashed := name.replace("\\", "/")).is_file():
+            remedy = f"the path is relative to {self.source(key).path.name}"
+            slashed = name.replace("\\", "/")
+            if slashed != name and self.resolve(slashed).is_file():
                 remedy = f"{slashed} does: write paths with /, which every system reads"
             raise self.error(key, f"{name} does not exist; {remedy}")
         if path.stat().st_size == 0:

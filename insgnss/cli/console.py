@@ -41,6 +41,11 @@ class Progress:
         self._step, self._compiled = "", 0
         self._since: tuple[float, float] | None = self._start, 0.0
 
+    @property
+    def renews(self) -> bool:
+        """Whether one line renews itself, on a terminal."""
+        return self._terminal is not None
+
     def __call__(self, step: str) -> None:
         """Announce `step`, with the seconds since the start."""
         self._step, self._since = step, (time.monotonic(), 0.0)

@@ -33,9 +33,11 @@ INTERRUPTED = 130
 SHELLS = ("bash", "zsh", "fish", "powershell", "tcsh")
 VERBS = (
     *("demo", "simulate", "inspect", "process", "verify", "export", "adjust"),
-    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "doctor"),
+    *("targets", "calibrate", "tune", "compare", "ppk", "figures", "batch", "archive", "doctor"),
 )
 """The verbs, in the order of the help; each is the `VERB` of the module of its name."""
+FOLDERS = {"batch": "season", "archive": "season"}
+"""Folders of verbs whose modules stand in one."""
 
 
 def run() -> NoReturn:
@@ -190,5 +192,6 @@ def build_parser(verb: str = "") -> Parser:
     shells.metavar = "SHELL"
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
     for name in (verb,) if verb in VERBS else VERBS:
-        import_module(f".{name}", __package__).VERB.add_to(verbs)
+        module = f".{FOLDERS[name]}.{name}" if name in FOLDERS else f".{name}"
+        import_module(module, __package__).VERB.add_to(verbs)
     return parser

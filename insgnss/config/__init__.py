@@ -3,7 +3,8 @@
 `schema` says what an option declares. `flight_file`, `imu_options`, `gnss_options`, `ppk_options`,
 `camera_options`, `filter_options` and `covariance` declare all of them, as the dataclasses that the
 rooms work with. `load` reads a flight file into them, by the readers of `values` and `kinds`;
-`retired` takes old names; `resolve` writes everything out again. `document` renders the page
-data_specs/flight_file.md, and `command_line` the arguments of a verb, from the same declarations.
+`keys` takes old names and shared files; `resolve` writes everything out again. `document` renders
+the page data_specs/flight_file.md, and `command_line` the arguments of a verb, from the same
+declarations.
 Importing the declarations loads the standard library only.
 """

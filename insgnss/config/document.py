@@ -22,7 +22,7 @@ from ..base.wording import listed
 from .block_file import BLOCK_TABLES
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
-from .retired import retired_keys
+from .keys.retired import retired_keys
 from .schema import Declared, declared, options_of
 
 PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))

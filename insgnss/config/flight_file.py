@@ -230,6 +230,8 @@ class Flight:
     ----------
     path : Path
         The file; names in its directory are shown relative to it.
+    include : Path or None
+        The file whose keys it took over.
     gps_week : int or None
         The GPS week, where the files carry only the time of week.
     start_tow, end_tow : float or None
@@ -242,6 +244,8 @@ class Flight:
         Table of that name; None: there is none.
     mounting_files : tuple of MountingSource
         The files that `mounting` and the camera's delay were taken from, the last taken last.
+    included : tuple of Path
+        The files whose keys it took over, the nearest first.
     name : str
         Of the data set, in titles and reports.
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
@@ -270,6 +274,11 @@ class Flight:
         form="text",
         usual="the directory's name",
     )
+    include: Path | None = option(
+        None,
+        "file of keys that several flights share, such as `wing3.toml` of an equipment, below",
+        kind="file",
+    )
     gps_week: int | None = option(
         None, "GPS week, where files carry only the time of week; not modulo 1024", low=0, high=9999
     )
@@ -295,6 +304,7 @@ class Flight:
     filter: FilterOptions = field(default_factory=FilterOptions)
     barometer: BarometerInput | None = None
     mounting_files: tuple[MountingSource, ...] = ()
+    included: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane

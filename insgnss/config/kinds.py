@@ -95,11 +95,16 @@ def file(table: Table, item: Declared) -> Path:
     return table.file(item.name)
 
 
+def _absent(table: Table, key: str, path: Path) -> str:
+    """Say that a path does not exist, and which file it is relative to."""
+    return f"{path} does not exist; paths are relative to {table.source(key).path.name}"
+
+
 def files(table: Table, item: Declared) -> tuple[Path, ...]:
     """The paths of files that are there."""
-    files = tuple(table.resolve(name) for name in table.texts(item.name, ()))
+    files = tuple(table.resolve(name, item.name) for name in table.texts(item.name, ()))
     if missing := [file for file in files if not file.is_file()]:
-        problem = f"{missing[0]} does not exist; paths are relative to {table.path.name}"
+        problem = _absent(table, item.name, missing[0])
         raise table.error(item.name, problem)
     return files
 
@@ -110,9 +115,9 @@ def observations(table: Table, item: Declared) -> Path | tuple[Path, ...]:
     if isinstance(given, str) and not is_pattern(given):
         return table.file(item.name)
     names = (table.text(item.name),) if isinstance(given, str) else table.texts(item.name, ())
-    paths = expanded(table.resolve(name) for name in names)
+    paths = expanded(table.resolve(name, item.name) for name in names)
     if missing := [path for path in paths if not path.is_file()]:
-        problem = f"{missing[0]} does not exist; paths are relative to {table.path.name}"
+        problem = _absent(table, item.name, missing[0])
         raise table.error(item.name, problem)
     if not paths:
         raise table.error(item.name, "is an empty list; name the files")
@@ -126,22 +131,22 @@ def directory(table: Table, item: Declared) -> Path:
 
 def existing(table: Table, item: Declared) -> Path:
     """The path of a file or directory that is there."""
-    path = table.resolve(table.text(item.name))
+    path = table.resolve(table.text(item.name), item.name)
     if not path.exists():
-        problem = f"{path} does not exist; paths are relative to {table.path.name}"
+        problem = _absent(table, item.name, path)
         raise table.error(item.name, problem)
     return path
 
 
 def file_or_directory(table: Table, item: Declared) -> Path:
     """The path of a directory, or of a file that is there and not empty."""
-    path = table.resolve(table.text(item.name))
+    path = table.resolve(table.text(item.name), item.name)
     return path if path.is_dir() else table.file(item.name)
 
 
 def images(table: Table, item: Declared) -> Path:
     """A directory of images, or a list of their names."""
-    images = table.resolve(table.text(item.name))
+    images = table.resolve(table.text(item.name), item.name)
     if not images.exists():
         advice = "give the directory of the images or a list of their names in order"
         raise table.error(item.name, f"{images} does not exist; {advice}")

@@ -38,8 +38,9 @@ from .flight_file import (
 )
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
+from .keys.include import with_included
+from .keys.retired import renewed
 from .ppk_options import OF_POSITIONS, RawGnss
-from .retired import renewed
 from .schema import declared, options_of
 from .values import covariance_of, take
 
@@ -84,7 +85,7 @@ def load_flight(path: str | Path) -> Flight:
     path = Path(path)
     if path.is_dir():
         path = path / "flight.toml"
-    root = renewed(read_toml(path, known_keys()))
+    root, included = with_included(renewed(read_toml(path, known_keys())), known_keys())
     root.check_keys()
     values = take(root, [Flight])
     start, end = values["start_tow"], values["end_tow"]
@@ -97,6 +98,7 @@ def load_flight(path: str | Path) -> Flight:
     imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
     flight = Flight(
         path=path,
+        included=included,
         **values,
         imu=imu,
         gnss=gnss,
@@ -256,10 +258,10 @@ def _tangent_plane(table: Table) -> TangentPlane:
 
 def _output(table: Table) -> Output:
     values = take(table, [Output])
-    directory = table.resolve(values["directory"])
+    directory = table.resolve(values["directory"])  # of the flight, whatever file says it
     if directory.exists() and not directory.is_dir():
         raise table.error("directory", f"{directory} is a file, a directory is expected")
-    rules = ((rule, table.resolve(rule)) for rule in values["rename"])
+    rules = ((rule, table.resolve(rule, "rename")) for rule in values["rename"])
     rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
     output = made(table, Output, values | {"directory": directory, "rename": rename})
     if output.crs is None:
@@ -363,12 +365,18 @@ def _calibrated(flight: Flight, root: Table) -> Flight:
         if "max_age_days" in table.data:
             raise table.error("max_age_days", "is of mounting.file, which is missing")
         return flight
+    files = [flight.path, *flight.included]
+
+    def nearer(one: Table, key: str, other: Table, name: str) -> bool:
+        return files.index(one.source(key).path) < files.index(other.source(name).path)
+
     new = remounted(flight, path, values["max_age_days"])
     source = new.mounting_files[-1]
     for key in source.keys:
         here = root.table("camera") if key == DELAY else table
         for name in (key, "boresight_deg") if key == "boresight" else (key,):
-            if name in here.data:
+            # a file that a flight names itself goes before what it includes
+            if name in here.data and not nearer(table, "file", here, name):
                 problem = (
                     f"{source.file.name} (mounting.file) gives {key} as well; delete this line to "
                     "take the calibrated value, or the one there to keep this"

@@ -52,8 +52,9 @@ def _noise(table: Table, item: Declared) -> str | Path:
     noise: str = table.text(item.name)
     if noise in shipped_models():
         return noise
-    if not table.resolve(noise).is_file():
-        problem = neither_model_nor_file(noise, f" (paths are relative to {table.path.name})")
+    if not table.resolve(noise, item.name).is_file():
+        of = table.source(item.name).path.name
+        problem = neither_model_nor_file(noise, f" (paths are relative to {of})")
         raise table.error(item.name, problem)
     return table.file(item.name)
 

@@ -29,6 +29,7 @@ the winner.
 Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -40,6 +41,7 @@ from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..records import Array
+from ..records.verdicts import ConstantEstimate
 from .candidates import FAR, with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
@@ -47,6 +49,7 @@ PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 TAKEN = 1.5  # log evidence from which a hypothesis becomes states
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
+TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
 
@@ -191,6 +194,30 @@ class ConstantsEvidence:
         with np.errstate(divide="ignore"):
             return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
 
+    def estimates(self) -> tuple[ConstantEstimate, ...]:
+        """Return what this flight alone says of the constants of its fixes.
+
+        The components of a lever arm are estimated together, another constant alone; what is not
+        estimated has the sigma that the flight file states.
+
+        Returns
+        -------
+        tuple of ConstantEstimate
+            Those of which the flight says anything: whose sigma is below half of the wide one.
+        """
+        estimates = []
+        for beginning in OF_FIXES:
+            groups = tuple(g for g in dict.fromkeys(self.group) if g.startswith(beginning))
+            if not groups:
+                continue
+            _, estimate, cov = self._evaluate(groups, FAR)
+            for k in np.flatnonzero([group in groups for group in self.group]):
+                sigma = float(np.sqrt(max(cov[k, k], 0.0)))
+                if sigma < TELLING:
+                    value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
+                    estimates.append(ConstantEstimate(self.names[k], value, own))
+        return tuple(estimates)
+
     @property
     def of_fixes(self) -> np.ndarray:
         """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
@@ -287,3 +314,28 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
         constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),
     )
     return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
+
+
+def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[ConstantEstimate, ...]:
+    """Return the estimates of several segments of one flight as one each, by their weights.
+
+    Parameters
+    ----------
+    of_segments : sequence of sequence of ConstantEstimate
+        What each segment says, independently of the others.
+
+    Returns
+    -------
+    tuple of ConstantEstimate
+        One by name, in the order in which they first occur.
+    """
+    by_name: dict[str, list[ConstantEstimate]] = {}
+    for estimates in of_segments:
+        for one in estimates:
+            by_name.setdefault(one.name, []).append(one)
+    joined = []
+    for name, several in by_name.items():
+        weight = np.array([one.sigma**-2 for one in several])
+        value = float(weight @ [one.correction for one in several] / weight.sum())
+        joined.append(ConstantEstimate(name, value, float(weight.sum() ** -0.5)))
+    return tuple(joined)

@@ -17,6 +17,7 @@ from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
+from ..records.verdicts import ConstantEstimate
 from .advice import advice, message, unseen, variance_check
 from .candidates import (
     AS_STATED,
@@ -160,11 +161,14 @@ class Diagnosis:
         What it says of the flight file.
     history : tuple of str
         What was done, sentence by sentence.
+    constants : tuple of ConstantEstimate
+        What the flight alone says of the constants of its fixes.
     """
 
     solution: Solution
     checks: tuple[Check, ...] = ()
     history: tuple[str, ...] = ()
+    constants: tuple[ConstantEstimate, ...] = ()
 
 
 def diagnose(
@@ -211,10 +215,11 @@ def diagnose(
         if there is None:
             break
         here = there
-    seen = None
-    if constants is not None:
-        seen = unseen(here.solution, constants, search.events_with_fixes)
-    return Diagnosis(here.solution, (*here.checks, *([seen] if seen else [])), here.history)
+    if constants is None:
+        return Diagnosis(here.solution, here.checks, here.history)
+    seen = unseen(here.solution, constants, search.events_with_fixes)
+    checks = (*here.checks, *([seen] if seen else []))
+    return Diagnosis(here.solution, checks, here.history, constants.estimates())
 
 
 @dataclass(frozen=True)

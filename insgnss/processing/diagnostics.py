@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..config.flight_file import Flight
+from ..diagnosis.constants import combined
 from ..diagnosis.estimated import constant_states, state_verdicts, time_correlated_errors
 from ..geodesy.rotation import rpy_from_rotation
 from ..navigation.codes import (
@@ -20,6 +22,7 @@ from ..navigation.codes import (
 from ..navigation.solution import trajectory
 from ..records import Array, Check, Diagnostics, Trajectory
 from ..records.series import ConstantSeries
+from ..records.verdicts import ConstantEstimate
 from .segment import Segment
 
 
@@ -88,6 +91,30 @@ def run_diagnostics(
     """
     of_segments = [_of_segment(*pair, stationary) for pair in zip(segments, rows, strict=True)]
     return replace(Diagnostics.joined(of_segments), checks=checks)
+
+
+def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEstimate]:
+    """Return what a flight by itself says of the constants of its fixes.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, whose values these correct.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of ConstantEstimate
+        Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
+        far as the flight tells.
+    """
+    moved = max((segment.time_offset_s for segment in segments), key=abs, default=0.0)
+    lever = zip(("forward", "right", "down"), flight.mounting.antenna_lever_b, strict=True)
+    assumed = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
+    assumed["GNSS time offset"] = flight.gnss.time_offset_s + moved
+    estimates = combined([segment.constants for segment in segments])
+    return [replace(one, assumed=assumed.get(one.name, 0.0)) for one in estimates]
 
 
 def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:

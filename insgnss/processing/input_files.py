@@ -40,7 +40,8 @@ def input_files(flight: Flight) -> list[Path]:
         *(file for imu in imus for file in (imu.file, imu.accel_file)),
         *(imu.calibration for imu in imus),
     ]
-    given = [flight.path if flight.path.exists() else None, *of_imus, flight.gnss.file]
+    own = flight.path if flight.path.exists() else None
+    given = [own, *flight.included, *of_imus, flight.gnss.file]
     files = [file for file in given if isinstance(file, Path)]  # an object has no file
     if flight.gnss.raw is not None:
         files += flight.gnss.raw.files

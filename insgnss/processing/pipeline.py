@@ -9,7 +9,7 @@
 import os
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from .checks import (
     refuse_contradictions,
     refuse_unobservable,
 )
-from .diagnostics import report_rows, run_diagnostics
+from .diagnostics import constants_of, report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
@@ -256,6 +256,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
     )
+    report["constants"] = [asdict(one) for one in constants_of(flight, segments)]
     ppk = recording.ppk
     if ppk is not None:
         quality = json_ready(ppk.quality)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import DataError, InputError, InsgnssError, UsageError
+from ..base.files import sha256
 from ..base.provenance import other_results
 from ..base.scratch import scratch_directory
 from ..base.staging import together
@@ -212,6 +213,7 @@ def write_products(
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
+        report |= _provenance(flight, Path(out), directory)
         digest = write_report_json(report, directory / REPORT)
         write_report(
             directory / "report.html", report, result.diagnostics, eo, recording.series, digest
@@ -219,6 +221,15 @@ def write_products(
         files = staging.goals()
         _refuse_overwriting(flight, files)
     return files
+
+
+def _provenance(flight: Flight, out: Path, written: Path) -> dict[str, Any]:
+    """Return where the flight file lies, seen from the products, and the hash of each of these."""
+    files = sorted(path for path in written.rglob("*") if path.is_file())
+    return {
+        "flight_directory": os.path.relpath(flight.path.parent, out),
+        "products_sha256": {path.relative_to(written).as_posix(): sha256(path) for path in files},
+    }
 
 
 def _not_writable(directory: Path) -> str | None:

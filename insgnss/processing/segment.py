@@ -9,6 +9,7 @@ import numpy as np
 from ..calibrate.residuals import mean_residuals
 from ..navigation.solution import Solution
 from ..records import Check, GnssFixes, MeanResidual
+from ..records.verdicts import ConstantEstimate
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Segment:
     stated : mapping of str to float
         A-priori sigma of constants, by the beginning of their names, that the flight file states
         without asking for them.
+    constants : tuple of ConstantEstimate
+        What the segment alone says of the constants of its fixes.
     """
 
     solution: Solution
@@ -44,6 +47,7 @@ class Segment:
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
+    constants: tuple[ConstantEstimate, ...] = ()
 
     def without_increments(self) -> "Segment":
         """Return the segment without the increments of its IMU."""

@@ -33,6 +33,7 @@ from ..navigation.solution import Solution, solve
 from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
 from ..records import Check
+from ..records.verdicts import ConstantEstimate
 from .checks import check_segments, refusal
 from .estimation_problem import (
     PreparedSegment,
@@ -281,10 +282,11 @@ def _solve(
     checks = () if biases is None else (biases,)
     history: tuple[str, ...] = (how,)
     checks = (*checks, *noisy)
+    constants: tuple[ConstantEstimate, ...] = ()
     if flight.gnss.stationary is None and not noisy:
         diagnosis = diagnose(search, start, solution, beside)
         drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
-        solution = diagnosis.solution
+        solution, constants = diagnosis.solution, diagnosis.constants
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
         checks = checks if drift is None else (*checks, drift)
     if spells:
@@ -300,6 +302,7 @@ def _solve(
         history,
         checks,
         stated=stated_constants(flight),
+        constants=constants,
     )
 
 

@@ -103,3 +103,25 @@ class MeanResidual:
     fixes: int
     mean_m: tuple[float, ...]
     sigma_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ConstantEstimate:
+    """What a flight by itself says of a constant, whatever the flight file states of it.
+
+    Parameters
+    ----------
+    name : str
+        Name of its error state, such as "antenna lever arm forward".
+    correction : float
+        Truth minus the flight file's value, m or s.
+    sigma : float
+        Standard deviation, m or s, of the flight alone.
+    assumed : float
+        The flight file's value, m (lever arm IMU to antenna, body axes) or s.
+    """
+
+    name: str
+    correction: float
+    sigma: float
+    assumed: float = 0.0

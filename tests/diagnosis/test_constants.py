@@ -15,7 +15,7 @@ from insgnss.diagnosis.candidates import (
     with_constants,
     with_every_constant,
 )
-from insgnss.diagnosis.constants import STRONG, ConstantsEvidence, constants_evidence
+from insgnss.diagnosis.constants import STRONG, ConstantsEvidence, combined, constants_evidence
 from insgnss.navigation.codes import NOT_MEASURED, POSITION
 from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.layout import FixErrors, StateLayout, state_layout
@@ -197,3 +197,30 @@ def test_what_no_sensor_has_is_no_hypothesis(clean):
     for one in evidence(turned).hypotheses():
         scale = [v for n, v in zip(one.names, one.value, strict=True) if "scale" in n]
         assert all(abs(v) <= 4.0 * ImuErrors(0.01).scale_factor + 1e-12 for v in scale)
+
+
+def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
+    """Oracle: normal equations: the data alone and the wide a-priori sigma of the lever arm's three
+    components, the time offset marginalised with the sigma that the flight file states; and two
+    segments as one by their weights.
+    """
+    rng = np.random.default_rng(2)
+    names = (*(f"antenna lever arm {axis}" for axis in ("forward", "right", "down")),)
+    names = (*names, "GNSS time offset")
+    wide, stated = np.array([2.0, 2.0, 2.0, 0.5]), np.array([0.005, 0.005, 0.005, 2e-4])
+    root = rng.normal(size=(4, 4)) * 100.0
+    information, vector = root @ root.T, rng.normal(size=4) * 100.0
+    evidence = ConstantsEvidence(names, names, wide, stated, information, vector)
+    estimates = evidence.estimates()
+    prior = np.diag([1.0, 1.0, 1.0, (wide[3] / stated[3]) ** 2])
+    cov = np.linalg.inv(information + prior)
+    expected = wide * (cov @ vector)
+    sigma = wide * np.sqrt(np.diag(cov))
+    assert [one.name for one in estimates] == list(names)
+    assert [one.correction for one in estimates[:3]] == pytest.approx(expected[:3])
+    assert [one.sigma for one in estimates[:3]] == pytest.approx(sigma[:3])
+    same = combined([estimates, estimates])
+    assert [one.correction for one in same] == pytest.approx([one.correction for one in estimates])
+    assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
+    blind = ConstantsEvidence(names, names, wide, stated, np.zeros((4, 4)), np.zeros(4))
+    assert blind.estimates() == ()

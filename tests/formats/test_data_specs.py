@@ -34,6 +34,7 @@ from insgnss.formats.vehicle.target_sizes import read_target_sizes
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.orient.mounting_file import read_mounting_file
+from insgnss.season.tables import read_season
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -63,6 +64,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "target_sizes": read_target_sizes,
     "camera_toml": read_camera_toml,
     "gcp_list": read_gcp_list,
+    "season": read_season,
     "pose_table": read_pose_table,
     "bingo": lambda path: read_bingo(path, pixel_um=1.55, width=5456, height=3632),
 }

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..base.tables import Table
-from .flight_file import TABLES
-from .schema import options_of
+from ...base.tables import Table
+from ..flight_file import TABLES
+from ..schema import options_of
 
 
 def retired_keys() -> Iterator[tuple[str, str, str]]:

@@ -1,0 +1,1 @@
+"""Verbs of many flights: `batch` and `archive`."""

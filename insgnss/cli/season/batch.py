@@ -1,0 +1,139 @@
+"""The verb `batch`: the flights of a season."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..console import Progress
+from ..verb import Verb, print_json, report_error
+
+if TYPE_CHECKING:
+    from ...season.work import Outcome
+
+EXAMPLE = """  insgnss batch season
+  insgnss batch "season/*/flight.toml" --workers 4 --parquet
+  insgnss batch flights.csv --out overview
+  insgnss batch season --scheduler tcp://10.0.0.5:8786"""
+SELDOM_S = 20.0  # between lines of progress where no terminal renews one
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not 1 or more")
+    return value
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument(
+        "sources",
+        nargs="+",
+        metavar="FLIGHTS",
+        help=(
+            "directories, below which every flight.toml counts; patterns in quotation marks; flight"
+            " files; tables of flights: CSV with a column flight and, if wanted, name and out"
+        ),
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help=(
+            "where season.csv and index.html go (default: the directory that is named alone, else"
+            " the working one); products go where each flight file says"
+        ),
+    )
+    parser.add_argument(
+        "--workers",
+        type=_count,
+        metavar="N",
+        help="most flights side by side (default: one a processor, as far as memory allows)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of a Dask scheduler, tcp://HOST:8786, instead of a cluster of this machine",
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="process flights whose products are in force as well"
+    )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite results of other measurements, and a page or table of others",
+    )
+    parser.add_argument(
+        "--parquet", action="store_true", help="write season.parquet as well (needs pyarrow)"
+    )
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ...season.run import SeasonRequest, line_of, run_season
+
+    request = SeasonRequest(
+        tuple(options.sources),
+        options.out,
+        options.scheduler,
+        options.workers,
+        options.again,
+        options.force,
+        options.parquet,
+    )
+    lines = _Lines(progress, silent=options.json)
+    result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
+    progress.clear()
+    if options.json:
+        print_json(result.as_dict())
+    else:
+        print(result.summary())
+    if result.exit_code:
+        count = sum(one.exit_code != 0 for one in result.outcomes)
+        where = next(file for file in result.files if file.suffix == ".html")
+        line = f"error: {count} of {len(result.outcomes)} flights failed; why stands in {where}"
+        report_error(line, result.exit_code, as_json=False)
+    return result.exit_code
+
+
+class _Lines:
+    """Lines of flights on standard output, progress and time left on standard error.
+
+    Time is left for the flights that are not done at the pace of those that were processed.
+    """
+
+    def __init__(self, progress: Progress, silent: bool) -> None:
+        self._progress, self._silent = progress, silent
+        self._last = 0.0
+
+    def show(self, outcome: "Outcome", line: str) -> None:
+        """Print the line of a flight."""
+        self._progress.clear()
+        if self._silent:
+            return
+        print(line, flush=True)
+        for note in outcome.notes:
+            print(f"  {outcome.name}: warning: {note}", flush=True)
+
+    def tick(self, done: int, count: int, seconds: float) -> None:
+        """Say how far it is; seldom where no line renews itself."""
+        if not self._progress.renews and seconds - self._last < SELDOM_S:
+            return
+        self._last = seconds
+        left = f", some {_duration((count - done) * seconds / done)} left" if done else ""
+        self._progress(f"{done} of {count} flights{left}")
+
+
+def _duration(seconds: float) -> str:
+    from ...season.run import duration
+
+    return duration(seconds)
+
+
+VERB = Verb(
+    "batch",
+    "process the flights of a season side by side, skip what is done, and leave one table and page",
+    EXAMPLE,
+    add_arguments,
+    run,
+)

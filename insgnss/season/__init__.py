@@ -1,0 +1,12 @@
+"""Many flights: `insgnss batch` processes a season, `insgnss archive` checks its products.
+
+`gathering`  which flights: directories, patterns, flight files, a table of flights
+`work`       one flight in a worker: skipped where its products are those of its inputs
+`forecast`   memory that a flight will need, from the sizes of its files
+`engine`     Dask: a local cluster, or a scheduler that is there
+`row`        what of a flight's report stands in the table of the season
+`trends`     constants of an equipment over the season: drift, scatter, or nothing to tell
+`page`       index.html; `tables` season.csv and season.parquet
+`run`        all of it in its order
+`archive`    what can be made again from its inputs, and what not
+"""

@@ -1,0 +1,298 @@
+"""Can every product of an archive be made again from its inputs?
+
+Results of insgnss say in a JSON document beside them (`DOCUMENTS`) which inputs they were made
+from, by SHA-256 and by paths relative to a flight or block file, by which version, and (those of
+`process`) what their products' hashes are. Each document is held against what is there now; what
+is missing, has changed, or is made by another version is named. An archive may have been moved as
+a whole: inputs are looked for from the place that the document names, then from the directories
+above.
+"""
+
+import json
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..base.errors import DataError, InsgnssError, UsageError
+from ..base.files import sha256
+from ..base.provenance import KEY
+from ..base.scratch import PREFIXES
+
+DOCUMENTS = ("report.json", "adjust.json", "ppk.json", "targets.json")
+PRODUCTS_KEY, BASE_KEY = "products_sha256", "flight_directory"
+ORPHANS = (
+    *("eo.json", "EO_local-plane.txt", "trajectory.sbet", "trajectory.csv", "eo_covariance.npz"),
+    *("metashape.csv", "ppk.pos", "poses.csv"),
+)
+"""Products that no directory should hold without the document of their run."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What an archive says of one run.
+
+    Parameters
+    ----------
+    document : Path
+        The JSON document of its results.
+    problems : tuple of str
+        Why its products cannot be made again; none where they can.
+    notes : tuple of str
+        What may move last digits.
+    remade : bool
+        Whether they were made again, and came out the same byte for byte.
+    """
+
+    document: Path
+    problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    remade: bool = False
+
+
+@dataclass(frozen=True)
+class ArchiveResult:
+    """What an archive says of all its runs.
+
+    Parameters
+    ----------
+    directory : Path
+        The archive.
+    runs : tuple of Examined
+        By path.
+    orphans : tuple of Path
+        Products beside which no document says what they were made from.
+    """
+
+    directory: Path
+    runs: tuple[Examined, ...]
+    orphans: tuple[Path, ...]
+
+    @property
+    def refusal(self) -> DataError | None:
+        """Why not everything can be made again; None where it can."""
+        bad = sum(bool(run.problems) for run in self.runs)
+        if not bad and not self.orphans:
+            return None
+        also = f", {len(self.orphans)} products of unknown inputs" if self.orphans else ""
+        return DataError(
+            f"{bad} of {len(self.runs)} results cannot be made again from what is here{also}"
+        )
+
+    def summary(self) -> str:
+        """Return a line for each problem, and the count."""
+        lines = []
+        for run in self.runs:
+            where = os.path.relpath(run.document.parent, self.directory)
+            if run.problems:
+                lines += [f"{where}: {problem}" for problem in run.problems]
+            elif run.remade:
+                lines.append(f"{where}: made again, the same byte for byte")
+            lines += [f"{where}: note: {note}" for note in run.notes]
+        lines += [
+            f"{os.path.relpath(path, self.directory)}: nothing says what it was made from"
+            for path in self.orphans
+        ]
+        good = sum(not run.problems for run in self.runs)
+        return "\n".join([*lines, f"{good} of {len(self.runs)} results can be made again"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return {
+            "directory": str(self.directory),
+            "runs": [
+                {
+                    "document": str(run.document),
+                    "problems": list(run.problems),
+                    "notes": list(run.notes),
+                    "remade": run.remade,
+                }
+                for run in self.runs
+            ],
+            "orphans": [str(path) for path in self.orphans],
+        }
+
+
+def examine_archive(directory: Path, remake: bool, progress: Progress) -> ArchiveResult:
+    """Hold every result of a directory against its inputs.
+
+    Parameters
+    ----------
+    directory : Path
+        The archive.
+    remake : bool
+        Whether what can be made again by `process` is, in a temporary directory, and compared.
+    progress : callable
+        Is given what is looked at.
+
+    Returns
+    -------
+    ArchiveResult
+        What can be made again, and what not.
+
+    Raises
+    ------
+    UsageError
+        It is no directory, or holds no result of insgnss.
+    """
+    if not directory.is_dir():
+        raise UsageError(f"archive: {directory} is no directory; give that of flights and results")
+    documents, orphans = _listed(directory)
+    if not documents and not orphans:
+        names = ", ".join(DOCUMENTS)
+        raise UsageError(f"archive: {directory} holds no results of insgnss (none of {names})")
+    runs = []
+    for number, document in enumerate(documents, 1):
+        progress(f"{number} of {len(documents)}: {os.path.relpath(document, directory)}")
+        runs.append(_examined(document, directory, remake))
+    return ArchiveResult(directory, tuple(runs), tuple(orphans))
+
+
+def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
+    """Return the documents of an archive, and products without one."""
+    documents, orphans = [], []
+    for folder, inner, names in os.walk(directory):
+        inner[:] = sorted(name for name in inner if not name.startswith((*PREFIXES, ".")))
+        own = [Path(folder) / name for name in DOCUMENTS if name in names]
+        own = [path for path in own if KEY in _document(path)]
+        documents += own
+        if not own and "mounting.toml" not in names:
+            above = [path.parent for path in documents]
+            of_run = any(path in Path(folder).parents for path in above)
+            beside = (Path(folder).parent / "GPS-INS" / DOCUMENTS[0]).is_file()
+            if not of_run and not beside and Path(folder).name != "truth":
+                orphans += [Path(folder) / name for name in ORPHANS if name in names]
+    return documents, orphans
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _examined(document: Path, directory: Path, remake: bool) -> Examined:
+    """Hold one document against what is there."""
+    content = _document(document)
+    hashes = content[KEY]
+    base = _base_of(document, content, directory)
+    problems = list(_inputs(hashes, base))
+    problems += _products(content, document.parent)
+    versions = content.get("versions") or {}
+    made_by = versions.get("insgnss")
+    if made_by != __version__:
+        problems.append(f"made by insgnss {made_by or 'of an unknown version'}, not {__version__}")
+    notes = list(_other_versions(versions))
+    if any("given as object" in str(value) for value in _leaves(content.get("flight"))):
+        problems.append("an input was given as an object in Python; no file holds it")
+    if not problems and document.name == DOCUMENTS[0] and content.get("flight"):
+        problems += _resolved_otherwise(content, base)
+        if remake and not problems:
+            problems += _remade(content, base)
+            return Examined(document, tuple(problems), tuple(notes), not problems)
+    return Examined(document, tuple(problems), tuple(notes))
+
+
+def _base_of(document: Path, content: Mapping[str, Any], directory: Path) -> Path:
+    """Return the directory that the paths of inputs are relative to: where most of them are."""
+    folder = document.parent.absolute()
+    named = content.get(BASE_KEY)
+    candidates = [folder / named] if isinstance(named, str) else []
+    candidates += [folder, *folder.parents]
+    names = list(content[KEY])
+    counts = [sum((one / name).is_file() for name in names) for one in candidates]
+    best = max(range(len(candidates)), key=lambda k: (counts[k], -k))
+    return Path(os.path.normpath(candidates[best]))
+
+
+def _inputs(hashes: Mapping[str, str], base: Path) -> Iterator[str]:
+    """Yield what is wrong with inputs."""
+    for name, value in hashes.items():
+        path = base / name
+        if not path.is_file():
+            yield f"input {name} is missing (looked for in {base})"
+        elif (now := sha256(path)) != value:
+            yield f"input {name} has changed: SHA-256 {now[:12]}..., was {str(value)[:12]}..."
+
+
+def _products(content: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    """Yield which products are missing or not what the run wrote."""
+    for name, value in (content.get(PRODUCTS_KEY) or {}).items():
+        path = folder / name
+        if not path.is_file():
+            yield f"product {name} is missing"
+        elif sha256(path) != value:
+            yield f"product {name} is not what the run wrote: changed since"
+
+
+def _other_versions(versions: Mapping[str, str]) -> Iterator[str]:
+    """Yield which libraries have another version now."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    for name, then in versions.items():
+        if name in ("insgnss", "python"):
+            continue
+        try:
+            now = version(name)
+        except PackageNotFoundError:
+            continue
+        if now != then:
+            yield f"{name} {now} is installed, it was {then}: last digits may differ"
+
+
+def _resolved_otherwise(content: Mapping[str, Any], base: Path) -> Sequence[str]:
+    """Say where the flight file as it is would be processed with other options."""
+    from ..config.load import load_flight
+    from ..report.summary import plain
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            flight = load_flight(base / str(content["flight"]["path"]))
+    except InsgnssError as error:
+        return [f"the flight file cannot be read: {error}"]
+    now = plain(flight.resolved())
+    then = content["flight"]
+    other = sorted(key for key in {*now, *then} if now.get(key) != then.get(key))
+    if not other:
+        return []
+    command = (content.get("run") or {}).get("command", "another command")
+    return [f"the flight file alone says otherwise of {', '.join(other)}; it was made by {command}"]
+
+
+def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
+    """Make the products of a flight again, and say which differ."""
+    from ..config.load import load_flight
+    from ..processing.pipeline import process
+
+    hashes = content.get(PRODUCTS_KEY) or {}
+    if not hashes:
+        return ["made by a version that kept no hashes of its products; process it again"]
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch) / "products"
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                process(load_flight(base / str(content["flight"]["path"])), out)
+        except InsgnssError as error:
+            return [f"cannot be processed again: {error}"]
+        return [
+            f"product {name} comes out otherwise when it is made again"
+            for name, value in hashes.items()
+            if not (out / name).is_file() or sha256(out / name) != value
+        ]
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from _leaves(item)
+    else:
+        yield value

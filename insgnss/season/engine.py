@@ -1,0 +1,294 @@
+"""Dask as the engine of a season: a cluster of this machine, or a scheduler that is there.
+
+Each flight is one task. A worker runs one at a time; what runs side by side is limited by
+processors and by memory. Dask starts a flight again whose worker died, on another worker, and
+gives it up after `RETRIES` more deaths; it then runs once more alone.
+"""
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .. import __version__
+from ..base.errors import DataError, UsageError
+from ..base.memory import available
+from .work import INTERNAL, Outcome, Task, failed, process_task
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+MISSING = "needs Dask, which is not installed: pip install 'insgnss[batch]'"
+RETRIES = 2  # times that a flight is started again because its worker died
+REACH_S = 10.0  # until a scheduler that does not answer counts as not there
+WORKER_WAIT_S = 30.0  # for a first worker
+ALONE_S = 300.0  # without any worker until a season is given up
+POLL_S = 0.1
+RESOURCE = "MEMORY"  # bytes; of workers that declare it, as `dask worker --resources MEMORY=8e9`
+USABLE = 0.9  # of the memory that is available
+GB = 1e9
+CONFIGURATION = {
+    "distributed.scheduler.allowed-failures": RETRIES,
+    # a flight that waits in a worker's queue would count as one that its worker died of
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.comm.timeouts.connect": "10s",
+    # results are rows; what a flight takes cannot be spilled, and is limited beforehand
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.diagnostics.nvml": False,
+}
+QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}  # what becomes of a flight is said by its line
+Tell = Callable[[Outcome], None]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """What the flights of a season run on.
+
+    Parameters
+    ----------
+    count : int
+        Processes, of one thread each.
+    memory_bytes : float
+        What each may take; 0 where it is not known.
+    limited_by : str
+        "processors", "flights", "memory" or "scheduler".
+    """
+
+    count: int
+    memory_bytes: float
+    limited_by: str
+
+
+def local_workers(tasks: Sequence[Task], wanted: int | None, room: int | None = None) -> Workers:
+    """Return how many workers this machine holds.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        The flights, with their forecasts.
+    wanted : int or None
+        What was asked for; None: one for each processor that this process may use.
+    room : int or None
+        Memory, bytes; None: what is available.
+
+    Returns
+    -------
+    Workers
+        As many as processors, flights and the largest forecast allow, one at least.
+    """
+    room = available() if room is None else room
+    usable = getattr(os, "sched_getaffinity", None)
+    processors = len(usable(0)) if usable else os.cpu_count() or 1
+    limits = {"processors": wanted or processors, "flights": len(tasks)}
+    largest = max((task.forecast_bytes for task in tasks), default=0.0)
+    if room is not None and largest > 0.0:
+        limits["memory"] = int(USABLE * room / largest)
+    limited_by = min(limits, key=lambda name: limits[name])
+    count = max(limits[limited_by], 1)
+    return Workers(count, 0.0 if room is None else room / count, limited_by)
+
+
+@contextmanager
+def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
+    """Give a client of a cluster of this machine, which ends with the block, or of a scheduler.
+
+    Parameters
+    ----------
+    workers : Workers
+        Of the cluster of this machine.
+    scheduler : str or None
+        Address of one that is there, such as tcp://10.0.0.5:8786.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed; the scheduler does not answer, has no workers, or workers of another
+        version of insgnss.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise UsageError(f"batch {MISSING}") from None
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(CONFIGURATION))
+        environment = "distributed.nanny.pre-spawn-environ"
+        spawned = dask.config.get(environment, {}) | QUIET
+        stack.enter_context(dask.config.set({environment: spawned}))
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)
+        address: Any = scheduler
+        if scheduler is None:
+            address = stack.enter_context(
+                LocalCluster(
+                    n_workers=workers.count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",  # not 8787, which others may have
+                    memory_limit=int(workers.memory_bytes) or None,
+                    host="127.0.0.1",
+                )
+            )
+        try:
+            client = stack.enter_context(Client(address, timeout=REACH_S))
+        except (OSError, TimeoutError, ValueError) as error:
+            reason = " ".join(str(error).split())[:200] or "no answer"
+            raise UsageError(
+                f"--scheduler {scheduler}: not reached within {REACH_S:.0f} s ({reason}); start it"
+                " with `dask scheduler`, or leave --scheduler out for a cluster of this machine"
+            ) from None
+        if scheduler is not None:
+            _refuse_workers(client, scheduler)
+        yield client
+
+
+def _refuse_workers(client: "Client", scheduler: str) -> None:
+    """Raise UsageError where a scheduler has no workers, or workers without this insgnss."""
+    try:
+        client.wait_for_workers(1, timeout=WORKER_WAIT_S)
+    except TimeoutError:
+        raise UsageError(
+            f"--scheduler {scheduler}: has no worker ({WORKER_WAIT_S:.0f} s waited); start some"
+            f" with `dask worker {scheduler} --nthreads 1`"
+        ) from None
+    try:
+        versions = client.run(_version)
+    except Exception as error:
+        raise UsageError(
+            f"--scheduler {scheduler}: a worker cannot load insgnss ({error}); install it there"
+        ) from None
+    odd = {address: v for address, v in versions.items() if v != __version__}
+    if odd:
+        address, version = next(iter(odd.items()))
+        raise UsageError(
+            f"--scheduler {scheduler}: worker {address} has insgnss {version}, here it is"
+            f" {__version__}; install the same"
+        )
+
+
+def _version() -> str:
+    return __version__
+
+
+def run_tasks(
+    client: "Client",
+    tasks: Sequence[Task],
+    workers: Workers,
+    tell: Tell,
+    tick: Callable[[int], None],
+) -> list[Outcome]:
+    """Run all flights; return what became of them, in the order of the tasks.
+
+    A flight whose workers died runs once more, alone, when all others are done: what waited in the
+    queue of a worker that another flight took down is then not blamed for it.
+
+    Parameters
+    ----------
+    client : Client
+        Of the cluster.
+    tasks : sequence of Task
+        The flights.
+    workers : Workers
+        What they run on.
+    tell : callable
+        Is given each outcome as it comes.
+    tick : callable
+        Is given the number of flights that are left, several times a second.
+
+    Returns
+    -------
+    list of Outcome
+        One for each task.
+
+    Raises
+    ------
+    DataError
+        No worker was there for minutes; flights that are done stay.
+    """
+    outcomes: dict[str, Outcome] = {}
+    killed: list[Task] = []
+    for task, outcome in _arriving(client, tasks, workers, tick):
+        if outcome is None:
+            killed.append(task)
+            continue
+        outcomes[task.name] = outcome
+        tell(outcome)
+    for alone in killed:
+        start = time.monotonic()
+        for task, outcome in _arriving(client, [alone], workers, tick):
+            final = outcome or _deadly(task, workers, time.monotonic() - start)
+            outcomes[task.name] = final
+            tell(final)
+    return [outcomes[task.name] for task in tasks]
+
+
+def _arriving(
+    client: "Client", tasks: Sequence[Task], workers: Workers, tick: Callable[[int], None]
+) -> Iterator[tuple[Task, Outcome | None]]:
+    """Yield flights as they end, with None where their workers died."""
+    from distributed import as_completed
+
+    declared = _declared(client)
+    start = time.monotonic()
+    futures: dict[Future, Task] = {}
+    for number, task in enumerate(tasks):
+        need = {RESOURCE: min(task.forecast_bytes, declared)} if declared else {}
+        future = client.submit(
+            process_task, task, key=f"flight-{number}-{start}", pure=False, resources=need or None
+        )
+        futures[future] = task
+    arriving = as_completed(list(futures))
+    seen = time.monotonic()
+    while arriving.count():
+        if not arriving.has_ready():
+            tick(arriving.count())
+            now = time.monotonic()
+            seen = now if client.scheduler_info(n_workers=1)["workers"] else seen
+            if now - seen > ALONE_S:
+                raise DataError(
+                    f"no worker for {ALONE_S:.0f} s, {arriving.count()} flights are left; start"
+                    " workers and run the same command again: what is done stays"
+                )
+            time.sleep(POLL_S)
+            continue
+        for future in arriving.next_batch(block=False):
+            yield futures[future], _outcome(future, futures[future], time.monotonic() - start)
+            future.release()
+
+
+def _declared(client: "Client") -> float:
+    """Return the memory that every worker declares at least; 0 where one does not."""
+    infos = client.scheduler_info(n_workers=-1)["workers"].values()
+    return min((float(info["resources"].get(RESOURCE, 0.0)) for info in infos), default=0.0)
+
+
+def _outcome(future: "Future", task: Task, seconds: float) -> Outcome | None:
+    """Return what became of a flight; None where the workers died that ran it."""
+    from distributed.scheduler import KilledWorker
+
+    if future.status == "finished":
+        outcome: Outcome = future.result()
+        return outcome
+    error = future.exception() if future.status == "error" else None
+    if isinstance(error, KilledWorker):
+        return None
+    return failed(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)
+
+
+def _deadly(task: Task, workers: Workers, seconds: float) -> Outcome:
+    """Return the outcome of a flight that workers die of."""
+    limit = f" of {workers.memory_bytes / GB:.1f} GB each" if workers.memory_bytes else ""
+    return failed(
+        task,
+        f"its worker died {RETRIES + 1} times beside other flights and as often alone (memory"
+        f" forecast {task.forecast_bytes / GB:.1f} GB, workers{limit}): most often for want of"
+        f" memory; insgnss process {task.file} by itself, or batch --workers 1",
+        DataError.exit_code,
+        seconds,
+    )
