@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 project = "insgnss"
 root_doc = "docs/index"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 include_patterns = [
     "docs/**",
     "data_specs/*.md",
@@ -33,6 +33,7 @@ html_title = "insgnss"
 html_show_sphinx = False
 html_show_copyright = False
 myst_heading_anchors = 4
+smartquotes = False  # two dashes are those of an option
 # the last: fences such as ```true of data_specs name what an example is, not a language
 suppress_warnings = ["misc.highlighting_failure"]
 autodoc_member_order = "bysource"
@@ -100,9 +101,30 @@ def first_page(app: Any, exception: Exception | None) -> None:
         )
 
 
+SECTIONS = ("Parameters", "Returns", "Raises", "Yields", "Attributes")
+
+
+def as_sentences(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Put what follows `name :` into the description, where a docstring has sentences there."""
+    section, done = "", []
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if below and set(below) == {"-"}:
+            section = line
+        if section not in SECTIONS or line in (section, "") or set(line) == {"-"}:
+            done.append(line)
+        elif line[0] != " " and " : " in line:
+            names, _, words = line.partition(" : ")
+            ends = below[:1] == " " and below.strip()[:1].isupper() and words[-1:] not in ".;,"
+            done += [names, f"    {words}{'.' if ends else ''}"]
+        else:
+            done.append(line)
+    lines[:] = done
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Register what stands above."""
     app.add_directive("insgnss-verbs", Verbs)
+    app.connect("autodoc-process-docstring", as_sentences, priority=100)  # before napoleon
     app.connect("doctree-read", outside_the_site)
     app.connect("build-finished", first_page)
     return {"parallel_read_safe": True}
