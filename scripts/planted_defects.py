@@ -42,6 +42,7 @@ COPIED = (
     "insgnss",
     "tests",
     "data_specs",
+    "docs",
     "scripts",
     "pyproject.toml",
     "README.md",

@@ -72,7 +72,15 @@ def _code(text: str) -> str:
     )
 
 
-@pytest.mark.parametrize("page", ["README.md", "benchmarks/README.md", "CHANGELOG.md"])
+COMMANDS_IN = [
+    "README.md",
+    "benchmarks/README.md",
+    "CHANGELOG.md",
+    *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md"))),
+]
+
+
+@pytest.mark.parametrize("page", COMMANDS_IN)
 def test_commands_in_the_texts_exist(page: str) -> None:
     """Oracle: the parser of the command line; of a verb with kinds, that of the kind."""
     verbs = _verbs()
@@ -102,6 +110,7 @@ def test_files_that_the_texts_link_to_exist() -> None:
     for page in [
         ROOT / "README.md",
         ROOT / ".github" / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").rglob("*.md")),
         *sorted((ROOT / "benchmarks").glob("*.md")),
         *sorted(SPECS.glob("*.md")),
     ]:

@@ -166,11 +166,9 @@ def test_scripts_import_from_the_package_in_three_lines_at_most():
 
 
 def programs() -> list[str]:
-    """The Python programs of the README's section on the API."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = text[text.index("## In Python") :]
-    section = section[: section.index("\n## ", 5)]
-    return re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    """The Python programs of the guide to the API."""
+    text = (ROOT / "docs" / "guides" / "python.md").read_text(encoding="utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 
 @pytest.fixture(scope="module")
@@ -273,7 +271,7 @@ LEFT_BEHIND = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", programs(), ids=lambda text: text.splitlines()[0].lstrip("# "))
-def test_the_programs_of_the_readme_run(program, recorded, monkeypatch):
+def test_the_programs_of_the_guide_run(program, recorded, monkeypatch):
     """Oracle: what each leaves behind, by `LEFT_BEHIND`; at most a dozen lines, no import of an
     inner module.
     """
@@ -282,12 +280,12 @@ def test_the_programs_of_the_readme_run(program, recorded, monkeypatch):
     assert len(lines) <= 12
     assert not re.search(r"insgnss\.\w+\.\w+ import|from insgnss\.|import insgnss\.", program)
     names: dict[str, Any] = {}
-    exec(compile(program, "README.md", "exec"), names)
+    exec(compile(program, "python.md", "exec"), names)
     LEFT_BEHIND[program.splitlines()[0].removeprefix("# ")](names)
 
 
 def test_there_are_five_programs():
-    """Oracle: the number that the README promises."""
+    """Oracle: the number of programs in the guide."""
     assert len(programs()) == 5
 
 
