@@ -23,8 +23,9 @@ Records
     `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
-    `Flight`, `Mounting`, `boresight_from_angles`, `FilterOptions`, `InitialAttitude`, `NoiseModel`,
-    `AxisNoise`, `GaussMarkov`, `TuneOptions`, `EngineOptions`, `ImuFaults`.
+    `Flight`, `Mounting`, `boresight_from_angles`, `CameraInput` and `CameraMounting` (of a rig),
+    `FilterOptions`, `InitialAttitude`, `NoiseModel`, `AxisNoise`, `GaussMarkov`, `TuneOptions`,
+    `EngineOptions`, `ImuFaults`.
 Noise
     `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
@@ -79,6 +80,7 @@ if _TYPE_CHECKING:
     from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
     from .base.errors import DataError, InputError, InsgnssError, UsageError
     from .config.block_file import load_block
+    from .config.camera_options import CameraInput, CameraMounting
     from .config.filter_options import FilterOptions, InitialAttitude
     from .config.flight_file import Flight
     from .config.load import load_flight
@@ -127,6 +129,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.readers": ("read_eo", "read_trajectory"),
     "api.targets": ("measure_targets", "predict_targets"),
     "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
+    "config.camera_options": ("CameraInput", "CameraMounting"),
     "config.filter_options": ("FilterOptions", "InitialAttitude"),
     "config.flight_file": ("Flight",),
     "config.block_file": ("load_block",),
@@ -161,6 +164,8 @@ __all__ = [
     "AxisNoise",
     "BarometerHeights",
     "CameraEvents",
+    "CameraInput",
+    "CameraMounting",
     "Check",
     "DataError",
     "EngineOptions",

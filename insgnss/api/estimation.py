@@ -82,7 +82,8 @@ def estimate(
         a mapping or pandas table with the columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m,
         and as far as known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality.
     events : mid-exposure instants: `CameraEvents`; (k,) times, s; or a mapping or pandas table with
-        the columns image and tow. None: there is no camera.
+        the columns image and tow. None: there is no camera. Further cameras of a rig are
+        ``camera__further=[insgnss.CameraInput(events=..., name="left", mounting=...)]``.
     barometer : heights of a barometer: `BarometerHeights`; (k, 2) array of time s and height m; or
         a mapping or pandas table with the columns tow and h_m. Its weight is set by
         ``barometer__sigma_m=1.0`` and the like. None: there is none.

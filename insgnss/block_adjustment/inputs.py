@@ -16,7 +16,7 @@ from ..formats.blocks.ground_points import GroundAxes, GroundTable, read_ground_
 from ..formats.blocks.joined import joined, matched
 from ..formats.blocks.measured_block import MeasuredBlock
 from ..formats.blocks.reading import read_measured_block, recognised
-from ..formats.orientation.eo_json import read_eo_json
+from ..formats.orientation.eo_json import read_one_camera
 from ..geodesy.frames import TangentPlane
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageBlock
@@ -111,7 +111,7 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     eo = None
     if file.aerial_control.file is not None:
         progress("reading aerial control")
-        eo = read_eo_json(file.aerial_control.file)
+        eo = read_one_camera(file.aerial_control.file, "an adjustment")
     ground = ground_in_plane(file, source, eo, notes)
     ground = ground_in_mode(file, ground, source.measured.points, notes)
     source, vehicle = _with_vehicle(file, source, ground, eo, notes, progress)

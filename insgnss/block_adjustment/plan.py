@@ -30,7 +30,7 @@ from ..formats.blocks.ground_points import GroundTable
 from ..formats.blocks.image_points import ImagePoints
 from ..formats.blocks.joined import joined
 from ..formats.blocks.measured_block import of_table
-from ..formats.orientation.eo_json import read_eo_json
+from ..formats.orientation.eo_json import read_one_camera
 from ..records import ExteriorOrientation
 from ..records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
 from ..report.figures.block import precision_map
@@ -186,7 +186,7 @@ def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None =
     if file.camera.file is None:
         raise InputError("adjust --plan: the camera is missing; give --camera, a camera.toml")
     progress("reading the orientation")
-    eo = read_eo_json(options.file)
+    eo = read_one_camera(options.file, "an adjustment")
     camera = read_camera_toml(file.camera.file)
     if file.camera.free is not None:
         camera = replace(camera, free=file.camera.free)

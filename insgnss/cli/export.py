@@ -66,6 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=out)
     parser.add_argument(
+        "--camera",
+        metavar="NAME",
+        help="the images of one camera of a rig alone; its name goes into the default name of the"
+        " file",
+    )
+    parser.add_argument(
         "--crs",
         metavar="CRS",
         help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it",
@@ -125,6 +131,7 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
 
     if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
         raise UsageError("export: --crs, --geoid, --frame and --ground have no meaning for noise")
+    _refuse_camera(given, "for noise")
     settings = _settings(given.settings)
     if odd := [key for key in settings if key not in NOISE_SETTINGS]:
         raise UsageError(f"export: {given.format} takes no {odd[0]}; it takes rate, cluster, topic")
@@ -144,6 +151,12 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
         " differ (data_specs/noise_exports.md)"
     )
     return ExportResult(given.format, (out,), (note,))
+
+
+def _refuse_camera(given: argparse.Namespace, where: str) -> None:
+    """Refuse to choose a camera where there is none."""
+    if given.camera is not None:
+        raise UsageError(f"export: --camera has no meaning {where}; leave it out")
 
 
 def _positive(key: str, text: str) -> float:
@@ -170,12 +183,17 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
     from ..formats.orientation.eo_json import read_eo_json
 
-    out = given.out or given.eo.parent / form.product
+    product = Path(form.product)
+    if given.camera is not None:
+        product = product.with_name(f"{product.stem}_{given.camera}{product.suffix}")
+    out = given.out or given.eo.parent / product
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} is the master itself; give --out")
     if not given.force:
         _refuse_others(out, given.eo)
     eo = read_eo_json(given.eo)
+    if given.camera is not None:
+        eo = eo.of_camera(given.camera)
     progress(f"writing {out}")
     done = export(eo, given.format, out, target, given.rename, **options)
     files = (*(done.files or (done.file,)), *done.helpers)
@@ -199,6 +217,7 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
     from ..formats.positions.camera_positions import read_camera_positions
 
     form = position_format(given.format)
+    _refuse_camera(given, "for camera positions")
     if given.settings:
         raise UsageError("export: camera positions take no --set; leave it out")
     target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
@@ -240,6 +259,7 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
 
     name, directory = str(given.eo), Path(given.format)
     known_format(name)
+    _refuse_camera(given, "with --proof")
     if given.out or given.settings or given.rename:
         raise UsageError(
             "export: with --proof --out, --set and --rename have no meaning; the scene goes into"

@@ -57,7 +57,7 @@ def _of_orientation(eo: ExteriorOrientation, source: str) -> Poses:
         time=eo.time,
         gps_week=eo.gps_week,
         C_Ex=C_Ef @ eo.C_mc,
-        camera_from_body=eo.camera_from_body @ eo.boresight,
+        camera_from_body=eo.C_cb if eo.rig is None else None,  # one for all images
         cov_position=_turned(C_Ef, eo.cov[:, :3, :3]),
         cov_attitude=_turned(C_Ef, eo.cov[:, 3:, 3:]),
         C_fE=C_fE,

@@ -20,6 +20,7 @@ from typing import Any
 from ..base.files import atomic_write
 from ..base.wording import listed
 from .block_file import BLOCK_TABLES
+from .camera_options import OF_FURTHER
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
 from .keys.retired import retired_keys
@@ -27,6 +28,7 @@ from .schema import Declared, declared, options_of
 
 PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
 WIDTH = 120
+AS_ABOVE = ("imu.further", OF_FURTHER)  # tables with the keys of that above them
 
 _BLOCK = re.compile(r"(<!-- rendered: (\w+) -->\n).*?(<!-- end of rendered -->)", re.DOTALL)
 _FORMS = {
@@ -73,8 +75,8 @@ def _keys() -> str:
         if table == "gnss.covariance":
             continue
         for item in options_of(table, classes):
-            if table == "imu.further" and item.option.only != table:
-                continue  # as in [imu]
+            if table in AS_ABOVE and item.option.only != table:
+                continue  # as in [imu] and [camera]
             key = ".".join(filter(None, (table, item.name)))
             rows.append([f"`{key}`", value_words(item), default_words(item), item.option.meaning])
     return _table(["key", "value", "default", "meaning"], rows)

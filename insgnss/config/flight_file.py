@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 from ..base.changes import with_changes
 from ..base.errors import OptionError
 from .barometer_options import BarometerInput
-from .camera_options import CameraInput, ImageMatch, RoverEvents
+from .camera_options import (
+    OF_FURTHER,
+    CameraInput,
+    CameraMounting,
+    ImageMatch,
+    Matrix,
+    RoverEvents,
+    angle_sets,
+)
 from .covariance import CovarianceModel
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
@@ -28,14 +36,6 @@ if TYPE_CHECKING:
     from ..orient.mounting import Mounting
     from ..orient.mounting_file import MountingFile
     from ..records import Array
-
-Matrix = tuple[Triple, Triple, Triple]
-
-
-def _angle_sets() -> tuple[str, ...]:
-    from ..orient.mounting import ANGLE_SETS
-
-    return ANGLE_SETS
 
 
 def _checks() -> Words:
@@ -80,7 +80,7 @@ class MountingTable:
         " (`orient.mounting`)",
         kind="angles",
         unit="deg",
-        members=_angle_sets,
+        members=angle_sets,
     )
     file: Path | None = option(
         None,
@@ -251,7 +251,7 @@ class Flight:
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
         Tables of that name; the camera is None where there is none.
     mounting : Mounting
-        Lever arms and bore-sight.
+        Lever arms and bore-sight, of the first camera of a rig.
     tangent_plane : TangentPlane or None
         Table of that name, of which Python may give latitude and longitude, deg, and ellipsoidal
         height, m; None: its origin is at the first fix.
@@ -347,6 +347,11 @@ class Flight:
         """Return name and file in one line."""
         return f"<Flight {self.name}, {self.path}>"
 
+    @property
+    def mountings(self) -> "tuple[Mounting, ...]":
+        """The mountings of all cameras, that of a flight without a camera alone."""
+        return (self.mounting,) if self.camera is None else self.camera.mountings(self.mounting)
+
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
         return resolved(self)
@@ -412,6 +417,8 @@ TABLES: Mapping[str, tuple[type, ...]] = {
     "gnss.atmosphere": (Air,),
     "gnss.covariance": (CovarianceModel,),
     "camera": (CameraInput, ImageMatch, RoverEvents),
+    OF_FURTHER: (CameraInput, ImageMatch),
+    f"{OF_FURTHER}.mounting": (CameraMounting,),
     "barometer": (BarometerInput,),
     "mounting": (MountingTable,),
     "tangent_plane": (TangentPlaneTable,),

@@ -225,14 +225,34 @@ def _camera(table: Table, raw: bool) -> CameraInput:
             "is of camera.events, which is missing; events of the rover's RINEX have no columns"
         )
         raise table.error("columns", problem)
+    further = tuple(_further_camera(other) for other in table.tables("further"))
+    values = take(table, [CameraInput], without=["further"] if own else ["further", "events"])
+    match = _image_match(table)
+    rover_events = RoverEvents(**take(table, [RoverEvents]))
+    values = {"events": None} | values | {"match": match, "rover_events": rover_events}
+    return made(table, CameraInput, values | {"further": further})
+
+
+def _further_camera(table: Table) -> CameraInput:
+    """A further camera of a rig; without events of its own it has the trigger of the first one."""
+    own = "events" in table.data
+    for key in () if own else ("columns", "time_scale"):
+        if key in table.data:
+            problem = "is of camera.further.events, which is missing: the trigger of the first"
+            raise table.error(key, f"{problem} camera exposes this one")
     values = take(table, [CameraInput], without=[] if own else ["events"])
+    return made(table, CameraInput, {"events": None} | values | {"match": _image_match(table)})
+
+
+def _image_match(table: Table) -> ImageMatch:
+    """Which images there are, of a table of a camera."""
     match = ImageMatch(**take(table, [ImageMatch]))
     of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
     if of_images and match.images is None:
         problem = "give the directory of the images or a list of their names"
-        raise table.error(of_images[0], f"is of camera.images, which is missing; {problem}")
-    rover_events = RoverEvents(**take(table, [RoverEvents]))
-    return CameraInput(**({"events": None} | values), match=match, rover_events=rover_events)
+        where = f"{table.name}.images"
+        raise table.error(of_images[0], f"is of {where}, which is missing; {problem}")
+    return match
 
 
 def mounting_of(table: Table) -> Mounting:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import OptionError, UsageError
+from ..base.errors import InputError, OptionError, UsageError
 from ..base.tables import Table, near
 from ..formats import UNITS, unit_factor
 from ..formats.text.units import imu_kinds
-from ..orient.mounting import ANGLE_SETS, MAX_LEVER_M
+from ..orient.mounting import ANGLE_SETS, MAX_LEVER_M, Mounting
 from ..stochastic.model import shipped_models
+from .camera_options import CameraMounting
 from .covariance import CovarianceModel, triple
 from .imu_options import ImuInput
 from .kinds import PLAIN, choice, number, numbers, text, texts
@@ -165,6 +166,22 @@ def _angles(table: Table, item: Declared) -> tuple[str, tuple[float, ...]]:
     return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
 
 
+def _camera_mounting(table: Table, item: Declared) -> CameraMounting:
+    """Place and attitude of a further camera; a matrix is a rotation."""
+    mounted = table.table(item.name)
+    values = take(mounted, [CameraMounting])
+    try:
+        mounting = CameraMounting(**values)
+    except OptionError as refusal:
+        raise mounted.error(refusal.key.rpartition(".")[2], refusal.problem) from None
+    try:
+        mounting.on(Mounting())
+    except InputError as refusal:
+        key, _, problem = str(refusal).partition(": ")
+        raise mounted.error(key, problem) from None
+    return mounting
+
+
 def _rate(table: Table, item: Declared) -> float | None:
     """Hz, None for every sample."""
     rate = table.data[item.name]
@@ -209,6 +226,7 @@ READERS: dict[str, Callable[[Table, Declared], Any]] = {
     **PLAIN,
     "air": _air,
     "angles": _angles,
+    "camera_mounting": _camera_mounting,
     "axes": text,  # it is checked at construction, as formats are
     "covariance": _covariance,
     "formats": texts,

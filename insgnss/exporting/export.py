@@ -167,6 +167,12 @@ def _export(
     if unknown := [key for key in options if key not in form.options]:
         takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
         raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
+    if eo.rig is not None and (single := [key for key in options if key in form.of_one_camera]):
+        raise UsageError(
+            f"export: {name}: {single[0]} is that of one camera, the orientation has"
+            f" {', '.join(eo.rig.names)}; export each by itself (--camera NAME,"
+            " eo.of_camera(NAME) in Python)"
+        )
     if form.frames == ():
         if target != Target():
             raise UsageError(

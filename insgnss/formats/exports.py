@@ -52,6 +52,9 @@ class Export:
     without_geoid : str
         What a user without a grid of geoid heights can give in its place, by the option `altitude`;
         empty where nothing.
+    of_one_camera : tuple of str
+        Those of the options that describe a single camera, so that images of several cannot be
+        written with them.
     helper : str
         Module and function that give what the program needs besides to read the file, texts by
         path; empty where it needs nothing.
@@ -83,6 +86,7 @@ class Export:
     without_geoid: str = ""
     separator: str = ""
     helper: str = ""
+    of_one_camera: tuple[str, ...] = ()
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -198,6 +202,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.micmac:write_micmac_xml",
         (TANGENT, GEOCENTRIC),
         options=("calibration",),
+        of_one_camera=("calibration",),
         several=True,
         helper="bundle.import_helpers:tangent_system",
     ),
@@ -215,6 +220,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.bentley:write_bentley",
         (PROJECTED, TANGENT, GEOGRAPHIC),
         options=("width_px", "height_px", "focal_px"),
+        of_one_camera=("width_px", "height_px", "focal_px"),
         frame="bundle.bentley:on_ellipsoid",
         any_unit=True,
     ),
@@ -224,6 +230,7 @@ EXPORTS: dict[str, Export] = {
         "bundle.inpho:write_inpho_prj",
         (PROJECTED, TANGENT),
         options=("focal_mm", "ground_m", "camera"),
+        of_one_camera=("focal_mm",),
         needs=("focal_mm", "ground_m"),
         any_unit=True,
     ),
@@ -314,6 +321,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
         options=("dialect", "camera"),
+        of_one_camera=("camera",),
         any_unit=True,
     ),
     "kml": Export(
@@ -353,6 +361,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
         heights="ellipsoid",
         options=("lever_m", "quality"),
+        of_one_camera=("lever_m",),
         reader="gnss.rtklib_pos:read_rtklib_pos",
         needs=("lever_m",),
         any_unit=True,
@@ -424,6 +433,7 @@ EXPERIMENTAL: dict[str, Export] = {
         "experimental.esri_frames:write_esri_frames",
         (PROJECTED,),
         options=("camera",),
+        of_one_camera=("camera",),
         experimental="which way the angles turn depends on the cameras table",
         any_unit=True,
         separator=",",

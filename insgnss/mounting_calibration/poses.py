@@ -201,9 +201,9 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
     text = decode(head_of(path)).lstrip("\ufeff \r\n\t")
     if text.startswith("{") and "exterior orientation" in text.lower():
-        from ..formats.orientation.eo_json import read_eo_json
+        from ..formats.orientation.eo_json import read_one_camera
 
-        eo = read_eo_json(path)
+        eo = read_one_camera(path, "a calibration")
         lat, lon, h = (float(v) for v in eo.origin)
         date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
         plane = TangentPlane(lat, lon, h)

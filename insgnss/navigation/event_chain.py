@@ -173,24 +173,69 @@ class EventChain:
         Array
             (k d, k d), event after event, symmetric.
         """
+        return self.covariance_of(np.arange(first, first + len(T)), T)
+
+    def covariance_of(self, events: np.ndarray, T: Array) -> Array:
+        """Return the smoothed covariance of what is wanted of some of the events.
+
+        Parameters
+        ----------
+        events : ndarray
+            (k,) the events, increasing.
+        T : Array
+            (k, d, n) what is wanted of each of them, as the derivative by the errors of all states.
+
+        Returns
+        -------
+        Array
+            (k d, k d), event after event, symmetric.
+        """
         k, d, n = T.shape
-        M = self.transitions[first : first + k]
         Y = np.empty((k * d, n))
         lower = np.zeros((k * d, k * d))  # row by row: columns would be strewn over the memory
         for a in range(k):
             own, to_here = slice(a * d, (a + 1) * d), (a + 1) * d
-            if a:
-                Y[: a * d] = Y[: a * d] @ M[a].T
-            Y[own] = T[a] @ self.filtered[first + a]
-            lower[own, :to_here] = (self.gain[first + a] @ T[a].T).T @ Y[:to_here].T
+            for event in range(events[a - 1] + 1, events[a] + 1) if a else ():
+                Y[: a * d] = Y[: a * d] @ self.transitions[event].T
+            Y[own] = T[a] @ self.filtered[events[a]]
+            lower[own, :to_here] = (self.gain[events[a]] @ T[a].T).T @ Y[:to_here].T
             lower[own, own] *= 0.5
         cov = lower + lower.T
-        self._add_shared(cov.reshape(k, d, k, d), first, T)
+        self._add_shared(cov.reshape(k, d, k, d), events, T)
         return cov
 
-    def _add_shared(self, cov: Array, first: int, T: Array) -> None:
+    def cross(
+        self, events: tuple[np.ndarray, np.ndarray], derivatives: tuple[Array, Array]
+    ) -> Array:
+        """Return the smoothed covariance of what is wanted of pairs of events.
+
+        Parameters
+        ----------
+        events : tuple of ndarray
+            (p,) each: first event of each pair, and the second, which is not before it.
+        derivatives : tuple of Array
+            (p, d, n) each: what is wanted of the first and of the second of each pair.
+
+        Returns
+        -------
+        Array
+            (p, d, d), the first of a pair by rows.
+        """
+        (a, b), (T_a, T_b) = events, derivatives
+        Y = T_a @ self.filtered[a]
+        for step in range(1, int((b - a).max(initial=0)) + 1):
+            later = b - a >= step
+            Y[later] = Y[later] @ np.swapaxes(self.transitions[a[later] + step], 1, 2)
+        cov = Y @ self.gain[b] @ np.swapaxes(T_b, 1, 2)
+        for error in self.shared:
+            inside = (self.epoch[a] >= error.first) & (self.epoch[b] <= error.last)
+            first, second = T_a[inside][:, :, POS], T_b[inside][:, :, POS]
+            cov[inside] += first @ error.cov @ np.swapaxes(second, 1, 2)
+        return cov
+
+    def _add_shared(self, cov: Array, events: np.ndarray, T: Array) -> None:
         """Add what events within one spell share, to all pairs of them, in place."""
-        epoch = self.epoch[first : first + len(T)]
+        epoch = self.epoch[events]
         for error in self.shared:
             inside = np.flatnonzero((epoch >= error.first) & (epoch <= error.last))
             of_position = T[inside][:, :, POS]

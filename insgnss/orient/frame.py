@@ -28,6 +28,7 @@ from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import NED_ENU
 from ..records import Array, ExteriorOrientation, FramedOrientation, MapFrame
 from ..records.framed import GEOCENTRIC, KINDS, PROJECTED, TANGENT
+from ..records.rig import RigImages
 
 
 def in_frame(
@@ -108,7 +109,16 @@ def in_frame(
         boresight=eo.boresight,
         camera_from_body=eo.camera_from_body,
         history=history,
+        rig=_rig(eo, J),
     )
+
+
+def _rig(eo: ExteriorOrientation, J: Array) -> RigImages | None:
+    """The cameras, with what neighbours of one share in the axes of the frame."""
+    if eo.rig is None or eo.rig.cross is None:
+        return eo.rig
+    after = eo.rig.next_of_camera
+    return replace(eo.rig, cross=J @ eo.rig.cross @ np.swapaxes(J[after], 1, 2))
 
 
 def _axes(

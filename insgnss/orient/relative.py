@@ -26,9 +26,10 @@ Lever arms are applied, so equation 3's (R_j - R_i) a is in d. All this is J_i e
 (R.7) is paper 003, equation 6, q and b the gyroscopes' white noise and the drift that in-flight
 calibration leaves.
 
-Pairs are consecutive images: the smoother keeps the cross-covariance of neighbours. That of images
-farther apart does not follow from it, since the chain P_ik = P_ij P_jj^-1 P_jk holds for the whole
-state of the filter (velocity, biases), not for six of its components; eo_covariance.npz has it.
+Pairs are consecutive images, of a rig those of one camera: the smoother keeps the cross-covariance
+of neighbours. That of images farther apart does not follow from it, since the chain P_ik = P_ij
+P_jj^-1 P_jk holds for the whole state of the filter (velocity, biases), not for six of its
+components; eo_covariance.npz has it.
 """
 
 from dataclasses import dataclass
@@ -228,12 +229,12 @@ def relative_control(
             "relative control needs a Cartesian frame; use the tangent plane, geocentric or a"
             " projected CRS"
         )
-    i, line = line_pairs(eo.time, eo.coordinates, eo.C_fE[:, :, 2], eo.C_fc, gap_s)
-    C_i, C_j, d = eo.C_fc[i], eo.C_fc[i + 1], eo.coordinates[i + 1] - eo.coordinates[i]
+    i, j, line, cross = _pairs(eo, gap_s)
+    C_i, C_j, d = eo.C_fc[i], eo.C_fc[j], eo.coordinates[j] - eo.coordinates[i]
     J_i, J_j = jacobians(form, C_i, C_j, d)
     J_it, J_jt = np.swapaxes(J_i, 1, 2), np.swapaxes(J_j, 1, 2)
-    independent = _symmetric(J_i @ eo.cov[i] @ J_it + J_j @ eo.cov[i + 1] @ J_jt)
-    shared = J_i @ eo.known_cross[i] @ J_jt if i.size else np.zeros((0, 6, 6))
+    independent = _symmetric(J_i @ eo.cov[i] @ J_it + J_j @ eo.cov[j] @ J_jt)
+    shared = J_i @ cross @ J_jt
     C_if = np.swapaxes(C_i, 1, 2)
     axes = eo.C_fE[i] if form == "mapping" else C_if @ eo.C_fE[i]
     return RelativeControl(
@@ -242,19 +243,40 @@ def relative_control(
         eo.time,
         eo.gps_week,
         i,
-        i + 1,
+        j,
         line,
         d if form == "mapping" else np.einsum("nij,nj->ni", C_if, d),
         C_j @ C_if if form == "mapping" else C_if @ C_j,
         independent + shared + np.swapaxes(shared, 1, 2),
         independent,
-        _gyro(independent, axes, eo.time[i + 1] - eo.time[i], gyro),
+        _gyro(independent, axes, eo.time[j] - eo.time[i], gyro),
         gyro.noise,
         gyro.drift,
         eo.frame.name,
         eo.boresight,
         eo.history,
     )
+
+
+def _pairs(
+    eo: FramedOrientation, gap_s: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
+    """First and second image of each pair, its line, and (k, 6, 6) what its images share.
+
+    Those of a rig are of one camera; its lines follow on those of the camera before.
+    """
+    first, second, number, cross = [], [], [], []
+    lines = 0
+    for rows, shared in eo.neighbours:
+        up = eo.C_fE[rows, :, 2]
+        i, line = line_pairs(eo.time[rows], eo.coordinates[rows], up, eo.C_fc[rows], gap_s)
+        first.append(rows[i])
+        second.append(rows[i + 1] if i.size else rows[i])
+        number.append(line + lines)
+        cross.append(shared[i])
+        lines += int(line.max(initial=0))
+    i, j, line = (np.concatenate(each).astype(np.int64) for each in (first, second, number))
+    return i, j, line, np.concatenate(cross)
 
 
 def _gyro(independent: Array, axes: Array, dt: Array, gyro: GyroFigures) -> Array:

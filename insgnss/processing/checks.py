@@ -6,6 +6,7 @@ A check that finds a contradiction stops the run, unless the flight file accepts
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from ..base.wording import named
 from ..config.flight_file import Flight, MountingSource
 from ..formats import EXPORTS, UNITS
 from ..formats.images.exif import CameraTags, camera_tags
+from ..orient.mounting import Mounting
 from ..orient.mounting_file import MountingFile
 from ..records import Array, Check, GnssFixes, ImuSamples, Trajectory
 from ..records.framed import PROJECTED
@@ -175,9 +177,58 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
         )
 
 
-def check_mounting(flight: Flight) -> Check:
-    """Judge the size of what no data check: lever arms and bore-sight."""
-    m = flight.mounting
+def check_mountings(flight: Flight) -> list[Check]:
+    """Judge the size of what no data check, lever arms and bore-sight of each camera.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    list of Check
+        One a camera, one without a camera.
+    """
+    first, *others = flight.mountings
+    checks = [_check_mounting(flight, first)]
+    names = () if flight.camera is None else flight.camera.names[1:]
+    given = () if flight.camera is None else flight.camera.further
+    for name, camera, mounting in zip(names, given, others, strict=True):
+        check = _check_mounting(flight, mounting)
+        if camera.mounting is None and check.verdict == "ok":
+            check = replace(
+                check,
+                found="none given: its images get place and attitude of the first camera",
+                verdict="note",
+                advice="measure where it stands and how it is turned, and give them in"
+                " camera.further mounting",
+            )
+        checks.append(of_camera(check, name))
+    return checks
+
+
+def of_camera(check: Check, name: str) -> Check:
+    """Return a check that says which further camera of a rig it is of.
+
+    Parameters
+    ----------
+    check : Check
+        As that of the first camera, whose key its advice names.
+    name : str
+        The camera.
+
+    Returns
+    -------
+    Check
+        The same otherwise.
+    """
+    advice = re.sub(r"\bcamera\.time_offset_s\b", "time_offset_s of that camera", check.advice)
+    return replace(check, found=f"camera {name}: {check.found}", advice=advice)
+
+
+def _check_mounting(flight: Flight, m: Mounting) -> Check:
+    """Judge the lever arms and the bore-sight of one camera."""
     lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
     cosine = np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0)
     angle = float(np.degrees(np.arccos(cosine)))

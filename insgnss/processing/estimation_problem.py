@@ -8,6 +8,7 @@ from ..base.errors import DataError
 from ..base.memory import available
 from ..config.flight_file import Flight
 from ..diagnosis.candidates import AS_STATED, CLOCK_RATE, ImuErrors, LayoutFactory
+from ..exposures.rig import ExposedRows, exposed_rows
 from ..geodesy.frames import LocalFrame
 from ..navigation.blocks import Forecast, forecast
 from ..navigation.epochs import make_epochs, unfixed_solutions, with_barometer, with_nhc, with_zupt
@@ -49,7 +50,9 @@ class PreparedSegment:
     grid : ndarray, shape (k,)
         The epochs of the problem that are those of the output grid (`output_grid`).
     at_event : ndarray, shape (e,)
-        Which of the recording's exposures the segment holds.
+        Which instants of the recording's exposures the segment holds.
+    exposed : tuple of ExposedRows
+        Which exposures of each camera are at which of these instants.
     """
 
     problem: EstimationProblem
@@ -58,6 +61,7 @@ class PreparedSegment:
     fixes: GnssFixes
     grid: np.ndarray
     at_event: np.ndarray
+    exposed: tuple[ExposedRows, ...]
 
 
 def prepare_segment(
@@ -121,9 +125,10 @@ def prepare_segment(
         gate_from_sigma(flight.gnss.gate_sigma),
         float(np.median(np.diff(fixes.time))),
         huber_threshold=gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf,
-        event_chain=flight.output.strip_covariance,
+        event_chain=flight.output.strip_covariance or len(recording.cameras) > 1,
     )
-    return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event)
+    of_cameras = exposed_rows(recording.cameras, recording.events, at_event)
+    return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event, of_cameras)
 
 
 def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from .. import __version__
+from ..config.camera_options import CameraInput
 from ..config.flight_file import Flight
 from ..diagnosis.estimated import state_verdicts
 from ..navigation.codes import BAROMETER, COVARIANCE_RESET, POSITION, USED, VELOCITY_CONSTRAINT
@@ -92,25 +93,40 @@ def _aids(segments: Sequence[Segment]) -> Iterator[str]:
 
 def _events(flight: Flight, recording: Recording, segments: Sequence[Segment]) -> Iterator[str]:
     """Say whose clock stamps the exposures, and by how much they were moved with it."""
-    camera = flight.camera
-    if recording.events is None or camera is None:
+    if flight.camera is None:
         return
+    for k, (options, exposures) in enumerate(
+        zip(flight.camera.all_of_rig, recording.cameras, strict=False)
+    ):
+        which = f" of {exposures.name}" if len(recording.cameras) > 1 else ""
+        yield from _clock(flight, options, exposures.clock, which, segments, k)
+
+
+def _clock(
+    flight: Flight,
+    camera: CameraInput,
+    clock: str,
+    which: str,
+    segments: Sequence[Segment],
+    number: int,
+) -> Iterator[str]:
+    """Say it of one camera."""
     how = f"camera.clock = {camera.clock}"
-    if recording.event_clock == "imu":
+    if clock == "imu":
         own = flight.imu.time_offset_s
         moved = ", stamps as they stand" if camera.clock == "auto" else f", moved by {own:+.4f} s"
-        yield f"camera events of the IMU's clock ({how}){moved if own else ''}"
+        yield f"camera events{which} of the IMU's clock ({how}){moved if own else ''}"
         return
     stated = flight.gnss.time_offset_s
     moves = [
-        stated + segment.time_offset_s + event_delay(segment.solution)
+        stated + segment.time_offset_s + event_delay(segment.solution)[exposed.instant]
         for segment in segments
-        if segment.at_event.size
+        if (exposed := segment.exposed[number]).rows.size
     ]
     if moves:
         ms = 1e3 * np.concatenate(moves)
         yield (
-            f"camera events of the receiver's clock ({how}), moved with the fixes by"
+            f"camera events{which} of the receiver's clock ({how}), moved with the fixes by"
             f" {ms.min():+.3f} to {ms.max():+.3f} ms"
         )
 

@@ -2,16 +2,25 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.errors import InputError
 from ..config.barometer_options import BarometerInput
+from ..config.camera_options import CameraInput, ImageMatch
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
 from ..config.ppk_options import all_of
+from ..exposures.rig import (
+    CameraExposures,
+    EventClock,
+    own_events,
+    refuse_same_names,
+    triggered_events,
+    with_names,
+)
 from ..records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
@@ -47,10 +56,10 @@ def input_files(flight: Flight) -> list[Path]:
         files += flight.gnss.raw.files
     if flight.barometer is not None and isinstance(flight.barometer.file, Path):
         files.append(flight.barometer.file)
-    if flight.camera is not None:
-        if isinstance(flight.camera.events, Path) and not flight.camera.events.is_dir():
-            files.append(flight.camera.events)
-        files += flight.camera.match.files
+    for camera in () if flight.camera is None else flight.camera.all_of_rig:
+        if isinstance(camera.events, Path) and not camera.events.is_dir():
+            files.append(camera.events)
+        files += camera.match.files
     files += [source.file for source in flight.mounting_files]
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
     if flight.output.geoid is not None:
@@ -81,7 +90,7 @@ def measurements(flight: Flight) -> list[Path]:
 
 def read_files(
     flight: Flight,
-) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
+) -> "tuple[ImuSamples, GnssFixes, tuple[CameraExposures, ...], PpkResult | None]":
     """Read the observations of a flight as its files hold them.
 
     Parameters
@@ -91,9 +100,9 @@ def read_files(
 
     Returns
     -------
-    tuple of ImuSamples, GnssFixes, CameraEvents or None, PpkResult or None
-        The samples of the first IMU, the fixes, the exposures, and the PPK solution where it gave
-        the fixes.
+    tuple of ImuSamples, GnssFixes, tuple of CameraExposures, PpkResult or None
+        The samples of the first IMU, the fixes, the exposures of each camera, and the PPK solution
+        where it gave the fixes.
 
     Raises
     ------
@@ -102,38 +111,80 @@ def read_files(
     UsageError
         Where an option of the flight file is one that the format of its file does not have.
     """
-    from ..exposures.naming import events_of, named
-
-    camera, raw = flight.camera, flight.gnss.raw
-    imu = read_imu_file(flight.imu, flight.gps_week)
-    events = None
-    if camera is not None and camera.events is not None:
-        given = camera.events
-        if isinstance(given, Path):
-            given = events_of(
-                given,
-                camera.match.image_ending,
-                columns=camera.columns,
-                gps_week=flight.gps_week,
-                time_scale=camera.time_scale,
-            )
-        events = named(given, camera.match)
-    if raw is not None:
+    camera, raw, week = flight.camera, flight.gnss.raw, flight.gps_week
+    imu = read_imu_file(flight.imu, week)
+    if camera is None and raw is None:
+        return imu, _read_fixes(flight.gnss, week, imu), (), None
+    trigger = None if camera is None else own_events(camera, week)
+    # the images of the first camera are not those of another one that its trigger exposes
+    shared = camera is not None and any(other.events is None for other in camera.further)
+    named_early = None if camera is None or trigger is None else with_names(trigger, camera)
+    if raw is None:
+        fixes, ppk = _read_fixes(flight.gnss, week, imu), None
+    else:
         from ..gnss.from_flight_file import solve_raw_gnss
 
-        of_rover = None if camera is None else (camera.rover_events, camera.match)
-        ppk = solve_raw_gnss(raw, flight.gnss.covariance, of_rover if events is None else False)
-        return imu, ppk.fixes, ppk.events if events is None else events, ppk
-    return imu, _read_fixes(flight.gnss, flight.gps_week, imu), events, None
+        match = ImageMatch() if camera is None or shared or camera.prefix else camera.match
+        of_rover = None if camera is None else (camera.rover_events, match)
+        ppk = solve_raw_gnss(raw, flight.gnss.covariance, of_rover if trigger is None else False)
+        fixes, trigger = ppk.fixes, ppk.events if trigger is None else trigger
+        if named_early is None:
+            named_early = trigger
+            if camera is not None and match is not camera.match and trigger is not None:
+                named_early = with_names(trigger, camera)
+    if named_early is None:
+        return imu, fixes, (), ppk
+    cameras = _cameras(flight, named_early, trigger)
+    return imu, fixes, cameras, ppk
 
 
-def event_clock(flight: Flight) -> Literal["imu", "receiver"]:
-    """Tell whose clock stamps the camera events (`camera.clock`).
+def _cameras(
+    flight: Flight, first: CameraEvents, trigger: CameraEvents | None
+) -> "tuple[CameraExposures, ...]":
+    """The exposures of all cameras; trigger : events of the first, before they got names."""
+    camera, clock = flight.camera, event_clock(flight)
+    if camera is None:  # events of the rover's file, which no table asks for
+        return (CameraExposures("camera_1", first, clock),)
+    cameras = [CameraExposures(camera.names[0], first, clock)]
+    for name, other in zip(camera.names[1:], camera.further, strict=True):
+        events = own_events(other, flight.gps_week)
+        triggered = events is None
+        if events is None:
+            assert trigger is not None
+            events, of_clock = triggered_events(trigger, other), clock
+            of_clock = clock if other.clock == "auto" else other.clock
+        else:
+            events, of_clock = with_names(events, other), clock_of(flight, other)
+        cameras.append(CameraExposures(name, events, of_clock, triggered))
+    refuse_same_names(cameras, str(flight.path))
+    return tuple(cameras)
+
+
+def event_clock(flight: Flight) -> EventClock:
+    """Tell whose clock stamps the events of the first camera (`camera.clock`).
 
     Parameters
     ----------
     flight : Flight
         The flight file.
+
+    Returns
+    -------
+    {"imu", "receiver"}
+        As `clock_of`; "imu" without a camera.
+    """
+    return "imu" if flight.camera is None else clock_of(flight, flight.camera)
+
+
+def clock_of(flight: Flight, camera: CameraInput) -> EventClock:
+    """Tell whose clock stamps the events of a camera.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    camera : CameraInput
+        Table of the camera.
 
     Returns
     -------
@@ -144,9 +195,7 @@ def event_clock(flight: Flight) -> Literal["imu", "receiver"]:
     """
     from ..formats import sniff_events, sniff_gnss
 
-    camera, gnss = flight.camera, flight.gnss
-    if camera is None:
-        return "imu"
+    gnss = flight.gnss
     if camera.clock != "auto":
         return camera.clock
     if camera.events is None:

@@ -83,8 +83,8 @@ def inspect(
     checks = list(recording.checks)
     try:
         lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
-        if recording.events is not None:
-            refuse_outside(recording.events, lo, hi)
+        for camera in recording.cameras:
+            refuse_outside(camera.events, lo, hi)
     except InsgnssError as error:
         message = str(error)
         checks.append(Check("span", message, "IMU, GNSS and images overlap", "contradiction"))

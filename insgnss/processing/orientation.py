@@ -1,23 +1,29 @@
 """From solved segments to poses: the trajectory on the output grid, and the images."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..config.flight_file import Flight
+from ..exposures.rig import CameraExposures, ExposedRows
 from ..geodesy.frames import TangentPlane
 from ..navigation.codes import N_NAV
 from ..navigation.common_errors import common_errors, nodes_of
 from ..navigation.dense import dense_trajectory
+from ..navigation.event_chain import EventChain
 from ..navigation.event_clock import at_uncertain_times, event_derivatives, receiver_events
 from ..navigation.solution import trajectory
 from ..orient.exterior import exterior_orientation, pose_derivatives
+from ..orient.mounting import Mounting
+from ..orient.rig import rig_orientation
 from ..orient.strips import strip_rows
 from ..prepare.clock import take_events
 from ..records import Array, ExteriorOrientation, GnssFixes, Trajectory
+from ..records.rig import merged_order
 from ..records.strips import CommonErrors, StripCovariance
 from .checks import refuse_unobservable
 from .estimation_problem import EPOCH_HZ
@@ -98,31 +104,37 @@ def orient_images(
     DataError
         Where no image lies in a segment, or the attitudes are not determined.
     """
-    events = recording.events
-    if events is None:
+    if not recording.cameras:
         return None
-    oriented = np.concatenate([segment.at_event for segment in segments])
-    if not oriented.size:
+    images = _images(flight, recording, segments)
+    if not images:
         raise DataError(
-            f"{events.source}: no image lies in a segment that could be solved; see the gaps of "
-            "`insgnss inspect`"
+            f"{recording.cameras[0].events.source}: no image lies in a segment that could be"
+            " solved; see the gaps of `insgnss inspect`"
         )
-    exposed = Trajectory.joined(
-        [_exposed(recording, segment) for segment in segments if segment.at_event.size]
-    )
-    refuse_unobservable(flight, exposed)
+    refuse_unobservable(flight, images[0].exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
-    taken = take_events(events, oriented)
-    if _by_receiver(recording):
-        taken = replace(taken, time=exposed.time)
-    eo = exterior_orientation(exposed, taken, flight.mounting, plane, history)
-    return replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch)
+    oriented = []
+    for own in images:
+        taken = take_events(own.camera.events, own.rows)
+        if own.of_receiver:
+            taken = replace(taken, time=own.exposed.time)
+        eo = exterior_orientation(own.exposed, taken, own.mounting, plane, history)
+        oriented.append(replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch))
+    if len(recording.cameras) == 1:
+        return oriented[0]
+    order, number = merged_order([eo.time for eo in oriented])
+    cross = _RigPairs(images, order, number, plane).of_neighbours()
+    return rig_orientation(oriented, [own.camera.name for own in images], order, number, cross)
 
 
 def strip_covariances(
     flight: Flight, recording: Recording, segments: Sequence[Segment], eo: ExteriorOrientation
 ) -> tuple[tuple[StripCovariance, ...], CommonErrors, str]:
     """Return the covariance of all poses of each flight line, and what errors the lines share.
+
+    Of a rig each camera has strips of its own: two images of one instant have a covariance that no
+    adjustment could invert.
 
     Parameters
     ----------
@@ -146,41 +158,211 @@ def strip_covariances(
         What was done, in a sentence.
     """
     plane = TangentPlane(*(float(x) for x in eo.origin))
-    of_receiver = _by_receiver(recording)
-    with_images = [segment for segment in segments if segment.at_event.size]
-    sizes = [segment.at_event.size for segment in with_images]
-    begin, own = np.cumsum([0, *sizes]), np.repeat(np.arange(len(sizes)), sizes)
-    chains, derivatives = [], []
-    for segment in with_images:
-        assert segment.solution.chain is not None, "the problem was solved without it"
-        chains.append(segment.solution.chain)
-        J = pose_derivatives(_exposed(recording, segment), flight.mounting, plane)
-        derivatives.append(J @ event_derivatives(segment.solution, of_receiver))
-    wanted = strip_rows(eo, own)
+    segments = [segment for segment in segments if segment.at_event.size]
+    images = _images(flight, recording, segments)
     strips: list[StripCovariance] = []
-    for rows in wanted:
-        k = int(own[rows[0]])
-        first = int(rows[0] - begin[k])
-        cov = chains[k].covariance(first, derivatives[k][first : first + rows.size])
-        for a, row in enumerate(rows):
-            cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
-        if not _positive_definite(cov):
-            cov[np.diag_indices_from(cov)] *= 1.0 + ROUNDING
-        if _positive_definite(cov):
-            strips.append(StripCovariance(rows, cov))
-    factors = [
-        common_errors(chain, *_nodes(segment), _with_lever_arm(segment, T))
-        for chain, segment, T in zip(chains, with_images, derivatives, strict=True)
-    ]
-    common = _common(own, factors, eo, strips, _lever_arms(with_images))
-    images = sum(strip.rows.size for strip in strips)
-    left_out = len(wanted) - len(strips)
+    shared: list[tuple[NDArray[np.int64], int, Array]] = []
+    wanted = 0
+    for k, own in enumerate(images):
+        rows = np.arange(len(eo)) if eo.rig is None else eo.rig.rows[k]
+        alone = eo if eo.rig is None else eo.of_camera(own.camera.name)
+        T = [own.derivatives(segment, plane) for segment in range(len(segments))]
+        for strip in strip_rows(alone, own.segment):
+            wanted += 1
+            number = int(own.segment[strip[0]])
+            chain, instant = _chain(segments[number]), own.instant[strip]
+            made = _strip(rows[strip], chain.covariance_of(instant, T[number][instant]), eo)
+            strips += [] if made is None else [made]
+        for number, segment in enumerate(segments):
+            A = common_errors(
+                _chain(segment), *_nodes(segment), _with_lever_arm(segment, T[number])
+            )
+            here = own.segment == number
+            shared.append((rows[here], number, A[own.instant[here]]))
+    common = _common(shared, eo, strips, _lever_arms(segments))
+    together = sum(strip.rows.size for strip in strips)
+    left_out = wanted - len(strips)
     note = (
-        f"covariance of all poses of each of {len(strips)} strips, {images} of {len(eo)} images, at"
-        f" most {max((strip.rows.size for strip in strips), default=0)} in one"
+        f"covariance of all poses of each of {len(strips)} strips, {together} of {len(eo)} images,"
+        f" at most {max((strip.rows.size for strip in strips), default=0)} in one"
     )
     note += f"; left out {left_out}, whose digits do not hold it" if left_out else ""
     return tuple(strips), common, note
+
+
+def _strip(rows: NDArray[np.int64], cov: Array, eo: ExteriorOrientation) -> StripCovariance | None:
+    """Return a strip; None where its covariance is not positive definite."""
+    for a, row in enumerate(rows):
+        cov[6 * a : 6 * a + 6, 6 * a : 6 * a + 6] = eo.cov[row]
+    if not _positive_definite(cov):
+        cov[np.diag_indices_from(cov)] *= 1.0 + ROUNDING
+    return StripCovariance(rows, cov) if _positive_definite(cov) else None
+
+
+def _chain(segment: Segment) -> EventChain:
+    assert segment.solution.chain is not None, "the problem was solved without it"
+    return segment.solution.chain
+
+
+class _Instants:
+    """The instants of the exposures of a segment, by the clock that stamped them."""
+
+    def __init__(self, segment: Segment, of_receiver: bool, gps_week: int) -> None:
+        solution = segment.solution
+        self.segment, self.of_receiver = segment, of_receiver
+        self.trajectory = (
+            receiver_events(solution, gps_week)
+            if of_receiver
+            else trajectory(solution, solution.event_epochs, gps_week, events=True)
+        )
+
+    @cached_property
+    def derivatives(self) -> Array:
+        """(instants, 9, n) navigation errors by the errors of all states."""
+        return event_derivatives(self.segment.solution, self.of_receiver)
+
+
+@dataclass(frozen=True)
+class _CameraImages:
+    """The oriented images of a camera: its row, segment and instant of each.
+
+    `exposed` is the trajectory at them, of stamps that are uncertain with what these make of it.
+    """
+
+    camera: CameraExposures
+    mounting: Mounting
+    instants: tuple[_Instants, ...]
+    rows: NDArray[np.int64]
+    segment: NDArray[np.int64]
+    instant: NDArray[np.int64]
+    exposed: Trajectory
+
+    @property
+    def of_receiver(self) -> bool:
+        """Whether the receiver stamped them."""
+        return self.camera.clock == "receiver"
+
+    def derivatives(self, segment: int, plane: TangentPlane) -> Array:
+        """(instants, 6, n) errors of its poses by those of all states at each instant."""
+        instants = self.instants[segment]
+        J = pose_derivatives(instants.trajectory, self.mounting, plane)
+        return J @ instants.derivatives
+
+
+def _images(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> list[_CameraImages]:
+    """Return the images of each camera that has some in the segments."""
+    of_clock: dict[tuple[int, bool], _Instants] = {}
+    images = []
+    for number, (camera, mounting) in enumerate(
+        zip(recording.cameras, flight.mountings, strict=True)
+    ):
+        parts, instants = [], []
+        for k, segment in enumerate(segments):
+            own, key = segment.exposed[number], (k, camera.clock == "receiver")
+            if key not in of_clock:
+                of_clock[key] = _Instants(segment, key[1], recording.gps_week)
+            instants.append(of_clock[key])
+            if own.rows.size:
+                parts.append((own, k, _exposed(camera, own, of_clock[key].trajectory)))
+        if parts:
+            images.append(
+                _CameraImages(
+                    camera,
+                    mounting,
+                    tuple(instants),
+                    np.concatenate([own.rows for own, _, _ in parts]),
+                    np.concatenate([np.full(own.rows.size, k) for own, k, _ in parts]),
+                    np.concatenate([own.instant for own, _, _ in parts]),
+                    Trajectory.joined([exposed for _, _, exposed in parts]),
+                )
+            )
+    return images
+
+
+def _exposed(camera: CameraExposures, own: ExposedRows, at_instants: Trajectory) -> Trajectory:
+    """Return the trajectory at the exposures of a camera in a segment."""
+    every = own.instant.size == len(at_instants)
+    exposed = at_instants if every else at_instants[own.instant]
+    if camera.events.sigma_s is None:
+        return exposed
+    return at_uncertain_times(exposed, camera.events.sigma_s[own.rows])
+
+
+class _RigPairs:
+    """The covariance of any two images of a rig (O.4)."""
+
+    def __init__(
+        self,
+        images: Sequence[_CameraImages],
+        order: NDArray[np.int64],
+        number: NDArray[np.int64],
+        plane: TangentPlane,
+    ) -> None:
+        self.images, self.number = images, number
+        self.segment = np.concatenate([own.segment for own in images])[order]
+        self.instant = np.concatenate([own.instant for own in images])[order]
+        J = [pose_derivatives(own.exposed, own.mounting, plane) for own in images]
+        self.J = np.concatenate(J)[order]
+        self.cov = np.concatenate([own.exposed.cov for own in images])[order]
+        self.receiver = np.array([own.of_receiver for own in images])[number]
+        triggered = [own.camera.triggered or own is images[0] for own in images]
+        self.triggered = np.array(triggered)[number]
+
+    def of_neighbours(self) -> tuple[Array, Array]:
+        """Return those of neighbours in time, (n - 1, 6, 6), and of one camera, (n, 6, 6)."""
+        n = self.number.size
+        in_time = self.of(np.arange(n - 1), np.arange(1, n))
+        of_camera = np.zeros((n, 6, 6))
+        for k in range(len(self.images)):
+            rows = np.flatnonzero(self.number == k)
+            of_camera[rows[:-1]] = self.of(rows[:-1], rows[1:])
+        return in_time, of_camera
+
+    def of(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
+        """Return (p, 6, 6) of pairs of images; zeros where these lie in different segments."""
+        cov = np.zeros((a.size, 6, 6))
+        for key in {(int(self.segment[k]), bool(self.receiver[k])) for k in a}:
+            of_clock = (self.segment[a] == key[0]) & (self.receiver[a] == key[1])
+            here = np.flatnonzero(of_clock & (self.segment[b] == key[0]))
+            cov[here] = self._in_segment(a[here], b[here])
+        return cov
+
+    def _in_segment(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
+        """Return those of pairs in one segment whose first images are of one clock."""
+        cov = np.zeros((a.size, 6, 6))
+        if not a.size:
+            return cov
+        way = self.instant[b] - self.instant[a]
+        alike = self.receiver[a] == self.receiver[b]
+        together, beside = alike & (way == 0), alike & (way == 1)
+        at_instants = self._instants(int(a[0])).trajectory
+        P = np.zeros((a.size, 9, 9))
+        P[together] = at_instants.cov[self.instant[a[together]]]
+        by_trigger = together & self.triggered[a] & self.triggered[b]
+        P[by_trigger] = self.cov[a[by_trigger]]
+        assert at_instants.cross is not None
+        P[beside] = at_instants.cross[self.instant[a[beside]]]
+        cov = self.J[a] @ P @ np.swapaxes(self.J[b], 1, 2)
+        for others in (~(together | beside) & (way >= 0), ~(together | beside) & (way < 0)):
+            if others.any():
+                first, second = (a, b) if (way[others] >= 0).all() else (b, a)
+                pairs = self._by_chain(first[others], second[others])
+                cov[others] = pairs if first is a else np.swapaxes(pairs, 1, 2)
+        return cov
+
+    def _by_chain(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> Array:
+        """Return those of pairs whose instants are apart, or of two clocks."""
+        chain = _chain(self._instants(int(a[0])).segment)
+        T = [
+            self.J[rows] @ np.stack([self._instants(k).derivatives[self.instant[k]] for k in rows])
+            for rows in (a, b)
+        ]
+        return chain.cross((self.instant[a], self.instant[b]), (T[0], T[1]))
+
+    def _instants(self, row: int) -> _Instants:
+        return self.images[int(self.number[row])].instants[int(self.segment[row])]
 
 
 def _nodes(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -209,28 +391,30 @@ def _lever_arms(segments: Sequence[Segment]) -> Array:
 
 
 def _common(
-    own: NDArray[np.int64],
-    factors: Sequence[Array],
+    shared: Sequence[tuple[NDArray[np.int64], int, Array]],
     eo: ExteriorOrientation,
     strips: Sequence[StripCovariance],
     estimated: Array,
 ) -> CommonErrors:
     """Join the segments; a strip, or an image in none, that leaves no positive definite rest shares
-    nothing.
+    nothing. Of each part of the images: rows, segment, errors.
     """
-    most = max((A.shape[2] for A in factors), default=0)
-    factor, lever_arm = np.zeros((len(eo), 6, most)), np.zeros((len(factors), 3, most))
-    for k, A in enumerate(factors):
-        factor[own == k, :, : A.shape[2]] = A[:, :6]
-        lever_arm[k, :, : A.shape[2]] = A[0, 6:]  # a constant: that of any event
-    shared, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
+    most = max((A.shape[2] for _, _, A in shared), default=0)
+    own = np.zeros(len(eo), dtype=np.int64)
+    factor, lever_arm = np.zeros((len(eo), 6, most)), np.zeros((len(estimated), 3, most))
+    for rows, k, A in shared:
+        if rows.size:
+            own[rows] = k
+            factor[rows, :, : A.shape[2]] = A[:, :6]
+            lever_arm[k, :, : A.shape[2]] = A[0, 6:]  # a constant: that of any event
+    whole, single = CommonErrors(own, factor), np.ones(len(eo), dtype=bool)
     together = [(strip.rows, strip.cov) for strip in strips]
     for rows, _ in together:
         single[rows] = False
     together += [(np.array([row]), eo.cov[row]) for row in np.flatnonzero(single)]
     kept = factor.copy()
     for rows, cov in together:
-        if not _positive_definite(shared.rest(rows, cov)):
+        if not _positive_definite(whole.rest(rows, cov)):
             kept[rows] = 0.0
     return CommonErrors(own, kept, lever_arm, estimated)
 
@@ -245,25 +429,6 @@ def _positive_definite(cov: Array) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
-
-
-def _by_receiver(recording: Recording) -> bool:
-    """Tell whether the receiver stamped the exposures, which are moved with its clock then."""
-    return recording.event_clock == "receiver"
-
-
-def _exposed(recording: Recording, segment: Segment) -> Trajectory:
-    """Return the trajectory at the exposures of a segment, by the clock that stamped them."""
-    solution, week = segment.solution, recording.gps_week
-    exposed = (
-        receiver_events(solution, week)
-        if _by_receiver(recording)
-        else trajectory(solution, solution.event_epochs, week, events=True)
-    )
-    events = recording.events
-    if events is None or events.sigma_s is None:
-        return exposed
-    return at_uncertain_times(exposed, events.sigma_s[segment.at_event])
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:

@@ -160,8 +160,8 @@ def process(
     clock.step("read")
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
-    if write and recording.events is not None:
-        refuse_image_names(flight, recording.events.images)
+    if write and recording.cameras:
+        refuse_image_names(flight, [i for c in recording.cameras for i in c.events.images])
     week = recording.gps_week
 
     clock.step("prepare")
@@ -208,9 +208,10 @@ def process(
 
 def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
     """Pose the estimation problems of a flight."""
-    if recording.events is not None:
+    if recording.cameras:
         span = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
-        refuse_outside(recording.events, *span)
+        for camera in recording.cameras:
+            refuse_outside(camera.events, *span)
     return prepare_segments(flight, recording)
 
 

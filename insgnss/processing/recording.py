@@ -2,22 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
+from ..exposures.rig import CameraExposures, merged_instants
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
 from .checks import (
-    check_mounting,
     check_mounting_files,
+    check_mountings,
     check_stationary,
+    of_camera,
     refuse_unreachable_crs,
 )
-from .input_files import combine_imus, event_clock, read_barometer_file, read_files
+from .input_files import combine_imus, read_barometer_file, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
@@ -35,8 +38,10 @@ class Recording:
 
     Parameters
     ----------
-    imu, gnss, events : ImuSamples, GnssFixes, CameraEvents or None
+    imu, gnss : ImuSamples, GnssFixes
         The observations; the samples are those of several IMUs combined, where there are several.
+    cameras : tuple of CameraExposures
+        The exposures of each camera; none without a camera.
     gps_week : int
         The GPS week whose seconds all stamps count.
     checks : tuple of Check
@@ -55,15 +60,13 @@ class Recording:
         The PPK solution of raw observations.
     barometer : BarometerHeights or None
         The heights of a barometer, where there is one.
-    event_clock : {"imu", "receiver"}
-        Whose clock stamps the exposures; the receiver's is that of the fixes.
     sample_count : int
         How many samples there were; without it those of `imu`.
     """
 
     imu: ImuSamples
     gnss: GnssFixes
-    events: CameraEvents | None
+    cameras: tuple[CameraExposures, ...]
     gps_week: int
     checks: tuple[Check, ...]
     C_b_imu: Array
@@ -73,8 +76,17 @@ class Recording:
     recognition: "Recognition | None" = None
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
-    event_clock: Literal["imu", "receiver"] = "imu"
     sample_count: int = 0
+
+    @cached_property
+    def events(self) -> CameraEvents | None:
+        """The instants at which any camera is exposed; of one camera its exposures."""
+        return merged_instants(self.cameras) if self.cameras else None
+
+    @property
+    def of_receiver(self) -> bool:
+        """Whether the receiver stamped exposures, which are moved with its clock then."""
+        return any(camera.clock == "receiver" for camera in self.cameras)
 
     @property
     def series(self) -> Mapping[str, Any]:
@@ -96,10 +108,9 @@ class Recording:
         Recording
             The same otherwise.
         """
-        gnss, events = replace(self.gnss, time=self.gnss.time + offset_s), self.events
-        if events is not None and self.event_clock == "receiver":
-            events = replace(events, time=events.time + offset_s)
-        return replace(self, gnss=gnss, events=events)
+        gnss = replace(self.gnss, time=self.gnss.time + offset_s)
+        cameras = (c.moved(offset_s) if c.clock == "receiver" else c for c in self.cameras)
+        return replace(self, gnss=gnss, cameras=tuple(cameras))
 
     def without_samples(self) -> "Recording":
         """Return the recording with the first and the last sample alone of its IMU.
@@ -143,14 +154,15 @@ def read_recording(flight: Flight) -> Recording:
 
     barometer = None
     try:
-        imu, gnss, events, ppk = read_files(flight)
+        imu, gnss, cameras, ppk = read_files(flight)
         if flight.barometer is not None:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    clock = event_clock(flight)
-    gnss, events = _with_time_offsets(flight, gnss, events, clock)
-    imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    gnss, cameras = _with_time_offsets(flight, gnss, cameras)
+    first = cameras[0].events if cameras else None
+    imu, gnss, _, week = common_clock(imu, gnss, first, flight.gps_week)
+    cameras = tuple(replace(camera, events=in_week(camera.events, week)) for camera in cameras)
     refuse_unreachable_crs(flight, gnss)
     if barometer is not None:
         barometer = in_week(barometer, week)
@@ -166,14 +178,16 @@ def read_recording(flight: Flight) -> Recording:
         C_b_imu = np.eye(3)
     noise, bands = with_dead_bands(imu, C_b_imu, noise)
     more += [*bands, *(ppk.checks if ppk else ())]
-    records = [r for r in (imu, gnss, events, barometer) if r is not None]
-    checks = _checks(flight, imu, gnss, events, clock, C_b_imu, noise, more)
+    of_cameras = [camera.events for camera in cameras]
+    records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
+    checks = _checks(flight, imu, gnss, cameras, C_b_imu, noise, more)
     checks += check_mounting_files(flight, week, float(gnss.time[0]))
     checks += [note for record in records for note in record.notes]
-    if events is not None:
-        all_events = events
-        events = cut_events(events, flight.start_tow, flight.end_tow)
-        checks += _images_left_out(all_events, events)
+    all_cameras = cameras
+    cameras = tuple(
+        replace(c, events=cut_events(c.events, flight.start_tow, flight.end_tow)) for c in cameras
+    )
+    checks += _images_left_out(all_cameras, cameras)
     recognition = None
     contradicted = any(check.verdict == "contradiction" for check in checks)
     if flight.gnss.stationary is None and not contradicted:
@@ -191,7 +205,7 @@ def read_recording(flight: Flight) -> Recording:
     return Recording(
         imu,
         gnss,
-        events,
+        cameras,
         week,
         tuple(checks),
         C_b_imu,
@@ -201,7 +215,6 @@ def read_recording(flight: Flight) -> Recording:
         recognition,
         ppk,
         barometer,
-        clock,
     )
 
 
@@ -252,31 +265,35 @@ def with_dead_bands(
 
 
 def _with_time_offsets(
-    flight: Flight, gnss: GnssFixes, events: CameraEvents | None, clock: str
-) -> tuple[GnssFixes, CameraEvents | None]:
+    flight: Flight, gnss: GnssFixes, cameras: tuple[CameraExposures, ...]
+) -> tuple[GnssFixes, tuple[CameraExposures, ...]]:
     """Add the time offsets of the flight file to the stamps of fixes and exposures.
 
     Exposures move with the clock that the flight file says they are of; samples moved already.
     """
     if flight.gnss.time_offset_s:
         gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
-    if events is not None and flight.camera is not None:
-        offset = flight.camera.time_offset_s
-        if clock == "receiver":
+    if flight.camera is None:
+        return gnss, cameras
+    moved = []
+    for options, camera in zip(flight.camera.all_of_rig, cameras, strict=False):
+        offset = options.time_offset_s
+        of_imu = options.clock == "imu" or (
+            camera.triggered and options.clock == "auto" and flight.camera.clock == "imu"
+        )
+        if camera.clock == "receiver":
             offset += flight.gnss.time_offset_s
-        elif flight.camera.clock == "imu":
+        elif of_imu:
             offset += flight.imu.time_offset_s
-        if offset:
-            events = replace(events, time=events.time + offset)
-    return gnss, events
+        moved.append(camera.moved(offset) if offset else camera)
+    return gnss, tuple(moved)
 
 
 def _checks(
     flight: Flight,
     imu: ImuSamples,
     gnss: GnssFixes,
-    events: CameraEvents | None,
-    clock: str,
+    cameras: tuple[CameraExposures, ...],
     C_b_imu: Array,
     noise: "NoiseModel",
     more: list[Check],
@@ -284,11 +301,17 @@ def _checks(
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
     from ..diagnosis.turn_on_bias import check_turn_on, without_turn_on
     from ..recognise.plausibility import check_recording
+    from ..recognise.turns import check_events
 
     plane = flight.tangent_plane
     origin = None if plane is None else np.asarray(plane.origin)
+    events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
     of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
-    checks = [*of_motion, *more, check_mounting(flight)]
+    of_motion += [
+        of_camera(check_events(camera.events, gnss, camera.clock), camera.name)
+        for camera in cameras[1:]
+    ]
+    checks = [*of_motion, *more, *check_mountings(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
     return [*checks, *noise_misfit(noise)]
@@ -318,9 +341,11 @@ def noise_misfit(noise: "NoiseModel") -> list[Check]:
     return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
 
 
-def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:
+def _images_left_out(
+    cameras: tuple[CameraExposures, ...], within: tuple[CameraExposures, ...]
+) -> list[Check]:
     """Note the exposures outside the span that the flight file chooses."""
-    count, kept = len(events.images), len(within.images)
+    count, kept = (sum(len(camera.events) for camera in each) for each in (cameras, within))
     if kept == count:
         return []
     finding = f"{count - kept} of {count} images left out"

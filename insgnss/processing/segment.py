@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..calibrate.residuals import mean_residuals
+from ..exposures.rig import ExposedRows
 from ..navigation.solution import Solution
 from ..records import Check, GnssFixes, MeanResidual
 from ..records.verdicts import ConstantEstimate
@@ -25,7 +26,9 @@ class Segment:
     grid : ndarray, shape (k,)
         The epochs of the solution that are those of the output grid.
     at_event : ndarray, shape (e,)
-        Which of the recording's exposures the segment holds.
+        Which instants of the recording's exposures the segment holds.
+    exposed : tuple of ExposedRows
+        Which exposures of each camera are at which of these instants.
     history : tuple of str
         What was done, sentence by sentence.
     checks : tuple of Check
@@ -43,6 +46,7 @@ class Segment:
     fixes: GnssFixes
     grid: np.ndarray
     at_event: np.ndarray
+    exposed: tuple[ExposedRows, ...]
     history: tuple[str, ...]
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0

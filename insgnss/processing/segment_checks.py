@@ -284,19 +284,21 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Chec
     list of Check
         The note "images" where there are such.
     """
-    if recording.events is None:
+    images: list[str] = []
+    missing: list[str] = []
+    for k, camera in enumerate(recording.cameras):
+        oriented = np.concatenate([segment.exposed[k].rows for segment in segments])
+        without = np.setdiff1d(np.arange(len(camera.events)), oriented)
+        missing += [camera.events.images[row] for row in without]
+        images += camera.events.images
+    if not missing:
         return []
-    images = recording.events.images
-    oriented = np.concatenate([segment.at_event for segment in segments])
-    missing = np.setdiff1d(np.arange(len(images)), oriented)
-    if not missing.size:
-        return []
-    names = ", ".join(images[k] for k in missing[:MOST_NAMED])
-    names += ", ..." if missing.size > MOST_NAMED else ""
+    names = ", ".join(missing[:MOST_NAMED])
+    names += ", ..." if len(missing) > MOST_NAMED else ""
     return [
         Check(
             "images",
-            f"{missing.size} of {len(images)} have no orientation: {names}",
+            f"{len(missing)} of {len(images)} have no orientation: {names}",
             "all images within the segments",
             "note",
             "they lie in a gap, before the first fix or in a segment left out",

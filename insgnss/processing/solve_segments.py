@@ -242,7 +242,7 @@ def _solve(
         step,
         _requested(flight),
         flight.filter.adaptive_noise == "auto",
-        recording.events is not None and recording.event_clock == "receiver",
+        recording.of_receiver,
     )
     step("align")
     spells: tuple[Spell, ...] = ()
@@ -299,6 +299,7 @@ def _solve(
         prepared.fixes,
         prepared.grid,
         prepared.at_event,
+        prepared.exposed,
         history,
         checks,
         stated=stated_constants(flight),

@@ -3,16 +3,24 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.units import METRE, LengthUnit
 from ._checked import Array, frozen
+from .rig import RigImages
 
 KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
     "tangent plane",
     "geocentric",
     "geographic",
     "projected",
+)
+
+
+_UNKNOWN = (
+    "export: covariances between neighbouring images are not known, since the choice of images left"
+    " some out; choose images in a row, such as eo[10:30], or all of them"
 )
 
 
@@ -94,6 +102,9 @@ class FramedOrientation:
         (3, 3) matrices B and T of the mounting that were applied.
     history : tuple of str
         What was done to get it, sentence by sentence.
+    rig : RigImages or None
+        Cameras of the images where there are several, their `cross` in the frame's axes;
+        `boresight` and `camera_from_body` are those of the first then.
 
     Raises
     ------
@@ -114,6 +125,7 @@ class FramedOrientation:
     boresight: Array
     camera_from_body: Array
     history: tuple[str, ...] = field(default_factory=tuple)
+    rig: RigImages | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
@@ -128,13 +140,35 @@ class FramedOrientation:
             frozen(self, name, shape)
 
     @property
+    def C_cb(self) -> Array:
+        """(3, 3), or (n, 3, 3) of a rig: body to camera, T B."""
+        return self.camera_from_body @ self.boresight if self.rig is None else self.rig.C_cb
+
+    @property
+    def cameras(self) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+        """Names of the cameras, one without a name where there is no rig, and (n,) numbers."""
+        if self.rig is None:
+            return ("",), np.zeros(len(self.images), dtype=np.int64)
+        return self.rig.names, self.rig.number
+
+    @property
+    def neighbours(self) -> tuple[tuple[NDArray[np.int64], Array], ...]:
+        """Of each camera the rows (m,) of its images, and (m - 1, 6, 6) what neighbours share.
+
+        Raises InputError where that is not known.
+        """
+        if self.rig is None:
+            return ((np.arange(len(self.images)), self.known_cross),)
+        if self.rig.cross is None:
+            raise InputError(_UNKNOWN)
+        shared = self.rig.cross
+        return tuple((rows, shared[rows[:-1]]) for rows in self.rig.rows)
+
+    @property
     def known_cross(self) -> Array:
         """`cross`, for formats that need it. Raises InputError where it is not known."""
         if self.cross is None:
-            raise InputError(
-                "export: covariances between neighbouring images are not known, since the choice of"
-                " images left some out; choose images in a row, such as eo[10:30], or all of them"
-            )
+            raise InputError(_UNKNOWN)
         return self.cross
 
     @property

@@ -3,14 +3,16 @@ fared.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.errors import InputError
 from ._checked import Array, frozen, increasing
-from .rows import Rows
+from .rig import RigImages
+from .rows import Chosen, Rows
 from .series import ConstantSeries, ImuBiases, Innovations
 from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 
@@ -199,6 +201,8 @@ class ExteriorOrientation(Rows):
     velocity_mps : (n, 3) of the projection centre, tangent-plane axes, m/s; None where not known.
     rate_radps : (n, 3) angular rate of the camera with respect to the Earth, tangent-plane axes,
         rad/s: C_mc(t + dt) = exp([rate dt x]) C_mc(t); None where it is not known.
+    rig : cameras of the images where there are several; `boresight` and `camera_from_body` are
+        those of the first then. None: one camera took all images.
 
     Raises
     ------
@@ -228,6 +232,7 @@ class ExteriorOrientation(Rows):
     epoch: float | None = None
     velocity_mps: Array | None = None
     rate_radps: Array | None = None
+    rig: RigImages | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
@@ -245,6 +250,54 @@ class ExteriorOrientation(Rows):
         shapes |= {name: (n, 3) for name in motion if getattr(self, name) is not None}
         for name, shape in shapes.items():
             frozen(self, name, shape)
+        if self.rig is not None and self.rig.number.size != n:
+            raise InputError(f"ExteriorOrientation.rig: {self.rig.number.size} of {n} images")
+
+    def of_camera(self, name: str) -> "ExteriorOrientation":
+        """Return the images of one camera of a rig, as if it had flown alone.
+
+        Parameters
+        ----------
+        name : of the camera, one of ``eo.rig.names``.
+
+        Returns
+        -------
+        The images in the order of time, with the cross-covariances of neighbours of that camera and
+        its bore-sight.
+
+        Raises
+        ------
+        InputError : there is no such camera, or the images are all of one camera.
+
+        Examples
+        --------
+        >>> left = result.eo.of_camera("left")  # doctest: +SKIP
+        """
+        if self.rig is None:
+            raise InputError(f"camera {name!r}: the images are all of one camera; leave it out")
+        number = self.rig.index(name)
+        camera = self.rig.cameras[number]
+        return replace(
+            self[self.rig.number == number],
+            boresight=camera.boresight,
+            camera_from_body=camera.camera_from_body,
+            rig=None,
+        )
+
+    @property
+    def C_cb(self) -> Array:
+        """(3, 3), or (n, 3, 3) of a rig: body to camera, T B."""
+        return self.camera_from_body @ self.boresight if self.rig is None else self.rig.C_cb
+
+    def _taken(self, rows: Chosen) -> "ExteriorOrientation":
+        """The rows; of a rig with what neighbours in time or of a camera err in common."""
+        if self.rig is None:
+            return super()._taken(rows)
+        if isinstance(rows, slice):
+            rows = np.arange(*rows.indices(len(self)), dtype=np.int64)
+        plain = Rows._taken(replace(self, rig=None), rows)
+        cross = self.rig.neighbour_cross(rows, self.cross)
+        return replace(plain, cross=cross, rig=self.rig.taken(rows))
 
     @property
     def opk(self) -> Array:
@@ -266,7 +319,8 @@ class ExteriorOrientation(Rows):
         sigma = np.sqrt(np.maximum(np.diagonal(self.cov, axis1=1, axis2=2)[:, :3], 0.0))
         F = np.linalg.inv(opk_jacobian(self.opk))
         angles = np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", F, self.cov[:, 3:, 3:], F), 0.0))
-        columns = {"image": list(self.images), "tow": self.time}
+        columns: dict[str, Any] = {"image": list(self.images), "tow": self.time}
+        columns |= {} if self.rig is None else {"camera": self.rig.of_images}
         blocks = {"{}_m": ("enu", self.position_m), "sd_{}_m": ("enu", sigma)}
         named = ("omega", "phi", "kappa")
         degrees = {

@@ -55,6 +55,18 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         _column("time", "TOW, s", eo.time, 3, tip="TOW", unit="s", running=True),
         _column("line", "line", line, 0, dash=UNKNOWN_LINE, tip="line"),
     ]
+    if eo.rig is not None:
+        names_of_cameras = ", ".join(f"{k} {name}" for k, name in enumerate(eo.rig.names, 1))
+        columns.append(
+            _column(
+                "camera",
+                "camera",
+                eo.rig.number + 1,
+                0,
+                tip="camera",
+                title=f"camera of the rig: {names_of_cameras}",
+            )
+        )
     columns += [
         _column(
             key,
@@ -91,13 +103,14 @@ def image_table(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
         for k, axis in enumerate("ENU")
     ]
     prefix, suffix, names = shortened(eo.images)
+    steps = np.diff(np.unique(eo.time))  # two cameras of a rig may have one instant
     return {
         "prefix": prefix,
         "suffix": suffix,
         "names": names,
         "start": float(d.time[0]),
         # an image belongs to the instants that lie nearer to it than this, minutes
-        "near": 0.6 * float(np.median(np.diff(eo.time))) / 60.0 if eo.time.size > 1 else 0.02,
+        "near": 0.6 * float(np.median(steps)) / 60.0 if steps.size else 0.02,
         "flag_names": FLAGS,
         "flags": base64.b64encode(flags(d, eo, line).astype("<u2").tobytes()).decode("ascii"),
         "columns": columns,

@@ -29,6 +29,7 @@ from .statistics import (
 )
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 MOST_LISTED = 200
 ENU = ["E", "N", "U"]
@@ -128,9 +129,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "outages": outage_figures(d, eo),
         "lines": line_figures(d, eo),
         "neighbours": (
-            None
-            if eo is None or eo.cross is None or len(eo.images) < 2
-            else _neighbours(eo, eo.cross)
+            None if eo is None or (pairs := _pairs_of(eo)) is None else _neighbours(eo, *pairs)
         ),
         "states": [_state(state) for state in d.states],
         "time_correlated_errors": [asdict(error) for error in d.time_correlated],
@@ -184,6 +183,9 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
     """
     position, psi = image_sigmas(eo)
     out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}
+    if eo.rig is not None:
+        count = np.bincount(eo.rig.number, minlength=len(eo.rig.names)).tolist()
+        out["cameras"] = dict(zip(eo.rig.names, count, strict=True))
     for name, x in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
         worst = int(np.argmax((x**2).sum(axis=1)))
         at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": x[worst]}
@@ -331,16 +333,30 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
     return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
 
 
-def _neighbours(eo: ExteriorOrientation, cross: Array) -> dict[str, Any]:
+def _pairs_of(eo: ExteriorOrientation) -> tuple[Rows, Rows, Array] | None:
+    """Rows of neighbouring images, of a rig of one camera, and what they share; None without."""
+    if eo.rig is None:
+        rows = np.arange(len(eo))
+        if eo.cross is None or rows.size < 2:
+            return None
+        return rows[:-1], rows[1:], eo.cross
+    after = eo.rig.next_of_camera
+    first = np.flatnonzero(after >= 0)
+    if eo.rig.cross is None or not first.size:
+        return None
+    return first, after[first], eo.rig.cross[first]
+
+
+def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array) -> dict[str, Any]:
     """Median sigma of the difference of neighbouring images (axes of the tangent plane).
 
     Its covariance is P_i + P_j - P_ij - P_ij'.
     """
-    difference = eo.cov[:-1] + eo.cov[1:] - cross - np.swapaxes(cross, -1, -2)
+    difference = eo.cov[first] + eo.cov[second] - cross - np.swapaxes(cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)
     return {
         "axes": ENU,
-        "interval_s": float(np.median(np.diff(eo.time))),
+        "interval_s": float(np.median(eo.time[second] - eo.time[first])),
         "position_mm": 1e3 * sigma[:3],
         "attitude_deg": np.degrees(sigma[3:]),
     }

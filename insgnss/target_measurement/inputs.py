@@ -10,7 +10,7 @@ from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
 from ..config.block_file import BlockFile, GroundTableInput
 from ..formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
 from ..formats.blocks.ground_points import GroundTable
-from ..formats.orientation.eo_json import read_eo_json
+from ..formats.orientation.eo_json import read_one_camera
 from ..records import ExteriorOrientation
 from ..records.block import BrownCamera, InteriorCovariance
 from ..targets.prediction import VISIBILITY, Predictions, predict
@@ -74,7 +74,7 @@ def inputs_of(request: Request) -> Inputs:
     DataError
         No ground point lies in any image.
     """
-    eo = read_eo_json(request.eo)
+    eo = read_one_camera(request.eo, "a search for targets")
     camera = read_camera_toml(request.camera)
     camera_cov = read_camera_covariance(request.camera)
     refuse_field_of_view(camera)

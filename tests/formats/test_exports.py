@@ -270,7 +270,7 @@ def test_master_quaternions_and_ecef(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda c: c.update(format_version=3), "format_version 3, this version reads 1 and 2"),
+        (lambda c: c.update(format_version=4), "format_version 4, this version reads 1 to 3"),
         (lambda c: c.update(format_version=2), "no packed; export the file again"),
         (lambda c: c.update(format="other"), "no master EO"),
         (lambda c: c.pop("gps_week"), "no gps_week"),

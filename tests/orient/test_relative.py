@@ -273,7 +273,8 @@ def test_camera_form_is_that_of_the_pose_graph() -> None:
 
     eo = block()
     found = relative_control(framed(eo), GYRO, "camera")
-    pose, P = relative_pose(framed(eo), found.i, 0.5)
+    pairs = (found.i, found.j)
+    pose, P = relative_pose(framed(eo), pairs, framed(eo).known_cross[found.i], 0.5)
     assert_allclose(found.offset, pose[:, :3], rtol=0, atol=1e-12)
     assert_allclose(found.rotation, Rotation.from_quat(pose[:, 3:]).as_matrix(), rtol=0, atol=1e-12)
     K = np.zeros((5, 6, 6))

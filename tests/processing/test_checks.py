@@ -19,7 +19,7 @@ from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
 from insgnss.orient.mounting import Mounting
 from insgnss.processing.checks import (
-    check_mounting,
+    check_mountings,
     check_stationary,
     refuse_contradictions,
     refuse_unobservable,
@@ -171,8 +171,9 @@ def test_long_lever_arms_and_large_boresights_are_told(
         imu_m=[imu_m, 0.0, 0.0],
         boresight=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
     )
-    flight: Any = SimpleNamespace(mounting=mounting, camera=FLIGHT.camera)
-    check = check_mounting(flight)
+    camera = SimpleNamespace(names=("camera_1",), further=())
+    flight: Any = SimpleNamespace(mountings=(mounting,), camera=camera)
+    check = check_mountings(flight)[0]
     assert check.verdict == verdict
     assert f"{turn_deg:.2f} deg" in check.found or turn_deg == 0.0
 

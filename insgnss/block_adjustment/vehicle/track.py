@@ -30,7 +30,7 @@ from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
 from ...formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
-from ...formats.orientation.eo_json import read_eo_json
+from ...formats.orientation.eo_json import read_one_camera
 from ...formats.trajectory.trajectory_csv import COLUMNS, TrajectoryTable, read_trajectory_csv
 from ...formats.vehicle.target_positions import read_target_positions
 from ...geodesy.frames import TangentPlane
@@ -322,7 +322,7 @@ def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
 def _of_eo(
     options: VehicleTable, path: Path, plane: TangentPlane | None, eo: ExteriorOrientation | None
 ) -> Track:
-    own = read_eo_json(path)
+    own = read_one_camera(path, "an adjustment")
     arm = np.zeros(3) if options.target_m is None else np.array(options.target_m)
     if not len(own.images):
         raise InputError.at_line(path, None, "no event; process the vehicle with the exposures")

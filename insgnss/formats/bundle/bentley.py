@@ -42,9 +42,9 @@ HEAD = """<?xml version="1.0" encoding="utf-8"?>
  <SpatialReferenceSystems><SRS><Id>0</Id><Name>{name}</Name>\
 <Definition>{definition}</Definition></SRS></SpatialReferenceSystems>
  <Block><Name>insgnss</Name><Type>Nadir</Type><SRSId>0</SRSId>
-  <Photogroups><Photogroup><Name>camera</Name>
-{camera}"""
-FOOT = "  </Photogroup></Photogroups>\n </Block>\n</BlocksExchange>\n"
+  <Photogroups>"""
+GROUP = "<Photogroup><Name>{name}</Name>\n{camera}"
+FOOT = "</Photogroups>\n </Block>\n</BlocksExchange>\n"
 CAMERA = """   <ImageDimensions><Width>{width}</Width><Height>{height}</Height></ImageDimensions>
    <CameraModelType>Perspective</CameraModelType><FocalLengthPixels>{focal:.6f}</FocalLengthPixels>
    <CameraOrientation>XRightYDown</CameraOrientation>
@@ -104,10 +104,10 @@ def write_bentley(
         comment=words,
         name=xml_text(frame_words(eo)),
         definition=xml_text(definition),
-        camera=camera,
     )
     atomic_write(
-        path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates]))
+        path,
+        _text(eo, head, camera, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates])),
     )
 
 
@@ -142,7 +142,9 @@ def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
     return eo.frame.crs, places(eo)
 
 
-def _text(eo: FramedOrientation, head: str, table: NDArray[np.float64]) -> Iterable[str]:
+def _text(
+    eo: FramedOrientation, head: str, camera: str, table: NDArray[np.float64]
+) -> Iterable[str]:
     x, y, z = place_form(eo, " ").split()
     photo = (
         "   <Photo><Id>%d</Id><ImagePath>%s</ImagePath><Pose><Metadata><SRSId>0</SRSId><Rotation>"
@@ -152,12 +154,13 @@ def _text(eo: FramedOrientation, head: str, table: NDArray[np.float64]) -> Itera
         "</Metadata></Pose></Photo>\n"
     )
     yield head
-    for first in range(0, len(eo.images), CHUNK):
-        names, values = eo.images[first : first + CHUNK], table[first : first + CHUNK].tolist()
-        yield "".join(
-            [
-                photo % (k, xml_text(name), *row)
-                for k, (name, row) in enumerate(zip(names, values, strict=True), start=first)
-            ]
-        )
+    names, number = eo.cameras
+    for k, name in enumerate(names):
+        rows = np.flatnonzero(number == k)
+        yield GROUP.format(name=xml_text(name or "camera"), camera=camera)
+        for first in range(0, rows.size, CHUNK):
+            piece = rows[first : first + CHUNK]
+            values = zip(piece.tolist(), table[piece].tolist(), strict=True)
+            yield "".join([photo % (row, xml_text(eo.images[row]), *of) for row, of in values])
+        yield "  </Photogroup>"
     yield FOOT

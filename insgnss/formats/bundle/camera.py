@@ -4,6 +4,7 @@ Pixels count from the outer corner of the first one.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.errors import UsageError
@@ -63,6 +64,46 @@ class Camera:
         """Principal point from the image's upper left corner, pixels."""
         first = 1 if self.model in ONE_FOCAL else 2
         return self.parameters[first], self.parameters[first + 1]
+
+
+def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Camera, ...]:
+    """Parse the cameras of a rig.
+
+    Parameters
+    ----------
+    text : str, optional
+        "NAME=MODEL WIDTH HEIGHT PARAMETERS; NAME=...", or one camera for all of them.
+    names : sequence of str
+        Names of the cameras; an empty one of a single camera.
+    who : str
+        What needs them, for messages.
+
+    Returns
+    -------
+    tuple of Camera
+        One a name.
+
+    Raises
+    ------
+    UsageError
+        As `camera_of`, and for a name that is missing, unknown or given twice.
+    """
+    if not text or "=" not in text:
+        return (camera_of(text, who),) * len(names)
+    given: dict[str, str] = {}
+    for word in filter(None, (word.strip() for word in text.split(";"))):
+        name, _, model = word.partition("=")
+        if name.strip() not in names or name.strip() in given:
+            problem = "stands twice" if name.strip() in given else "is none of the orientation"
+            cameras = ", ".join(filter(None, names)) or "one without a name"
+            raise UsageError(f"{who}: camera {name.strip()!r} {problem}; it has {cameras}")
+        given[name.strip()] = model
+    if missing := [name for name in names if name not in given]:
+        raise UsageError(
+            f"{who}: camera {missing[0]!r} is missing; give each, such as --set"
+            f" camera='{names[0]}=PINHOLE 5120 3840 5607 5607 2560 1920; {missing[0]}=...'"
+        )
+    return tuple(camera_of(given[name], who) for name in names)
 
 
 def camera_of(text: str | None, who: str) -> Camera:

@@ -27,7 +27,7 @@ from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..orientation.exported import check_frame, check_names, check_only, comment_lines
 from ..orientation.poses import vector
 from ..text.text import Source
-from .camera import Camera, camera_of
+from .camera import Camera, camera_of, cameras_of
 from .colmap_database import DatabaseImage, names_in_database, read_colmap_database
 
 FAR_M, NEAR_M = 1e5, 1e4
@@ -56,8 +56,8 @@ def write_colmap(
     path : path
         The directory.
     camera : str
-        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation; with `database` in the place of its
-        cameras.
+        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation, of a rig "NAME=MODEL ...; NAME=...";
+        with `database` in the place of its cameras.
     shift : (3,) m, or text with commas
         Subtracted from the positions; by default whole kilometres where these exceed 100 km, else
         none.
@@ -76,8 +76,12 @@ def write_colmap(
     check_frame(eo, "colmap", *CARTESIAN)
     if database is None:
         check_names(eo.images, None)
-        images = tuple(DatabaseImage(k, 1, name) for k, name in enumerate(eo.images, start=1))
-        cameras = {1: camera_of(camera, "colmap")}
+        names, number = eo.cameras
+        images = tuple(
+            DatabaseImage(k, int(own) + 1, name)
+            for k, (own, name) in enumerate(zip(number, eo.images, strict=True), start=1)
+        )
+        cameras = dict(enumerate(cameras_of(camera, names, "colmap"), start=1))
     else:
         numbered = read_colmap_database(database, eo.images)
         images, cameras = numbered.images, numbered.cameras
@@ -190,7 +194,7 @@ def write_colmap_priors(
     path : path
         The database to write.
     camera : str, optional
-        Camera of a new database, in COLMAP's notation.
+        Camera of a new database, in COLMAP's notation; of a rig as `write_colmap`.
     database : path, optional
         The database to copy.
     shift : (3,) m, or text with commas
@@ -208,15 +212,17 @@ def write_colmap_priors(
     check_frame(eo, "colmap_priors", *CARTESIAN, GEOGRAPHIC)
     if eo.frame.kind == "geographic" and shift is not None:
         raise UsageError("shift: latitude and longitude are not shifted; leave it out")
-    model = camera_of(camera, "a new database of colmap_priors") if database is None else None
+    models = None
+    if database is None:
+        models = cameras_of(camera, eo.cameras[0], "a new database of colmap_priors")
     with staged(path) as work:
         if database is not None:
             _copy(database, work)
         db = _open(pycolmap, work, database)
         try:
             ids = (
-                _new_images(pycolmap, db, eo, model)
-                if model is not None
+                _new_images(pycolmap, db, eo, models)
+                if models is not None
                 else _known_images(db, eo, database)
             )
             _write_priors(pycolmap, db, eo, ids, shift)
@@ -257,17 +263,21 @@ def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
         ) from None
 
 
-def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) -> list[Any]:
-    """Write camera and images into a new database; return the data ids of the images."""
-    camera = pycolmap.Camera(
-        model=model.model, width=model.width, height=model.height, params=list(model.parameters)
-    )
-    camera.has_prior_focal_length = True
-    camera_id = db.write_camera(camera)
+def _new_images(
+    pycolmap: Any, db: Any, eo: FramedOrientation, models: Sequence[Camera]
+) -> list[Any]:
+    """Write cameras and images into a new database; return the data ids of the images."""
+    camera_ids = []
+    for model in models:
+        camera = pycolmap.Camera(
+            model=model.model, width=model.width, height=model.height, params=list(model.parameters)
+        )
+        camera.has_prior_focal_length = True
+        camera_ids.append(db.write_camera(camera))
     ids = []
     with pycolmap.DatabaseTransaction(db):
-        for name in eo.images:
-            image = pycolmap.Image(name=name, camera_id=camera_id)
+        for name, own in zip(eo.images, eo.cameras[1], strict=True):
+            image = pycolmap.Image(name=name, camera_id=camera_ids[own])
             image.image_id = db.write_image(image)
             ids.append(image.data_id)
     return ids

@@ -127,11 +127,10 @@ def write_metashape_opk(eo: FramedOrientation, path: Source) -> None:
 def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
     """Write yaw, pitch, roll of the nominal camera, and the GPS/INS offset beside it (M.2).
 
-    The offset stands in <name>_gps_ins_offset.txt.
+    The offset stands in <name>_gps_ins_offset.txt, of a rig one for each camera.
     """
     R, P = north_attitude(eo)
-    T = eo.camera_from_body
-    nominal = R @ CV_RUB @ T @ eo.boresight @ T.T @ CV_RUB
+    nominal = R @ CV_RUB @ _boresights(eo) @ CV_RUB
     path = Path(path)
     with together():
         _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
@@ -145,7 +144,13 @@ def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
 
 
 def _offset_text(eo: FramedOrientation) -> str:
-    yaw, pitch, roll = np.degrees(offset_rotation(eo.boresight, eo.camera_from_body))
+    offsets = []
+    for name, boresight, T in _mountings(eo):
+        yaw, pitch, roll = np.degrees(offset_rotation(boresight, T))
+        offsets.append(
+            f"{f'{name}: ' if name else ''}X, Y, Z (m): 0, 0, 0\n"
+            f"Yaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"
+        )
     lines = (
         (
             "GPS/INS offset of Metashape: Tools, Camera Calibration, GPS/INS Offset; fix or adjust"
@@ -160,9 +165,20 @@ def _offset_text(eo: FramedOrientation) -> str:
     head = comment_lines(
         eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv"
     )
-    return (
-        f"{head}X, Y, Z (m): 0, 0, 0\nYaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"
-    )
+    return head + "".join(offsets)
+
+
+def _mountings(eo: FramedOrientation) -> list[tuple[str, Array, Array]]:
+    """Name, bore-sight and nominal turn of each camera; a single one has no name."""
+    if eo.rig is None:
+        return [("", eo.boresight, eo.camera_from_body)]
+    return [(camera.name, camera.boresight, camera.camera_from_body) for camera in eo.rig.cameras]
+
+
+def _boresights(eo: FramedOrientation) -> Array:
+    """T B T^T (M.2), (n, 3, 3) of a rig."""
+    each = [T @ boresight @ T.T for _, boresight, T in _mountings(eo)]
+    return each[0] if eo.rig is None else np.asarray(np.stack(each)[eo.rig.number])
 
 
 def _write(

@@ -46,7 +46,7 @@ from ..orientation.exported import (
 )
 from ..orientation.poses import local_sigma, positive, sentences, utc
 from ..text.text import Source
-from .camera import Camera, camera_of
+from .camera import Camera, cameras_of
 
 FORMAT = "application/opf-{}+json"
 FILES = {
@@ -84,7 +84,8 @@ def write_opf(
     path : path
         The directory.
     camera : str
-        In COLMAP's notation, PINHOLE or OPENCV with one focal length.
+        In COLMAP's notation, PINHOLE or OPENCV with one focal length; of a rig "NAME=MODEL ...;
+        NAME=...", each camera a sensor of its own.
     pixel_size_um : float
         Size of the sensor's pixels, micrometres.
     pixel_type : {"uint8", "uint12", "uint16"}
@@ -102,7 +103,13 @@ def write_opf(
     """
     check_frame(eo, "opf", PROJECTED)
     definition, horizontal = crs_definition(eo.frame)
-    sensor = _sensor(camera_of(camera, "opf"), pixel_size_um, pixel_type, bands)
+    names, number = eo.cameras
+    sensors = [
+        {"id": k, "name": name or "camera"} | _sensor(model, pixel_size_um, pixel_type, bands)
+        for k, (model, name) in enumerate(
+            zip(cameras_of(camera, names, "opf"), names, strict=True), start=SENSOR
+        )
+    ]
     shift = -np.round(eo.coordinates.mean(axis=0) / ROUND_M) * ROUND_M if eo.images else np.zeros(3)
     opk, sigma_opk = (np.degrees(a) for a in angles_of(eo, *frame_attitude(eo), OPK))
     ids = [(_uid("capture", name), _uid("camera", name)) for name in eo.images]
@@ -127,8 +134,9 @@ def write_opf(
             atomic_write(into / FILES[name], _json(name, head, lists))
 
         item("camera_list", {}, {"cameras": cameras})
-        captures = _captures(eo, ids, opk, sigma_opk, horizontal, pixel_type)
-        item("input_cameras", {"sensors": [sensor]}, {"captures": captures})
+        sensor_ids = number + SENSOR
+        captures = _captures(eo, (ids, sensor_ids), opk, sigma_opk, horizontal, pixel_type)
+        item("input_cameras", {"sensors": sensors}, {"captures": captures})
         if definition is not None:
             frame = {
                 "base_to_canonical": {
@@ -140,7 +148,8 @@ def write_opf(
             }
             item("scene_reference_frame", frame, {})
             projected = _projected(eo, ids, eo.coordinates + shift, opk, sigma_opk)
-            item("projected_input_cameras", {"sensors": [{"id": SENSOR}]}, {"captures": projected})
+            of_ids = {"sensors": [{"id": sensor["id"]} for sensor in sensors]}
+            item("projected_input_cameras", of_ids, {"captures": projected})
         atomic_write(
             into / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
         )
@@ -213,8 +222,6 @@ def _sensor(
     )
     k1, k2, p1, p2 = camera.parameters[4:] if camera.model == "OPENCV" else (0.0,) * 4
     return {
-        "id": SENSOR,
-        "name": "camera",
         "bands": [{"name": name, "weight": weight} for name, weight in BANDS[bands]],
         "image_size_px": [camera.width, camera.height],
         "internals": {
@@ -245,14 +252,14 @@ def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> I
 
 def _captures(
     eo: FramedOrientation,
-    ids: list[tuple[int, int]],
+    numbered: tuple[list[tuple[int, int]], Any],
     opk: Array,
     sigma_opk: Array,
     crs: str,
     pixel_type: str,
 ) -> Iterator[str]:
     pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
-    camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":{SENSOR}}}'
+    camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":%d}}'
     geolocation = (
         '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],'
         '"sigmas":[%.5f,%.5f,%.5f]}'
@@ -274,8 +281,8 @@ def _captures(
             eo.cov.reshape(-1, 36),
         ]
     )
-    for (capture, own), time, row in zip(ids, utc(eo), table.tolist(), strict=True):
-        yield form % (capture, own, own, time, *row)
+    for (capture, own), sensor, time, row in zip(*numbered, utc(eo), table.tolist(), strict=True):
+        yield form % (capture, own, sensor, own, time, *row)
 
 
 def _projected(

@@ -117,7 +117,7 @@ def _camera(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
 
 def _body(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
     R, P = to_north(eo, how)
-    return NED_ENU @ R @ eo.camera_from_body @ eo.boresight, NED_ENU @ P @ NED_ENU
+    return NED_ENU @ R @ eo.C_cb, NED_ENU @ P @ NED_ENU
 
 
 def _gimbal(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:

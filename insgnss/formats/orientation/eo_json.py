@@ -23,6 +23,7 @@ from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
 from ...records.relative import RelativeControl
+from ...records.rig import RigCamera, RigImages
 from ..text.text import Source
 from . import eo_packed
 from .relative_csv import relative_member
@@ -32,8 +33,16 @@ Array = NDArray[np.float64]
 FORMAT = "insgnss exterior orientation"
 FORMAT_VERSION = 1
 PACKED_VERSION = 2
+RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera must not take it
+VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"
 AGREEMENT = 1e-9  # rad
+OF_A_RIG = {
+    "camera": "which of `cameras` took the image; images stand in the order of time",
+    "cross_cov6_next_of_camera": (
+        "as cross_cov6_next, with the next image of the same camera; null for its last"
+    ),
+}
 CONVENTIONS = {
     "position_m": "projection centre, m, east north up of the tangent plane",
     "C_mc": (
@@ -79,7 +88,9 @@ def write_eo_json(
     many = len(eo) >= eo_packed.FROM_IMAGES
     content: dict[str, Any] = {
         "format": FORMAT,
-        "format_version": PACKED_VERSION if many else FORMAT_VERSION,
+        "format_version": (
+            RIG_VERSION if eo.rig is not None else PACKED_VERSION if many else FORMAT_VERSION
+        ),
         "software": f"insgnss {__version__}",
         "gps_week": eo.gps_week,
         "time_scale": "GPST",
@@ -89,7 +100,7 @@ def write_eo_json(
             "origin_lat_lon_rad_height_m": eo.origin.tolist(),
             "origin_deg": np.degrees(eo.origin[:2]).tolist(),
         },
-        "conventions": CONVENTIONS,
+        "conventions": CONVENTIONS | ({} if eo.rig is None else OF_A_RIG),
         "height_system": "above the ellipsoid of WGS84",
         "image_up": _image_up(eo.camera_from_body),
         "applied": {
@@ -99,13 +110,15 @@ def write_eo_json(
         },
         "history": list(eo.history),
     }
+    if eo.rig is not None:
+        content["cameras"] = _cameras(eo.rig)
     if many:
         numbers, digest = eo_packed.packed(eo)
         beside = eo_packed.side_file(path)
         content["packed"] = {
             "file": beside.name,
             "sha256": digest,
-            "arrays": {name: words for name, (_, words) in eo_packed.ARRAYS.items()},
+            "arrays": eo_packed.meanings(eo),
         }
         content["images"] = list(eo.images)
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
@@ -117,6 +130,19 @@ def write_eo_json(
         text += f',\n "relative": {_relative_text(relative)}'
     images = ",\n  ".join(_image_texts(eo))
     atomic_write(path, f'{text},\n "images": [\n  {images}\n ]\n}}\n')
+
+
+def _cameras(rig: RigImages) -> list[dict[str, Any]]:
+    """Return the cameras of a rig as JSON, the first that of `applied`."""
+    return [
+        {
+            "name": camera.name,
+            "boresight": camera.boresight.tolist(),
+            "camera_from_body": camera.camera_from_body.tolist(),
+            "image_up": _image_up(camera.camera_from_body),
+        }
+        for camera in rig.cameras
+    ]
 
 
 def _datum(plane: dict[str, Any]) -> str | None:
@@ -161,6 +187,8 @@ def _image_texts(eo: ExteriorOrientation) -> Iterator[str]:
         quaternion_from_rotation(eo.C_mc),
         quaternion_from_rotation(plane.C_em @ eo.C_mc),
     )
+    names = [] if eo.rig is None else eo.rig.of_images
+    of_camera = [] if eo.rig is None else _of_camera(eo.rig)
     for k, name in enumerate(eo.images):
         image: dict[str, Any] = {
             "image": name,
@@ -171,12 +199,23 @@ def _image_texts(eo: ExteriorOrientation) -> Iterator[str]:
             "cov6": eo.cov[k],
             "cross_cov6_next": eo.cross[k] if eo.cross is not None and k < len(eo.cross) else None,
         }
+        if eo.rig is not None:
+            image |= {"camera": names[k], "cross_cov6_next_of_camera": of_camera[k]}
         if eo.velocity_mps is not None:
             image["velocity_mps"] = eo.velocity_mps[k]
         if eo.rate_radps is not None:
             image["rate_radps"] = eo.rate_radps[k]
         image["ecef"] = {"position_m": ecef[k], "quaternion_wxyz": quaternion_ecef[k]}
         yield orjson.dumps(image, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+
+
+def _of_camera(rig: RigImages) -> list[Array | None]:
+    """Return what each image shares with the next of its camera, None for the last of one."""
+    if rig.cross is None:
+        return [None] * rig.number.size
+    return [
+        rig.cross[k] if after >= 0 else None for k, after in enumerate(rig.next_of_camera.tolist())
+    ]
 
 
 def read_eo_json(path: Source) -> ExteriorOrientation:
@@ -203,6 +242,7 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             history=tuple(content["history"]),
             datum=_datum(content["tangent_plane"]),
             epoch=_epoch(content["tangent_plane"]),
+            rig=_rig(path, content),
         )
     except KeyError as error:
         raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None
@@ -227,14 +267,45 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
     return eo
 
 
+def read_one_camera(path: Source, consumer: str) -> ExteriorOrientation:
+    """Read the master file of a single camera.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    consumer : str
+        Which work takes no other, for the message.
+
+    Returns
+    -------
+    ExteriorOrientation
+        As `read_eo_json`.
+
+    Raises
+    ------
+    InputError
+        As `read_eo_json`, and for images of several cameras.
+    """
+    eo = read_eo_json(path)
+    if eo.rig is None:
+        return eo
+    names = eo.rig.names
+    message = (
+        f"holds images of {len(names)} cameras ({', '.join(names)}), {consumer} takes those of one:"
+        f" insgnss export {Path(path).name} eo_json --camera {names[0]}, and give what it writes"
+    )
+    raise InputError.at_line(path, None, message)
+
+
 def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dict[str, Any], Array]:
     """Return the names of the images, their numbers, and their quaternions in the tangent plane."""
     images = content["images"]
-    if content["format_version"] == PACKED_VERSION:
+    if content["format_version"] == PACKED_VERSION or "packed" in content:
         file, digest = str(content["packed"]["file"]), str(content["packed"]["sha256"])
         if Path(file).name != file:
             raise ValueError(f"packed.file {file!r} is no name of a file beside it")
-        packed = eo_packed.unpacked(Path(path).with_name(file), digest, len(images))
+        packed = eo_packed.unpacked(Path(path).with_name(file), digest, len(images)).pose
         return tuple(map(str, images)), packed, quaternion_from_rotation(packed["C_mc"])
     numbers = {
         "time": _array(images, "time_s", ()),
@@ -249,12 +320,53 @@ def _images(path: Source, content: dict[str, Any]) -> tuple[tuple[str, ...], dic
     return names, numbers, _array(images, "quaternion_wxyz", (4,))
 
 
+def _rig(path: Source, content: dict[str, Any]) -> RigImages | None:
+    """Return the cameras of the images, None where one took all of them."""
+    if content["format_version"] != RIG_VERSION:
+        return None
+    cameras = tuple(
+        RigCamera(
+            str(camera["name"]),
+            np.array(camera["boresight"], dtype=np.float64),
+            np.array(camera["camera_from_body"], dtype=np.float64),
+        )
+        for camera in content["cameras"]
+    )
+    images = content["images"]
+    if "packed" in content:
+        packed = content["packed"]
+        side = Path(path).with_name(str(packed["file"]))
+        of_rig = eo_packed.unpacked(side, str(packed["sha256"]), len(images)).rig
+        return RigImages(cameras, of_rig["camera"], of_rig["cross_cov6_next_of_camera"])
+    numbers = {camera.name: k for k, camera in enumerate(cameras)}
+    for image in images:
+        if image["camera"] not in numbers:
+            raise ValueError(f"image {image['image']}: camera {image['camera']!r} is none of them")
+    number = np.array([numbers[image["camera"]] for image in images], dtype=np.int64)
+    rig = RigImages(cameras, number)
+    last = rig.next_of_camera < 0
+    none = [[0.0] * 6] * 6
+    given = [image["cross_cov6_next_of_camera"] for image in images]
+    if not last.all() and all(values is None for values in given):
+        return rig
+    filled = [
+        image | {"cross_cov6_next_of_camera": none} if alone else image
+        for image, alone in zip(images, last.tolist(), strict=True)
+    ]
+    return RigImages(cameras, number, _array(filled, "cross_cov6_next_of_camera", (6, 6)))
+
+
 def _unsound(eo: ExteriorOrientation) -> str:
     """Return what is wrong with times or covariances; an empty text where nothing is."""
-    if (np.diff(eo.time) <= 0.0).any():
+    rows = [np.arange(len(eo))] if eo.rig is None else eo.rig.rows
+    falls = np.zeros(len(eo), dtype=bool)
+    falls[1:] = np.diff(eo.time) < 0.0
+    for own in rows:
+        falls[own[1:]] |= np.diff(eo.time[own]) <= 0.0
+    if falls.any():
         return (
-            f"image {eo.images[int(np.argmax(np.diff(eo.time) <= 0.0)) + 1]}: its time does not"
-            " follow that of the image before"
+            f"image {eo.images[int(np.argmax(falls))]}: its time does not follow that of the image"
+            " before"
         )
     variances = np.diagonal(eo.cov, axis1=1, axis2=2)
     scale = np.sqrt(np.maximum(variances[:, :, None] * variances[:, None, :], 0.0))
@@ -328,11 +440,11 @@ def _content(path: Source) -> dict[str, Any]:
         raise InputError.at_line(
             path, None, "is no master EO of insgnss; give the eo.json of an output directory"
         )
-    if content.get("format_version") not in (FORMAT_VERSION, PACKED_VERSION):
+    if content.get("format_version") not in VERSIONS:
         raise InputError.at_line(
             path,
             None,
             f"format_version {content.get('format_version')!r}, this version reads"
-            f" {FORMAT_VERSION} and {PACKED_VERSION}; export it again",
+            f" {FORMAT_VERSION} to {RIG_VERSION}; export it again",
         )
     return content

@@ -8,6 +8,7 @@ matrix; what follows from others (ECEF) is left out. All other numbers are kept 
 import hashlib
 import io
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,10 @@ ARRAYS = {
     "velocity_mps": ((3,), "as in conventions; may be missing"),
     "rate_radps": ((3,), "as in conventions; may be missing"),
 }
+OF_A_RIG = {
+    "camera": ((), "which of `cameras` took the image, from 0"),
+    "cross_cov6_next_of_camera": ((6, 6), "as in conventions, zeros for the last; may be missing"),
+}
 OPTIONAL = ("cross_cov6_next", "velocity_mps", "rate_radps")
 AGAIN = "take both files of one run, or process the flight again"
 
@@ -41,6 +46,23 @@ AGAIN = "take both files of one run, or process the flight again"
 def side_file(path: Source) -> Path:
     """Return the file of the numbers beside an eo.json."""
     return Path(path).with_name(f"{Path(path).stem}_images.npz")
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """The numbers of the images: arguments of `ExteriorOrientation`, and arrays of a rig.
+
+    The camera of each image and what it shares with the next of it are None of one camera.
+    """
+
+    pose: dict[str, Any]
+    rig: dict[str, Any]
+
+
+def meanings(eo: ExteriorOrientation) -> dict[str, str]:
+    """Return what the arrays of `packed` are, in words."""
+    arrays = ARRAYS | ({} if eo.rig is None else OF_A_RIG)
+    return {name: words for name, (_, words) in arrays.items()}
 
 
 def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
@@ -57,14 +79,18 @@ def packed(eo: ExteriorOrientation) -> tuple[bytes, str]:
     }
     given = (eo.cross, eo.velocity_mps, eo.rate_radps)
     arrays |= {k: v for k, v in zip(OPTIONAL, given, strict=True) if v is not None}
+    if eo.rig is not None:
+        arrays["camera"] = eo.rig.number.astype(np.float64)
+        if eo.rig.cross is not None:
+            arrays["cross_cov6_next_of_camera"] = eo.rig.cross
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, **arrays)
     content = stream.getvalue()
     return content, hashlib.sha256(content).hexdigest()
 
 
-def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
-    """Return the numbers of `count` images, as arguments of `ExteriorOrientation`.
+def unpacked(path: Path, digest: str, count: int) -> Unpacked:
+    """Return the numbers of `count` images.
 
     Parameters
     ----------
@@ -77,8 +103,9 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        time, position_m, C_mc, cov, cross, velocity_mps and rate_radps; None for what is missing.
+    Unpacked
+        time, position_m, C_mc, cov, cross, velocity_mps and rate_radps, None for what is missing,
+        and what there is of a rig.
 
     Raises
     ------
@@ -99,12 +126,12 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
             check_archive(path, file.zip)
             if "format" not in file.files or str(file["format"]) != FORMAT:
                 raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
-            arrays = {name: file[name] for name in ARRAYS if name in file.files}
+            arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
     except (ValueError, EOFError, zipfile.BadZipFile):
         raise InputError.at_line(path, None, f"is no whole numpy archive; {AGAIN}") from None
-    for name, (shape, _) in ARRAYS.items():
+    for name, (shape, _) in (ARRAYS | OF_A_RIG).items():
         expected = (count - (name == "cross_cov6_next"), *shape)
-        if name not in arrays and name not in OPTIONAL:
+        if name not in arrays and name not in (*OPTIONAL, *OF_A_RIG):
             raise InputError.at_line(path, None, f"no {name}; {AGAIN}")
         if name in arrays and (arrays[name].shape != expected or arrays[name].dtype != np.float64):
             actual = f"{name}: {arrays[name].dtype} of shape {arrays[name].shape}"
@@ -116,7 +143,7 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
     quaternion = arrays["quaternion_wxyz"]
     if count and not np.abs(np.linalg.norm(quaternion, axis=1) - 1.0).max() < 1e-9:
         raise InputError.at_line(path, None, f"a quaternion is not of unit length; {AGAIN}")
-    return {
+    pose = {
         "time": arrays["time_s"],
         "position_m": arrays["position_m"],
         "C_mc": rotation_from_quaternion(quaternion),
@@ -125,3 +152,4 @@ def unpacked(path: Path, digest: str, count: int) -> dict[str, Any]:
         "velocity_mps": arrays.get("velocity_mps"),
         "rate_radps": arrays.get("rate_radps"),
     }
+    return Unpacked(pose, {name: arrays.get(name) for name in OF_A_RIG})

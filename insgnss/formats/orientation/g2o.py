@@ -79,9 +79,10 @@ def write_g2o(
     check_names(eo.images, "\n")
     if rotation not in ROTATIONS:
         raise UsageError(f"rotation {rotation!r} is none of {', '.join(ROTATIONS)}")
-    first = np.flatnonzero(np.diff(eo.time) <= positive(max_gap_s, "max_gap_s", "seconds"))
-    measured, P = relative_pose(eo, first, ROTATIONS[rotation])
-    pairs = [f"images {eo.images[k]} and {eo.images[k + 1]}" for k in first]
+    first, second, cross = _edges(eo, positive(max_gap_s, "max_gap_s", "seconds"))
+    measured, P = relative_pose(eo, (first, second), cross, ROTATIONS[rotation])
+    named = zip(first, second, strict=True)
+    pairs = [f"images {eo.images[i]} and {eo.images[j]}" for i, j in named]
     information = inverse_covariance(P, "the covariance of their relative pose", pairs)
     upper = information[:, *np.triu_indices(6)]
     head = comment_lines(
@@ -95,7 +96,7 @@ def write_g2o(
     )
     names = "".join(f"# {k} {name}\n" for k, name in enumerate(eo.images))
     vertices = np.column_stack([np.arange(len(eo.images)), eo.coordinates, wxyz_last(eo.C_fc)])
-    edges = np.column_stack([first, first + 1, measured, upper])
+    edges = np.column_stack([first, second, measured, upper])
     pose = " %.6f" * 3 + " %.10f" * 4
     atomic_write(
         path,
@@ -108,17 +109,35 @@ def write_g2o(
     )
 
 
+def _edges(
+    eo: FramedOrientation, max_gap_s: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Rows of neighbours, of a rig of one camera, and what they share (G.3)."""
+    first, second, cross = [], [], []
+    for rows, shared in eo.neighbours:
+        near = np.flatnonzero(np.diff(eo.time[rows]) <= max_gap_s)
+        first.append(rows[near])
+        second.append(rows[near + 1] if near.size else rows[near])
+        cross.append(shared[near])
+    return np.concatenate(first), np.concatenate(second), np.concatenate(cross)
+
+
 def relative_pose(
-    eo: FramedOrientation, first: NDArray[np.int64], factor: float
+    eo: FramedOrientation,
+    pairs: tuple[NDArray[np.int64], NDArray[np.int64]],
+    cross: Array,
+    factor: float,
 ) -> tuple[Array, Array]:
-    """Return the pose of each image after `first` in that image, and its covariance (G.3).
+    """Return the pose of the second image of each pair in the first, and its covariance (G.3).
 
     Parameters
     ----------
     eo : FramedOrientation
         The orientation.
-    first : ndarray
-        (m,) indices of the first images.
+    pairs : tuple of ndarray
+        (m,) rows of the first images, and of the second ones.
+    cross : ndarray
+        (m, 6, 6) P_ij.
     factor : float
         1/2 for the vector of the quaternion, 1 for the rotation vector.
 
@@ -129,15 +148,15 @@ def relative_pose(
     cov : ndarray
         (m, 6, 6) covariance of its error.
     """
-    i, j = first, first + 1
+    i, j = pairs
     R_i_t, R_j_t = eo.C_fc[i].swapaxes(1, 2), eo.C_fc[j].swapaxes(1, 2)
     a = eo.coordinates[j] - eo.coordinates[i]
-    J_i, J_j = np.zeros((2, len(first), 6, 6))
+    J_i, J_j = np.zeros((2, len(i), 6, 6))
     # (G.2)
     J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = -R_j_t, R_j_t @ skew(a), -factor * R_j_t
     J_j[:, :3, :3], J_j[:, 3:, 3:] = R_j_t, factor * R_j_t
     J_i_t, J_j_t = J_i.swapaxes(1, 2), J_j.swapaxes(1, 2)
-    shared = J_i @ eo.known_cross[i] @ J_j_t
+    shared = J_i @ cross @ J_j_t
     P = J_i @ eo.cov[i] @ J_i_t + J_j @ eo.cov[j] @ J_j_t + shared + shared.swapaxes(1, 2)  # (G.3)
     translation = (R_i_t @ a[:, :, None])[:, :, 0]
     return np.column_stack([translation, wxyz_last(R_i_t @ eo.C_fc[j])]), 0.5 * (

@@ -189,7 +189,7 @@ def _read(flight: Flight) -> Recording:
     if bad:
         remark = f'; accept = ["{bad[0].name}"] in the flight file overrules'
         raise refusal(flight, bad[0], remark)
-    return replace(recording, events=None)
+    return replace(recording, cameras=())
 
 
 def _moving(segment: "Segment", recording: Recording) -> "list[Solution]":
