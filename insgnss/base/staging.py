@@ -21,7 +21,8 @@ from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo
 NEW, OLD = "new", "old"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
-Move = tuple[Path, Path]
+Move = tuple[Path | None, Path]
+"""Source and goal; without a source the goal is removed."""
 
 
 class Staging:
@@ -37,6 +38,7 @@ class Staging:
         self.scratch: dict[Path, Scratch] = {}
         self._files: dict[Path, Path] = {}  # goal: where it is written
         self._trees: dict[Path, Path] = {}  # target: the directory that stands for it
+        self._stale: dict[Path, Path] = {}  # to be removed: the scratch that keeps it
         self._count = 0
 
     def file(self, goal: Path) -> Path:
@@ -100,6 +102,12 @@ class Staging:
         if written is not None:
             written.unlink(missing_ok=True)
 
+    def remove(self, goal: Path) -> None:
+        """Remove a file with the moves, unless it is written again; none need be there."""
+        goal = self.destination(goal)
+        if goal.is_file():
+            self._stale[goal] = self._within(goal.parent)
+
     def goals(self) -> tuple[Path, ...]:
         """Return the places of all files, those of directories in order of their names."""
         of_trees = (
@@ -124,7 +132,11 @@ class Staging:
             made += [d for d in reversed(missing[1:]) if d not in made]
             moves += _merged(own, target)
         moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
+        again = {goal for _, goal in moves}
+        moves += [(None, goal) for goal in self._stale if goal not in again]
         for source, goal in moves:
+            if source is None:
+                continue
             if goal.is_dir() and not source.is_dir():
                 raise UsageError(f"{goal}: is a directory and in the way of a file")
             if source.is_dir() and os.path.lexists(goal):
@@ -144,7 +156,7 @@ class Staging:
             if not moves:
                 return
             if len(moves) == 1 and not made:
-                _renamed(*moves[0])
+                _done(*moves[0])
                 return
             lead = next(iter(self.scratch.values())).path
             try:
@@ -154,7 +166,8 @@ class Staging:
                 for (source, goal), aside in zip(moves, asides, strict=True):
                     if aside is not None:
                         os.rename(goal, aside)
-                    os.rename(source, goal)
+                    if source is not None:
+                        os.rename(source, goal)
                 os.unlink(lead / JOURNAL)  # from here on the new files stand
             except BaseException as error:
                 self._put_back(lead, error)
@@ -172,11 +185,14 @@ class Staging:
         asides: list[Path | None] = []
         rows: Moves = []
         for source, goal in moves:
-            owner = next(owners[path] for path in (source, *source.parents) if path in owners)
+            if source is None:
+                owner = self._stale[goal]
+            else:
+                owner = next(owners[path] for path in (source, *source.parents) if path in owners)
             aside = owner / f"{OLD}{len(rows)}" if os.path.lexists(goal) else None
             asides.append(aside)
             kept = None if aside is None else seen_from(lead, aside)
-            rows.append((seen_from(lead, source), seen_from(lead, goal), kept))
+            rows.append((seen_from(lead, source or goal), seen_from(lead, goal), kept))
         for other in self.scratch.values():
             if other.path != lead:
                 (other.path / LEAD).write_text(json.dumps(seen_from(other.path, lead)), "ascii")
@@ -221,10 +237,13 @@ def _merged(source: Path, target: Path) -> list[Move]:
     return moves
 
 
-def _renamed(source: Path, goal: Path) -> None:
-    """Move one file or directory, which takes the place of a file at once."""
+def _done(source: Path | None, goal: Path) -> None:
+    """Move one file or directory, which takes the place of a file at once, or remove a file."""
     try:
-        os.replace(source, goal)
+        if source is None:
+            os.unlink(goal)
+        else:
+            os.replace(source, goal)
     except OSError as error:
         raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
 

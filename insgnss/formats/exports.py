@@ -142,7 +142,7 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, GEOGRAPHIC, TANGENT),
         any_unit=True,
         separator=",",
-        helper="bundle.import_helpers:metashape_opk_script",
+        helper="bundle.import_helpers:metashape_script",
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
@@ -151,7 +151,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT),
         any_unit=True,
         separator=",",
-        helper="bundle.import_helpers:metashape_offset_script",
+        helper="bundle.import_helpers:metashape_script",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",

@@ -295,7 +295,7 @@ def _export(
     options = {"noise": noise} if "noise" in form.options else {}
     try:
         rename = output.rename if form.frames else ()  # the master keeps the names of the files
-        done = export(eo, name, directory / form.product, target, rename, helpers=False, **options)
+        done = export(eo, name, directory / form.product, target, rename, **options)
     except UsageError as error:  # the flight file asked for it
         raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}
