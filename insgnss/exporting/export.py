@@ -192,13 +192,14 @@ def _export(
         )
     framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
-        form.write(_relative(name, framed, eo, options), path)
+        own = form.write(_relative(name, framed, eo, options), path)
     else:
-        form.write(framed, path, **options)
+        own = form.write(framed, path, **options)
     beside = form.helpers(framed, path)
     if beside:
         atomic_writes(beside)
     notes = [
+        *(own or ()),
         *_on_frame(form, projection, framed, eo, target),
         *([] if "length_unit" in options else _on_units(projection)),
         *_notes(form, projection, framed),

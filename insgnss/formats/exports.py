@@ -27,7 +27,7 @@ class Export:
     what : str
         One line of description for users.
     writer : str
-        Module and function in `formats`.
+        Module and function in `formats`; it may return sentences that its reader must know.
     frames : tuple of str
         Kinds of frame that it can carry, by default the first that needs no CRS; none for the
         master.
@@ -260,7 +260,7 @@ EXPORTS: dict[str, Export] = {
         "COLMAP text model with known poses",
         "bundle.colmap:write_colmap",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("camera", "shift", "database"),
+        options=("camera", "shift", "database", "missing"),
         several=True,
         needs=("camera",),
         separator=" ",
@@ -270,7 +270,7 @@ EXPORTS: dict[str, Export] = {
         "COLMAP database with pose priors: full position covariance, gravity (pycolmap)",
         "bundle.colmap:write_colmap_priors",
         (TANGENT, PROJECTED, GEOCENTRIC, GEOGRAPHIC),
-        options=("camera", "database", "shift"),
+        options=("camera", "database", "shift", "missing"),
         needs=("camera",),
     ),
     "opf": Export(

@@ -39,7 +39,7 @@ def test_events_of_another_time_scale_lie_in_turns(flown, late):
     ],
 )
 def test_a_wrong_time_scale_is_mended_by_its_key(flown, scale, late, advice):
-    """Oracle: UTC taken as GPST is 18 s early; a key that was not given, or right, helps nothing."""
+    """Oracle: UTC taken as GPST is 18 s early; a key that was not given helps nothing."""
     events = replace(flown.events, time=flown.events.time + late, time_scale=scale)
     assert advice in check_events(events, flown.gnss).advice
 
