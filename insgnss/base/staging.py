@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from filecmp import cmp
 from functools import cache
 from pathlib import Path
 
@@ -142,6 +143,17 @@ class Staging:
             if source.is_dir() and os.path.lexists(goal):
                 raise UsageError(f"{goal}: is a file and in the way of a directory")
         return made, moves
+
+    def changed(self) -> list[tuple[Path, Path]]:
+        """Return where it is written and where it goes, of each file that replaces another one.
+
+        Files that will be what they are, byte by byte, are none of these.
+        """
+        return [
+            (source, goal)
+            for source, goal in self.moves()[1]
+            if source is not None and goal.is_file() and not cmp(source, goal, shallow=False)
+        ]
 
     def commit(self) -> None:
         """Move everything into its place, or leave everything as it was.

@@ -16,7 +16,7 @@ EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metas
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
   insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
   insgnss export ppk/camera_positions.csv metashape
-  insgnss export imu_noise.toml kalibr --set cluster=10 --out imu.yaml
+  insgnss export navchip kalibr --set rate=200 --set cluster=10 --out imu.yaml
   insgnss export --proof metashape proof_scene"""
 
 
@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "eo",
         type=Path,
         metavar="EO",
-        help="the eo.json of a processed flight, the camera_positions.csv of ppk, for metashape,"
-        " pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with --proof: a"
-        " format below)",
+        help="the eo.json of a processed flight or its directory, the camera_positions.csv of ppk,"
+        " for metashape, pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with"
+        " --proof: a format below)",
     )
     parser.add_argument(
         "format",
@@ -165,6 +165,8 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
 
     if given.format in FORMS:
         return noise_verb(given, progress)
+    if given.eo.is_dir():
+        given.eo = _master_of(given.eo)
     if given.eo.suffix.lower() == ".csv":
         return _positions_verb(given, progress)
     from ..exporting.export import Target, export, known_format
@@ -187,6 +189,19 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
             refuse_replacing(staging, out, given.out is not None, done.frame)
     files = (*(done.files or (done.file,)), *done.helpers)
     return ExportResult(given.format, files, done.notes)
+
+
+def _master_of(directory: Path) -> Path:
+    """Return the eo.json of a directory of products, or its camera positions."""
+    from ..formats.positions.camera_positions import PRODUCT
+
+    for name in ("eo.json", PRODUCT):
+        if (directory / name).is_file():
+            return directory / name
+    raise UsageError(
+        f"export: {directory} holds neither eo.json nor {PRODUCT}; give the output directory of"
+        " process or ppk, or the file"
+    )
 
 
 def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:

@@ -1,6 +1,5 @@
 """What an export replaces: scripts beside the one before, tables of a run, files of others."""
 
-import filecmp
 import json
 import re
 from pathlib import Path
@@ -64,11 +63,7 @@ def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> No
     UsageError
         What is in the way, with both frames where these differ.
     """
-    changed = [
-        goal
-        for source, goal in staging.moves()[1]
-        if source is not None and goal.is_file() and not filecmp.cmp(source, goal, shallow=False)
-    ]
+    changed = [goal for _, goal in staging.changed()]
     if not changed:
         return
     before = frame_of_run(out)

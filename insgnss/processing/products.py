@@ -127,7 +127,8 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
                 "another directory"
             )
     if not force and (reason := other_results(directory / REPORT, measurements(flight))):
-        raise refusal(f"{where}: {reason}; give another directory, or --force")
+        other = "another directory with --out" if out is None else "another --out"
+        raise refusal(f"{where}: {reason}; give {other}, or --force")
     return directory
 
 
