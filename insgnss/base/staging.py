@@ -20,6 +20,7 @@ from .interrupts import deferred
 from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
 
 NEW, OLD = "new", "old"
+MOST_FLUSHED = 100
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 Move = tuple[Path | None, Path]
@@ -168,10 +169,12 @@ class Staging:
             if not moves:
                 return
             if len(moves) == 1 and not made:
+                _flush([source for source, _ in moves if source is not None])
                 _done(*moves[0])
                 return
             lead = next(iter(self.scratch.values())).path
             try:
+                _flush([source for source, _ in moves if source is not None])
                 asides = self._write_journals(lead, made, moves)
                 for directory in made:
                     directory.mkdir()
@@ -247,6 +250,26 @@ def _merged(source: Path, target: Path) -> list[Move]:
             continue
         moves += _merged(entry, goal) if entry.is_dir() and goal.is_dir() else [(entry, goal)]
     return moves
+
+
+def _flush(sources: list[Path]) -> None:
+    """Have files on the disk before they take names, so that a power loss leaves no empty ones.
+
+    Not of very many, such as copies of all images, where it would take as long as the rest.
+    """
+    files: list[Path] = []
+    for source in sources:
+        files += [path for path in source.rglob("*") if path.is_file()] if source.is_dir() else []
+        files += [source] if source.is_file() else []
+    for file in files if len(files) <= MOST_FLUSHED else ():
+        descriptor = os.open(file, os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+        finally:
+            os.close(descriptor)
 
 
 def _done(source: Path | None, goal: Path) -> None:
