@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shlex
 import subprocess
 import sys
 import types
@@ -17,6 +18,7 @@ import insgnss.processing
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import build_parser, main
 from insgnss.cli.console import Progress
+from insgnss.cli.main import VERBS
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pandas", "pyproj", "georinex", "filterpy")
 
@@ -478,6 +480,41 @@ def test_two_images_of_one_name_are_bad_input(tmp_path, capsys):
     write_eo_json(eo, tmp_path / "eo.json")
     assert main(["export", str(tmp_path / "eo.json"), "opensfm", "-q"]) == 3
     assert "image 'a.tif' stands 2 times" in capsys.readouterr().err
+
+
+def test_export_takes_the_directory_of_a_run(master, capsys):
+    """Oracle: the file beside the master; one line where there is none."""
+    assert main(["export", str(master.parent), "eo_local_plane", "-q"]) == 0
+    assert (master.parent / "EO_local-plane.txt").is_file()
+    master.unlink()
+    assert main(["export", str(master.parent), "eo_local_plane", "-q"]) == 2
+    assert "holds neither eo.json nor camera_positions.csv" in capsys.readouterr().err
+
+
+BELOW = ("imu", "materialise", "mounting", "similarity", "tripod")
+
+
+@pytest.mark.parametrize(
+    "words", [*((verb,) for verb in VERBS), *(("calibrate", v) for v in BELOW)]
+)
+def test_examples_of_the_help_are_commands(words, capsys):
+    """Oracle: the parser that a user's words go through; those that need no file run."""
+    assert main([*words, "--help"]) == 0
+    text = capsys.readouterr().out.partition("\nexample")[2].partition("\nformats:")[0]
+    lines = text.replace("\\\n", " ").splitlines()
+    commands = [line.strip() for line in lines if line.startswith("  insgnss ")]
+    assert commands or words == ("calibrate",)
+    for command in commands:
+        build_parser().parse_args(shlex.split(command.partition(" > ")[0])[1:])
+
+
+def test_the_noise_example_runs(tmp_path, monkeypatch, capsys):
+    """Oracle: the example of the help that needs nothing but a shipped model."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", "--help"]) == 0
+    example = next(line for line in capsys.readouterr().out.splitlines() if "kalibr --set" in line)
+    assert main([*shlex.split(example)[1:], "-q"]) == 0
+    assert (tmp_path / "imu.yaml").is_file()
 
 
 def test_export_help_lists_the_formats(capsys):

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss.formats import read_events
+from insgnss.geodesy.gpstime import calendar_from_gps
+from insgnss.inspection.discovery import sources_of
 from insgnss.inspection.event_clock import clock_of_events
 from insgnss.inspection.run import inspect_files
 from insgnss.inspection.sources import Source
@@ -81,3 +84,37 @@ def test_the_draft_says_that_it_is_not_told(tmp_path):
     assert '# clock = "receiver"' in text
     assert "do not tell whose clock stamps the exposures" in " ".join(text.replace("#", "").split())
     assert "clock" not in tomllib.loads(text)["camera"]
+
+
+@pytest.mark.parametrize(("zone", "stated"), [("Z", True), ("", False)])
+def test_a_table_of_names_and_dates_is_drafted_as_exposures(tmp_path, zone, stated):
+    """Oracle: the names that were written; a scale that the file does not state is left open, and
+    dates without names are no exposures.
+    """
+    lines = [f"DSC {k}.JPG,2018-07-03 10:20:{k:02d}.25{zone}" for k in range(10, 40)]
+    path = tmp_path / "events.csv"
+    path.write_text("filename,date-time\n" + "\n".join(lines) + "\n")
+    (source,) = sources_of(path)
+    assert (source.role, source.what) == ("events", "exposures with their dates, 30 of them")
+    assert source.keys == ({} if stated else {"time_scale": "utc"})
+    path.write_text("\n".join(line.partition(",")[2] for line in lines) + "\n")
+    assert sources_of(path) == []
+
+
+def test_the_draft_of_dates_has_a_camera(tmp_path):
+    """Oracle: the exposures of the simulated data set, as a geotagging tool lists them."""
+    place = tmp_path / "set"
+    write_dataset(place, minutes=3.0, imu_rate=50.0, seed=4)
+    (place / "flight.toml").unlink()
+    events = next(place.rglob("Events.txt"))
+    week = read_events(events, gps_week=2008)
+    stamps = [calendar_from_gps(2008, tow).strftime("%Y-%m-%d %H:%M:%S.%f") for tow in week.time]
+    rows = (f"{name},{stamp}\n" for name, stamp in zip(week.images, stamps, strict=True))
+    events.with_suffix(".csv").write_text("filename,date-time\n" + "".join(rows))
+    events.unlink()
+    found = inspect_files([place])
+    assert found.draft is not None
+    text = found.draft.text(place)
+    assert tomllib.loads(text)["camera"]["events"].endswith("Events.csv")
+    assert '# time_scale = "utc"' in text
+    assert np.abs(found.events.time - week.time).max() < 1e-5

@@ -11,6 +11,7 @@ SCRIPTS = Path(__file__).parents[1] / "scripts"
 PRODUCTS = {
     "EO_local-plane.txt",
     "metashape.csv",
+    "metashape_import.py",
     "eo.json",
     "eo_covariance.npz",
     "trajectory.sbet",

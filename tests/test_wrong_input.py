@@ -1131,7 +1131,8 @@ def _rub(C_mc: Any) -> Any:
 
 def test_the_products_are_those_of_the_contract(products):
     """Oracle: design 6."""
-    expected = {"EO_local-plane.txt", "metashape.csv", "eo.json", *PRODUCTS}
+    table = {"metashape.csv", "metashape_import.py"}
+    expected = {"EO_local-plane.txt", "eo.json", *table, *PRODUCTS}
     assert {file.name for file in products.iterdir()} == expected
     assert all(file.stat().st_size for file in products.iterdir())
 

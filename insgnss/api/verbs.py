@@ -177,7 +177,7 @@ def tune(
         `Flight`, a flight file (.toml), or a directory that holds flight.toml.
     out : file of the noise model; None: imu_noise.toml here, of a flight in_flight_noise.toml
         beside its file.
-    force : whether files that exist are overwritten.
+    force : whether files of other recordings are overwritten.
     parameters : of a flight, what to estimate; None: white noise of gyroscopes and accelerometers.
     progress : is called with the name of each step.
     **options : of static recordings, fields of `insgnss.TuneOptions`, such as ``model="WN+2GM"``.
@@ -188,7 +188,8 @@ def tune(
 
     Raises
     ------
-    UsageError : an option is unknown or belongs to the other kind of source, or a file exists.
+    UsageError : an option is unknown or belongs to the other kind of source, or files are of other
+        recordings.
     InputError : a recording cannot be read.
     DataError : the recording does not support a model.
     """

@@ -1,7 +1,8 @@
 """Directories of one run, beside what it writes: locked while it lives, swept by the next run.
 
 The lock is on the directory itself and ends with the process, however that ends. Where a file
-system or an operating system has no such locks, directories of others are left alone.
+system or an operating system has no such locks, a file says whose directory it is: that of a
+process of this machine that is no more is swept, and any that has not changed for `OLD_S`.
 """
 
 import atexit
@@ -25,7 +26,8 @@ except ImportError:  # Windows
 
 PREFIX, ENGINE = ".insgnss-", ".engine-"
 PREFIXES = (PREFIX, ENGINE)
-JOURNAL, LEAD = "journal.json", "lead"
+JOURNAL, LEAD, OWNER = "journal.json", "lead", "owner"
+OLD_S = 7 * 86400.0  # no run lasts as long
 MOST_WAIT_S = 10.0
 Moves = list[tuple[str, str, str | None]]
 """Source, goal, where the goal's old file goes; all relative to the directory of the journal."""
@@ -89,7 +91,7 @@ def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
     while True:
         path = Path(tempfile.mkdtemp(prefix=prefix, dir=where))
         if fcntl is None:
-            return path, None
+            return _signed(path), None
         try:
             descriptor = os.open(path, os.O_RDONLY)
         except FileNotFoundError:
@@ -99,12 +101,42 @@ def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
         except BlockingIOError:
             os.close(descriptor)
             continue
-        except OSError:  # a file system without locks, on which nobody sweeps either
+        except OSError:  # a file system without locks
             os.close(descriptor)
-            return path, None
+            return _signed(path), None
         if path.exists():
             return path, descriptor
         os.close(descriptor)
+
+
+def _machine() -> str:
+    return os.uname().nodename if hasattr(os, "uname") else ""
+
+
+def _signed(path: Path) -> Path:
+    """Say whose directory this is, which has no lock."""
+    (path / OWNER).write_text(f"{_machine()} {os.getpid()}", encoding="utf-8")
+    return path
+
+
+def _deserted(path: Path) -> bool:
+    """Tell whether the process is no more that a directory without lock belongs to.
+
+    On Windows, where asking after a process may end it, only its age tells.
+    """
+    with suppress(OSError, ValueError):
+        newest = max(entry.stat().st_mtime for entry in (path, *path.iterdir()))
+        if time.time() - newest > OLD_S:
+            return True
+        host, _, number = (path / OWNER).read_text(encoding="utf-8").rpartition(" ")
+        if os.name == "posix" and host == _machine():
+            try:
+                os.kill(int(number), 0)
+            except ProcessLookupError:
+                return True
+            except PermissionError:  # of another user
+                return False
+    return False
 
 
 @contextmanager
@@ -150,7 +182,7 @@ def sweep(*directories: Path) -> None:
 
     The directories need not exist. A warning names files that were put back.
     """
-    for directory in directories if fcntl is not None else ():
+    for directory in directories:
         try:
             with os.scandir(directory) as entries:
                 names = [entry.path for entry in entries if entry.name.startswith(PREFIXES)]
@@ -160,15 +192,31 @@ def sweep(*directories: Path) -> None:
             _sweep(Path(name))
 
 
-def _sweep(path: Path) -> None:
+def _taken(path: Path) -> tuple[bool, int | None]:
+    """Tell whether a directory is of a dead run, with the lock that keeps others off it."""
+    if path.is_symlink() or not path.is_dir():
+        return False, None
+    if fcntl is None:
+        return _deserted(path), None
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except OSError:  # no directory, of another user, or gone
-        return
+        return False, None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # its owner lives
+    except OSError as error:
         os.close(descriptor)
+        locked = isinstance(error, BlockingIOError)  # its owner lives; else there are no locks
+        return not locked and _deserted(path), None
+    if (path / OWNER).exists() and not _deserted(path):  # made where it had no lock
+        os.close(descriptor)
+        return False, None
+    return True, descriptor
+
+
+def _sweep(path: Path) -> None:
+    dead, descriptor = _taken(path)
+    if not dead:
         return
     with deferred():
         try:
@@ -190,7 +238,8 @@ def _sweep(path: Path) -> None:
                 stacklevel=2,
             )
         finally:
-            os.close(descriptor)
+            if descriptor is not None:
+                os.close(descriptor)
 
 
 def _lead_of(path: Path) -> Path | None:

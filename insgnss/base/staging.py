@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from filecmp import cmp
 from functools import cache
 from pathlib import Path
 
@@ -19,9 +20,11 @@ from .interrupts import deferred
 from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
 
 NEW, OLD = "new", "old"
+MOST_FLUSHED = 100
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
-Move = tuple[Path, Path]
+Move = tuple[Path | None, Path]
+"""Source and goal; without a source the goal is removed."""
 
 
 class Staging:
@@ -37,6 +40,7 @@ class Staging:
         self.scratch: dict[Path, Scratch] = {}
         self._files: dict[Path, Path] = {}  # goal: where it is written
         self._trees: dict[Path, Path] = {}  # target: the directory that stands for it
+        self._stale: dict[Path, Path] = {}  # to be removed: the scratch that keeps it
         self._count = 0
 
     def file(self, goal: Path) -> Path:
@@ -100,6 +104,12 @@ class Staging:
         if written is not None:
             written.unlink(missing_ok=True)
 
+    def remove(self, goal: Path) -> None:
+        """Remove a file with the moves, unless it is written again; none need be there."""
+        goal = self.destination(goal)
+        if goal.is_file():
+            self._stale[goal] = self._within(goal.parent)
+
     def goals(self) -> tuple[Path, ...]:
         """Return the places of all files, those of directories in order of their names."""
         of_trees = (
@@ -124,12 +134,27 @@ class Staging:
             made += [d for d in reversed(missing[1:]) if d not in made]
             moves += _merged(own, target)
         moves += [(file, goal) for goal, file in self._files.items() if file.exists()]
+        again = {goal for _, goal in moves}
+        moves += [(None, goal) for goal in self._stale if goal not in again]
         for source, goal in moves:
+            if source is None:
+                continue
             if goal.is_dir() and not source.is_dir():
                 raise UsageError(f"{goal}: is a directory and in the way of a file")
             if source.is_dir() and os.path.lexists(goal):
                 raise UsageError(f"{goal}: is a file and in the way of a directory")
         return made, moves
+
+    def changed(self) -> list[tuple[Path, Path]]:
+        """Return where it is written and where it goes, of each file that replaces another one.
+
+        Files that will be what they are, byte by byte, are none of these.
+        """
+        return [
+            (source, goal)
+            for source, goal in self.moves()[1]
+            if source is not None and goal.is_file() and not cmp(source, goal, shallow=False)
+        ]
 
     def commit(self) -> None:
         """Move everything into its place, or leave everything as it was.
@@ -144,17 +169,20 @@ class Staging:
             if not moves:
                 return
             if len(moves) == 1 and not made:
-                _renamed(*moves[0])
+                _flush([source for source, _ in moves if source is not None])
+                _done(*moves[0])
                 return
             lead = next(iter(self.scratch.values())).path
             try:
+                _flush([source for source, _ in moves if source is not None])
                 asides = self._write_journals(lead, made, moves)
                 for directory in made:
                     directory.mkdir()
                 for (source, goal), aside in zip(moves, asides, strict=True):
                     if aside is not None:
                         os.rename(goal, aside)
-                    os.rename(source, goal)
+                    if source is not None:
+                        os.rename(source, goal)
                 os.unlink(lead / JOURNAL)  # from here on the new files stand
             except BaseException as error:
                 self._put_back(lead, error)
@@ -172,11 +200,14 @@ class Staging:
         asides: list[Path | None] = []
         rows: Moves = []
         for source, goal in moves:
-            owner = next(owners[path] for path in (source, *source.parents) if path in owners)
+            if source is None:
+                owner = self._stale[goal]
+            else:
+                owner = next(owners[path] for path in (source, *source.parents) if path in owners)
             aside = owner / f"{OLD}{len(rows)}" if os.path.lexists(goal) else None
             asides.append(aside)
             kept = None if aside is None else seen_from(lead, aside)
-            rows.append((seen_from(lead, source), seen_from(lead, goal), kept))
+            rows.append((seen_from(lead, source or goal), seen_from(lead, goal), kept))
         for other in self.scratch.values():
             if other.path != lead:
                 (other.path / LEAD).write_text(json.dumps(seen_from(other.path, lead)), "ascii")
@@ -221,10 +252,33 @@ def _merged(source: Path, target: Path) -> list[Move]:
     return moves
 
 
-def _renamed(source: Path, goal: Path) -> None:
-    """Move one file or directory, which takes the place of a file at once."""
+def _flush(sources: list[Path]) -> None:
+    """Have files on the disk before they take names, so that a power loss leaves no empty ones.
+
+    Not of very many, such as copies of all images, where it would take as long as the rest.
+    """
+    files: list[Path] = []
+    for source in sources:
+        files += [path for path in source.rglob("*") if path.is_file()] if source.is_dir() else []
+        files += [source] if source.is_file() else []
+    for file in files if len(files) <= MOST_FLUSHED else ():
+        descriptor = os.open(file, os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+        finally:
+            os.close(descriptor)
+
+
+def _done(source: Path | None, goal: Path) -> None:
+    """Move one file or directory, which takes the place of a file at once, or remove a file."""
     try:
-        os.replace(source, goal)
+        if source is None:
+            os.unlink(goal)
+        else:
+            os.replace(source, goal)
     except OSError as error:
         raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
 

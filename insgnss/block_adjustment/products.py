@@ -99,8 +99,12 @@ def _write_orientation(
     file = solved.inputs.file
     eo = adjusted_orientation(solved, judgement)
     if eo is not None:
-        for name in dict.fromkeys([*file.output.formats, "eo_json"]):
-            export(eo, name, into / EXPORTS[name].product, helpers=False)
+        names = dict.fromkeys([*file.output.formats, "eo_json"])
+        done = {name: export(eo, name, into / EXPORTS[name].product) for name in names}
+        figures["exports"] = [
+            {"format": name, "file": EXPORTS[name].product, "frame": own.frame}
+            for name, own in done.items()
+        ]
     write_poses(solved, into / POSES)
     if file.output.pose_covariance:
         images = solved.result.problem.block.images

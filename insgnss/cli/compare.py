@@ -1,10 +1,12 @@
 """The verb `compare`: its options and what it does with them."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..base.errors import UsageError
+from ..base.files import sha256
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -91,6 +93,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the differences as a picture: PNG, or by its ending .pdf or .svg",
     )
     parser.add_argument(
+        "--force", action="store_true", help="overwrite a page or figure of other inputs"
+    )
+    parser.add_argument(
         "--page",
         type=Path,
         metavar="FILE",
@@ -101,6 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
     from ..base.files import atomic_writes
+    from ..base.staging import together
     from ..comparison.compare import compare_files
 
     progress("reading and matching")
@@ -124,13 +130,24 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         from ..comparison.page import comparison_page
 
         files[given.page] = comparison_page(result).html()
-    if files:
+    with together() as staging:
         atomic_writes(files)
+        for _, goal in () if given.force else staging.changed():
+            if goal != given.page or not _of_same(goal, [given.a, given.b]):
+                raise UsageError(
+                    f"compare: {goal} is there and of other inputs, or of others; give another"
+                    " file, or --force"
+                )
     return result
 
 
+def _of_same(page: Path, inputs: Sequence[Path]) -> bool:
+    """Tell whether a page is of a comparison of these files, by their hashes."""
+    text = page.read_text(encoding="utf-8", errors="replace")
+    return all(path.is_file() and sha256(path) in text for path in inputs)
+
+
 def _origin(text: str | None) -> tuple[float, float, float] | None:
-    from ..base.errors import UsageError
 
     if text is None:
         return None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import UsageError
-from ..base.files import sha256
+from ..base.staging import together
 from .console import Progress
 from .verb import Verb, positive, show_result
 
@@ -16,7 +16,7 @@ EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metas
   insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
   insgnss export eo.json colmap --set camera="PINHOLE 5120 3840 5607 5607 2560 1920" --rename safe
   insgnss export ppk/camera_positions.csv metashape
-  insgnss export imu_noise.toml kalibr --set cluster=10 --out imu.yaml
+  insgnss export navchip kalibr --set rate=200 --set cluster=10 --out imu.yaml
   insgnss export --proof metashape proof_scene"""
 
 
@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "eo",
         type=Path,
         metavar="EO",
-        help="the eo.json of a processed flight, the camera_positions.csv of ppk, for metashape,"
-        " pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with --proof: a"
-        " format below)",
+        help="the eo.json of a processed flight or its directory, the camera_positions.csv of ppk,"
+        " for metashape, pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with"
+        " --proof: a format below)",
     )
     parser.add_argument(
         "format",
@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     out = (
         "what to write (default: the format's usual name beside EO); a new directory where the"
-        " format has several files"
+        " format has several files. A table that process wrote in another CRS or frame is not"
+        " replaced, nor a FILE that is there and would differ, without --force"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=out)
     parser.add_argument(
@@ -108,7 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force",
         action="store_true",
-        help="overwrite an export beside the eo.json of another flight",
+        help="overwrite a run's own table in another frame, and what --out names where it differs",
     )
     parser.add_argument(
         "--proof",
@@ -126,6 +127,7 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
         For options that have no meaning with it, and values that cannot be.
     """
     from ..base.files import atomic_write
+    from ..exporting.replacing import refuse_replacing
     from ..stochastic.consumers import FORMS, text_for
     from ..stochastic.model import load_noise_model
 
@@ -144,7 +146,10 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
     out = given.out or beside / FORMS[given.format][0]
     text = text_for(given.format, model, **options)
     progress(f"writing {out}")
-    atomic_write(out, text)
+    with together() as staging:
+        atomic_write(out, text)
+        if not given.force:
+            refuse_replacing(staging, out, given.out is not None, "")
     kept = options.get("cluster_s", 10.0)
     note = (
         f"white noise and random walk have the model's Allan variance at {kept:g} s; other times"
@@ -173,10 +178,13 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
 
     if given.format in FORMS:
         return noise_verb(given, progress)
+    if given.eo.is_dir():
+        given.eo = _master_of(given.eo)
     if given.eo.suffix.lower() == ".csv":
         return _positions_verb(given, progress)
     from ..exporting.export import Target, export, known_format
     from ..exporting.options import typed_options
+    from ..exporting.replacing import refuse_replacing
 
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
@@ -189,31 +197,36 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     out = given.out or given.eo.parent / product
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} is the master itself; give --out")
-    if not given.force:
-        _refuse_others(out, given.eo)
     eo = read_eo_json(given.eo)
     if given.camera is not None:
         eo = eo.of_camera(given.camera)
     progress(f"writing {out}")
-    done = export(eo, given.format, out, target, given.rename, **options)
+    with together() as staging:
+        done = export(eo, given.format, out, target, given.rename, **options)
+        if not given.force:
+            refuse_replacing(staging, out, given.out is not None, done.frame)
     files = (*(done.files or (done.file,)), *done.helpers)
     return ExportResult(given.format, files, done.notes)
 
 
-def _refuse_others(out: Path, eo: Path) -> None:
-    """Refuse to overwrite an export among the products of another flight."""
-    master = out.parent / "eo.json"
-    if out.exists() and master.is_file() and eo.is_file() and sha256(master) != sha256(eo):
-        raise UsageError(
-            f"export: {out} is there, beside {master}, which is not {eo}; give another --out, or"
-            " --force"
-        )
+def _master_of(directory: Path) -> Path:
+    """Return the eo.json of a directory of products, or its camera positions."""
+    from ..formats.positions.camera_positions import PRODUCT
+
+    for name in ("eo.json", PRODUCT):
+        if (directory / name).is_file():
+            return directory / name
+    raise UsageError(
+        f"export: {directory} holds neither eo.json nor {PRODUCT}; give the output directory of"
+        " process or ppk, or the file"
+    )
 
 
 def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Write camera positions of PPK in a format that takes them without angles."""
     from ..exporting.export import Target
     from ..exporting.positions import export_positions, position_format
+    from ..exporting.replacing import refuse_replacing
     from ..formats.positions.camera_positions import read_camera_positions
 
     form = position_format(given.format)
@@ -226,8 +239,11 @@ def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) 
         raise UsageError(f"export: {out} holds the camera positions themselves; give --out")
     positions = read_camera_positions(given.eo)
     progress(f"writing {out}")
-    done = export_positions(positions, given.format, out, target)
-    return ExportResult(given.format, (done.file,), done.notes)
+    with together() as staging:
+        done = export_positions(positions, given.format, out, target)
+        if not given.force:
+            refuse_replacing(staging, out, given.out is not None, done.frame)
+    return ExportResult(given.format, (done.file, *done.helpers), done.notes)
 
 
 def frame_kind(word: str | None) -> str | None:

@@ -91,7 +91,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="predict: the table; measure: directory of the products (default: targets beside EO)",
     )
     parser.add_argument(
-        "--force", action="store_true", help="measure: overwrite the results of another flight"
+        "--force",
+        action="store_true",
+        help="overwrite the results of another flight, or (predict) a file that is no predictions",
     )
 
 
@@ -191,7 +193,9 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 
     request = request_of(options)
     if options.job == "predict":
-        return show_result(options, progress, predict_targets(request, options.out, progress))
+        return show_result(
+            options, progress, predict_targets(request, options.out, progress, force=options.force)
+        )
     result = measure_targets(request, options.out, progress, force=options.force)
     return show_judged(options, progress, result, request.ground)
 

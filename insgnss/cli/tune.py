@@ -91,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " flight in_flight_noise.toml)"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=where)
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    parser.add_argument("--force", action="store_true", help="overwrite files of other recordings")
     _add_model(parser)
     _add_reading(parser)
 

@@ -23,11 +23,12 @@ from ..formats.orientation.exported import UnfitName, check_names
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
-from ..records import ExteriorOrientation, FramedOrientation
+from ..records import Array, ExteriorOrientation, FramedOrientation
 from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
 from ..records.relative import RelativeControl
 from ..stochastic.model import NoiseModel, load_noise_model
 from .rename import names_file, other_names, renamed, write_names
+from .replacing import remove_stale
 
 OF_IMAGES = ("image_tags",)
 """Formats that are the images themselves, called as their files are."""
@@ -88,27 +89,27 @@ def export(
     path: Path,
     target: Target | None = None,
     rename: Sequence[str | Path] = (),
-    *,
-    helpers: bool = True,
     **options: Any,
 ) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
+
+    Scripts and descriptions by which the program reads it go beside it, where the format has some;
+    those of an earlier export to `path` that do not belong to this one are removed.
 
     Parameters
     ----------
     rename : rules of `renamed`, by which images are called otherwise in the export; the table of
         both names goes beside it.
-    helpers : whether scripts and descriptions by which the program reads the file are written
-        beside it, where the format has some.
     options : of the format. Raises UsageError for an unknown format, an option that it does not
         take, a frame that it cannot carry and heights that it needs and does not get; InputError
         where a CRS does not reach the flight.
     """
     known_format(name)
-    with together():
+    with together() as staging:
         eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
         with _remedy():
-            done = _export(eo, name, path, target or Target(), options, helpers)
+            done = _export(eo, name, path, target or Target(), options)
+        remove_stale(path, staging)
         if not names:
             return done
         table = names_file(path)
@@ -152,7 +153,6 @@ def _export(
     path: Path,
     target: Target,
     options: dict[str, Any],
-    helpers: bool,
 ) -> Exported:
     form = EXPORTS[name]
     if not eo.images:
@@ -198,13 +198,14 @@ def _export(
         )
     framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
-        form.write(_relative(name, framed, eo, options), path)
+        own = form.write(_relative(name, framed, eo, options), path)
     else:
-        form.write(framed, path, **options)
-    beside = form.helpers(framed, path) if helpers else {}
+        own = form.write(framed, path, **options)
+    beside = form.helpers(framed, path)
     if beside:
         atomic_writes(beside)
     notes = [
+        *(own or ()),
         *_on_frame(form, projection, framed, eo, target),
         *([] if "length_unit" in options else _on_units(projection)),
         *_notes(form, projection, framed),
@@ -221,14 +222,7 @@ def _on_frame(
 ) -> list[str]:
     """What to know of a frame that nobody named, and of a CRS that is made for another place."""
     if projection is not None:
-        outside = projection.outside(*framed.geodetic[:, :2].T)
-        if not outside:
-            return []
-        area = projection.horizontal.area_of_use.name
-        return [
-            f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
-            " outside: is it the right CRS?"
-        ]
+        return on_area(projection, *framed.geodetic[:, :2].T)
     notes = []
     if form.frames[0] == PROJECTED and target.frame is None:
         notes.append(
@@ -238,6 +232,23 @@ def _on_frame(
         in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
         notes.append(f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}")
     return notes
+
+
+def on_area(projection: MapProjection, lat: Array, lon: Array) -> list[str]:
+    """What to know of a CRS that is made for another area than that of n images.
+
+    Parameters
+    ----------
+    projection : the CRS.
+    lat, lon : (n,) geodetic latitude and longitude, rad.
+    """
+    outside = projection.outside(lat, lon)
+    if not outside:
+        return []
+    return [
+        f"{projection.name} is made for: {projection.horizontal.area_of_use.name}; {outside} of"
+        f" {lat.size} images lie outside: is it the right CRS?"
+    ]
 
 
 def _on_units(projection: MapProjection | None) -> list[str]:

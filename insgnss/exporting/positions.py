@@ -5,11 +5,15 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError, UsageError, near
+from ..base.files import atomic_writes
+from ..base.staging import together
+from ..formats.exports import function_at
 from ..formats.positions.position_references import POSITION_FORMATS, PlacedCameras, PositionFormat
 from ..geodesy.projection import MapProjection, undulation
 from ..geodesy.rotation import NED_ENU
 from ..records.camera_positions import CameraPositions
-from .export import Exported, Target
+from .export import Exported, Target, on_area
+from .replacing import remove_stale
 
 
 def position_format(name: str) -> PositionFormat:
@@ -54,29 +58,38 @@ def export_positions(
             f"export: {name} takes camera positions in geographic coordinates or a projected CRS;"
             " leave --frame and --ground out"
         )
-    cameras = _placed(positions, target)
-    form.write(cameras, path)
+    projection = None if target.crs is None else MapProjection(target.crs, target.geoid)
+    cameras = _placed(positions, target, projection)
+    with together() as staging:
+        form.write(cameras, path)
+        helpers = function_at(form.helper)(cameras, path) if form.helper else {}
+        atomic_writes(helpers)
+        remove_stale(path, staging)
     notes = [f"heights are {cameras.heights}"]
+    if projection is not None:
+        notes[:0] = on_area(projection, positions.lat, positions.lon)
     if antenna := int((positions.of_camera == 0.0).sum()):
         notes.insert(
             0,
             f"{antenna} of {len(positions.images)} positions are of the antenna, not of the camera:"
             " give the bundle adjustment the lever arm, or let it estimate it",
         )
-    return Exported(path, cameras.crs or "geographic coordinates of WGS84", tuple(notes))
+    frame = cameras.crs or "geographic coordinates of WGS84"
+    return Exported(path, frame, tuple(notes), helpers=tuple(helpers))
 
 
-def _placed(positions: CameraPositions, target: Target) -> PlacedCameras:
+def _placed(
+    positions: CameraPositions, target: Target, projection: MapProjection | None
+) -> PlacedCameras:
     lat, lon, height = positions.lat, positions.lon, positions.height
     cov = NED_ENU @ positions.cov_ned @ NED_ENU.T
-    if target.crs is None:
+    if projection is None:
         heights = "above the ellipsoid of WGS84"
         if target.geoid is not None:
             height = height - undulation(target.geoid, lat, lon)
             heights = f"above the geoid of {target.geoid.name}"
         coordinates = np.column_stack([np.degrees(lon), np.degrees(lat), height])
         return PlacedCameras(positions.images, coordinates, _sd(cov), "", heights, True)
-    projection = MapProjection(target.crs, target.geoid)
     axes = projection.axes(lat, lon, height)
     return PlacedCameras(
         positions.images,
@@ -85,6 +98,7 @@ def _placed(positions: CameraPositions, target: Target) -> PlacedCameras:
         projection.code or projection.name,
         projection.heights,
         projection.northing_first,
+        projection.crs.to_wkt(),
     )
 
 

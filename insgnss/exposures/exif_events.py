@@ -82,4 +82,5 @@ def exif_events(
         (*events.notes, by_exif),
         None,
         events.sigma_s,
+        events.time_scale,
     )

@@ -27,7 +27,7 @@ class Export:
     what : str
         One line of description for users.
     writer : str
-        Module and function in `formats`.
+        Module and function in `formats`; it may return sentences that its reader must know.
     frames : tuple of str
         Kinds of frame that it can carry, by default the first that needs no CRS; none for the
         master.
@@ -146,7 +146,7 @@ EXPORTS: dict[str, Export] = {
         (PROJECTED, GEOGRAPHIC, TANGENT),
         any_unit=True,
         separator=",",
-        helper="bundle.import_helpers:metashape_opk_script",
+        helper="bundle.import_helpers:metashape_script",
     ),
     "metashape_offset": Export(
         "metashape_offset.csv",
@@ -155,7 +155,7 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC, PROJECTED, TANGENT),
         any_unit=True,
         separator=",",
-        helper="bundle.import_helpers:metashape_offset_script",
+        helper="bundle.import_helpers:metashape_script",
     ),
     "pix4d_matic": Export(
         "pix4d_matic.csv",
@@ -267,7 +267,7 @@ EXPORTS: dict[str, Export] = {
         "COLMAP text model with known poses",
         "bundle.colmap:write_colmap",
         (TANGENT, PROJECTED, GEOCENTRIC),
-        options=("camera", "shift", "database"),
+        options=("camera", "shift", "database", "missing"),
         several=True,
         needs=("camera",),
         separator=" ",
@@ -277,7 +277,7 @@ EXPORTS: dict[str, Export] = {
         "COLMAP database with pose priors: full position covariance, gravity (pycolmap)",
         "bundle.colmap:write_colmap_priors",
         (TANGENT, PROJECTED, GEOCENTRIC, GEOGRAPHIC),
-        options=("camera", "database", "shift"),
+        options=("camera", "database", "shift", "missing"),
         needs=("camera",),
     ),
     "opf": Export(

@@ -131,6 +131,9 @@ def draft_flight(
         _gnss(draft, by_role["gnss"], gnss, recognition)
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
+        if "time_scale" in (keys := by_role["events"].keys):  # not stated, so not known
+            why = by_role["events"].why["time_scale"]
+            draft.add("camera", "time_scale", keys["time_scale"], why, False)
         draft.add("camera", "clock", *event_clock)
     elif of_rover := _events_of_rover(rinex if raw_gnss else None):
         words = f"{of_rover} camera events are in the rover's file; name their images"

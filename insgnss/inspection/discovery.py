@@ -14,7 +14,7 @@ import numpy as np
 from ..base.errors import InputError, InsgnssError
 from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
 from .tables.grids import tables_of_file
-from .tables.tabular import sources_of_table
+from .tables.tabular import VARIABLES, sources_of_table
 
 NO_RECORDINGS = {
     *(
@@ -68,6 +68,10 @@ LOG_TABLES: dict[Role, tuple[str, ...]] = {
 }
 LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
 FIX_LOGS = {"nmea": "receiver log of NMEA sentences", "rtklib_pos": "positions of RTKLIB"}
+SCALE_OPEN = (
+    "the file does not say of which scale its dates are: utc, gpst (18 s apart), or local time such"
+    " as utc+02:00; inspected as UTC, choose it"
+)
 DEEPEST, MOST_FILES = 6, 3000
 
 
@@ -164,7 +168,28 @@ def sources_of(path: Path) -> list[Source]:
     log_sources = _known_log(path)
     if log_sources is not None:
         return log_sources
-    return [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
+    sources = [s for table in tables_of_file(path) for s in sources_of_table(path, table)]
+    return sources or _dated_events(path)
+
+
+def _dated_events(path: Path) -> list[Source]:
+    """Exposures by dates beside the names of images; without names any log with dates could be."""
+    from ..formats import sniff_events
+    from ..formats.events.dated import read_dated_events
+    from ..formats.events.events import UNNAMED
+
+    if path.suffix.lower() in VARIABLES or sniff_events(path) != "event_dates":
+        return []
+    try:
+        events = read_dated_events(path, time_scale="utc")
+    except InsgnssError:  # dates of something else
+        return []
+    if any(check.name == UNNAMED for check in events.notes):
+        return []
+    keys = {"time_scale": events.time_scale} if events.time_scale else {}
+    why = {"time_scale": SCALE_OPEN} if keys else {}
+    words = f"exposures with their dates, {len(events.images)} of them"
+    return [Source("events", path, words, keys, why)]
 
 
 def _known_log(path: Path) -> list[Source] | None:

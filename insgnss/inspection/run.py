@@ -44,6 +44,7 @@ DATA_KEYS = (
     "repeat_column",
     "sigma_m",
     "undulation_m",
+    "time_scale",
 )
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0

@@ -1,5 +1,6 @@
 """All that `insgnss doctor` looks at, in its order."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -40,11 +41,13 @@ class Examination:
                 lines.append(topic)
             advice = f"; {f.advice}" if f.advice else ""
             lines.append(f"  {MARKS[f.verdict]:5} {f.name:{width}}  {f.value}{advice}")
-        notes = sum(f.verdict != "good" for f in self.findings)
+        count = Counter(f.verdict for f in self.findings)
         result = "does not work here" if self.refusal else "works here"
-        return "\n".join(
-            [*lines, f"insgnss {result}; {notes} of {len(self.findings)} lines not ok"]
+        last = (
+            f"insgnss {result}; of {len(self.findings)} lines {count['good']} ok,"
+            f" {count['note']} of notes, {count['unknown']} not known, {count['defect']} wrong"
         )
+        return "\n".join([*lines, last])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -62,7 +65,7 @@ def examine(progress: Callable[[str], None]) -> Examination:
     Parameters
     ----------
     progress : callable
-        Is told which step runs.
+        Gets the name of each step.
 
     Returns
     -------

@@ -221,14 +221,14 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     inputs = {path.resolve() for path in result.document.get("inputs", ())}
     for path in (out, page):
         if path.resolve() in inputs:
-            raise UsageError(f"--out {out}: {path.name} would overwrite an input; give another")
+            raise UsageError(f"{path}: is an input, which stays as it is; give another --out FILE")
     if not force and out.is_file():
         own = {digest for _, digest in result.mounting.inputs}
         others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
         if own != others and not own & others:
             raise UsageError(
-                f"--out {out}: is there, and was made from none of these inputs; give another file,"
-                " or --force"
+                f"{out}: is there, and was made from none of these inputs; give another file with"
+                " --out, or --force"
             )
     with together():
         write_mounting_file(result.mounting, out)

@@ -128,7 +128,8 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
                 "another directory"
             )
     if not force and (reason := other_results(directory / REPORT, measurements(flight))):
-        raise refusal(f"{where}: {reason}; give another directory, or --force")
+        other = "another directory with --out" if out is None else "another --out"
+        raise refusal(f"{where}: {reason}; give {other}, or --force")
     return directory
 
 
@@ -306,7 +307,7 @@ def _export(
     options = {"noise": noise} if "noise" in form.options else {}
     try:
         rename = output.rename if form.frames else ()  # the master keeps the names of the files
-        done = export(eo, name, directory / form.product, target, rename, helpers=False, **options)
+        done = export(eo, name, directory / form.product, target, rename, **options)
     except UsageError as error:  # the flight file asked for it
         raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

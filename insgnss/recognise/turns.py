@@ -108,15 +108,23 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Chec
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
             f" {np.degrees(shifted[best]):.1f} deg/s"
         )
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would"
-            " put them on lines",
-        )
+        return Check(name, finding, expected, "contradiction", _other_scale(events, best))
     return Check(name, finding, expected)
+
+
+def _other_scale(events: CameraEvents, offset: float) -> str:
+    """What to set for events that are on lines `offset` s later."""
+    taken = {UTC_S: ("gpst", "gps"), -UTC_S: ("utc",)}[offset]
+    if events.time_scale in taken:
+        other = "utc" if offset == UTC_S else "gpst"
+        return (
+            f"the events look like {other.upper()}, and were taken as {taken[0].upper()}:"
+            f' camera.time_scale = "{other}" would put them on lines'
+        )
+    return (
+        f"the events look like UTC or another clock: camera.time_offset_s = {offset:.0f} would put"
+        " them on lines"
+    )
 
 
 def _by_chance(

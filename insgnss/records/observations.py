@@ -347,6 +347,7 @@ class CameraEvents(Rows):
     notes : what the reader found odd and did about it.
     offset_ned : (n, 3) m, camera minus antenna, north, east, down, where the drone states it.
     sigma_s : (n,) standard deviation of `time`, s, where it is known to be one that matters.
+    time_scale : of stamps that do not say it themselves, as the caller gave it; else empty.
 
     Raises
     ------
@@ -373,6 +374,7 @@ class CameraEvents(Rows):
     notes: tuple[Check, ...] = ()
     offset_ned: Array | None = None
     sigma_s: Array | None = None
+    time_scale: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))

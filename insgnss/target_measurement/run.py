@@ -112,6 +112,8 @@ def predict_targets(
     out: Path | None = None,
     progress: Callable[[str], None] = _quiet,
     write: bool = True,
+    *,
+    force: bool = False,
 ) -> PredictionResult:
     """Predict the ground points of a flight in its images.
 
@@ -125,6 +127,8 @@ def predict_targets(
         Is called with the name of each step.
     write : bool
         Whether to write the table.
+    force : bool
+        Whether a file that is no such table is overwritten.
 
     Returns
     -------
@@ -138,7 +142,7 @@ def predict_targets(
     DataError
         No ground point lies in any image.
     UsageError
-        The table cannot be written.
+        The table cannot be written, or would overwrite a file of others.
     """
     progress("reading exterior orientation, camera and ground points")
     inputs = inputs_of(request)
@@ -169,8 +173,20 @@ def predict_targets(
         progress(f"writing {path}")
         with together() as staging:
             write_predictions(inputs, staging.tree(path.parent) / path.name)
+            for new, goal in () if force else staging.changed():
+                _refuse_foreign(new, goal)
         files = (path,)
     return PredictionResult(inputs, figures, files)
+
+
+def _refuse_foreign(new: Path, goal: Path) -> None:
+    """Refuse to overwrite what has not the header of the table that takes its place."""
+    with new.open("rb") as own, goal.open("rb") as other:
+        if own.readline() != other.readline():
+            raise UsageError(
+                f"targets predict: {goal} is there and no table of predictions; give another --out,"
+                " or --force"
+            )
 
 
 def measure_targets(

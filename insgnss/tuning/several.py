@@ -64,7 +64,7 @@ def tune_each(
     targets = [first, *(planned(flight, target, force) for target in more)]
     tuned = [_estimate(one, k, chosen, progress) for k, one in enumerate(flights, start=1)]
     return SeveralTuned(
-        flight.name, tuple(write(one, target) for one, target in zip(tuned, targets, strict=True))
+        flight.name, tuple(write(*one) for one in zip(tuned, flights, targets, strict=True))
     )
 
 

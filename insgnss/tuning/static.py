@@ -60,10 +60,10 @@ def tune_static(
     Raises
     ------
     UsageError, InputError, DataError
-        As `recordings.read_static` and `fitting` do, and UsageError for files that exist already.
+        As `recordings.read_static` and `fitting` do, and UsageError for files of other recordings.
     """
     family = compositions(options)
-    target = planned(out, force)
+    target = planned(out, force, paths)
     if len(set(paths)) < len(paths):
         raise UsageError(
             f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording"

@@ -1,10 +1,11 @@
 """Where the files of a tuning go: refused before any work where they cannot be written."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..base.errors import UsageError
+from ..base.provenance import other_results
 
 
 def check_target(target: Path) -> Path:
@@ -33,12 +34,23 @@ def make_directory(target: Path) -> None:
         raise UsageError(f"{target.parent}: cannot be made: {error.strerror or error}") from None
 
 
-def refuse_present(files: Sequence[Path]) -> None:
-    """Raise UsageError where one of `files` is there."""
+def refuse_others(files: Sequence[Path], measured: Iterable[Path]) -> None:
+    """Raise UsageError where one of `files` is there and not of a tuning of the same recordings.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        What is going to be written, the JSON document among them.
+    measured : iterable of Path
+        The recordings.
+    """
     there = [str(path) for path in files if path.exists()]
-    if there:
+    if not there:
+        return
+    table = next(path for path in files if path.suffix == ".json")
+    if not table.is_file():
         verb = "is" if len(there) == 1 else "are"
-        raise UsageError(
-            f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or"
-            " --force"
-        )
+        reason = f"{', '.join(there)} {verb} there already, and not of a tuning"
+    elif (reason := other_results(table, measured) or "") == "":
+        return
+    raise UsageError(f"{reason}; nothing done; give another --out FILE, or --force")

@@ -15,7 +15,7 @@ import pytest
 from insgnss.base.errors import UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.interrupts import ENDING, Terminated, raise_on_termination
-from insgnss.base.scratch import ENGINE, PREFIX, Scratch, scratch_directory, sweep
+from insgnss.base.scratch import ENGINE, OWNER, PREFIX, Scratch, scratch_directory, sweep
 from insgnss.base.staging import is_vacant, staged, together
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
@@ -313,3 +313,53 @@ def test_files_within_a_scratch_directory_of_the_run_itself(tmp_path: Path) -> N
                 atomic_write(own / "b", text)
             assert content(own) == {"a": text, "b": text}
     assert not list(tmp_path.iterdir())
+
+
+def test_files_are_on_the_disk_before_they_take_names(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: the calls of the operating system, by the numbers of the files afterwards."""
+    flushed: set[int] = set()
+    monkeypatch.setattr(os, "fsync", lambda number: flushed.add(os.fstat(number).st_ino))
+    atomic_write(root / "one.txt", "new")
+    assert flushed == {(root / "one.txt").stat().st_ino}
+    move(root)
+    assert {(root / name).stat().st_ino for name, text in AFTER.items() if text == "new"} < flushed
+
+
+@pytest.mark.parametrize("locks", ["none", "fail"])
+def test_without_locks_the_process_or_the_age_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locks: str
+) -> None:
+    """Oracle: which directories stay: of this process, of another machine, of one that ended long
+    ago, and one that nobody changed for a year.
+    """
+    fcntl = pytest.importorskip("fcntl")
+
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    if locks == "fail":
+        monkeypatch.setattr(fcntl, "flock", flock)
+    else:
+        monkeypatch.setattr("insgnss.base.scratch.fcntl", None)
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], stdout=-1)
+    host, number = os.uname().nodename, int(ended.stdout)
+    for name, owner in {
+        "dead": f"{host} {number}",
+        "far": f"far {number}",
+        "": "",
+        "old": "",
+    }.items():
+        folder = tmp_path / f"{PREFIX}{name}"
+        folder.mkdir()
+        if owner:
+            (folder / OWNER).write_text(owner)
+    os.utime(tmp_path / f"{PREFIX}old", (1.0, 1.0))
+    own = Scratch(tmp_path)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {f"{PREFIX}far", PREFIX, own.path.name}
+    sweep(tmp_path)
+    assert own.path.is_dir()
+    own.close()
+    assert not own.path.exists()

@@ -175,7 +175,16 @@ def test_page_and_picture_show_the_same_differences(
     files = [str(flight[name]) for name in ("eo.json", "metashape.csv")]
     page = tmp_path / "compare.html"
     figure = tmp_path / "compare.svg"
-    assert main(["compare", *files, "--page", str(page), "--figure", str(figure), "-q"]) == 0
+    other = str(flight["EO_local-plane.txt"])
+    argv = ["--page", str(page), "--figure", str(figure), "-q"]
+    assert main(["compare", *files, *argv]) == 0
+    before = page.read_bytes()
+    assert main(["compare", files[0], other, *argv]) == 2  # other inputs
+    assert page.read_bytes() == before
+    assert main(["compare", files[0], other, *argv[:2], "-q"]) == 2
+    assert "compare.svg is there and of other inputs" in capsys.readouterr().err
+    for word in ([], ["--force"]):
+        assert main(["compare", *files, *argv, *word]) == 0
     assert figure.read_bytes().startswith(b"<?xml")
     _, charts = charts_of(page)
     result = compare_files(*map(Path, files))

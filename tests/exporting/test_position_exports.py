@@ -82,3 +82,27 @@ def test_what_positions_cannot_be_is_refused(file, capsys, words, message):
     assert main(["export", str(file), *words]) == 2
     assert message in capsys.readouterr().err
     assert sorted(file.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "crs"), [([], "EPSG::4979"), (["--crs", "EPSG:2056"], "EPSG::2056")]
+)
+def test_metashape_gets_a_script_of_its_columns(file, capsys, monkeypatch, words, crs):
+    """Oracle: the letters of Metashape's importReference over the header of the csv."""
+    from test_import_helpers import run_in_metashape
+
+    assert main(["export", str(file), "metashape", *words, "--json"]) == 0
+    script = file.parent / "metashape_positions_import.py"
+    assert str(script) in capsys.readouterr().out
+    calls = run_in_metashape(script, monkeypatch)
+    assert calls["crs"] == calls["chunk_crs"] == ("CRS", crs)
+    assert calls["angles"] is None
+    header = (file.parent / "metashape_positions.csv").read_text().splitlines()[0].split(",")
+    assert len(calls["columns"]) == len(header)
+    assert header[calls["columns"].index("X")] == "X_acc"
+
+
+def test_a_system_of_another_place_is_told(file, capsys):
+    """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
+    assert main(["export", str(file), "odm", "--crs", "EPSG:32732", "-q"]) == 0
+    assert "2 of 2 images lie outside: is it the right CRS?" in capsys.readouterr().out

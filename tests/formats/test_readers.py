@@ -709,3 +709,13 @@ def test_matlab_struct_and_matrix(tmp_path: Path) -> None:
 def test_format_is_found_by_content(tmp_path: Path, content: str, form: str) -> None:
     """Oracle: data_specs; the ending .pos says nothing, other tools write plain text under it."""
     assert sniff_gnss(write(tmp_path, content, "x.pos")) == form
+
+
+def test_names_with_blanks_are_told_to_stand_in_quotation_marks(tmp_path):
+    """Oracle: the names; the advice of the refusal works."""
+    path = tmp_path / "Events.txt"
+    path.write_text("my image 1.jpg 200010.5\nmy image 2.jpg 200012.5\n")
+    with pytest.raises(InputError, match='names with blanks stand in quotation marks: "my image'):
+        read_events(path, gps_week=2008)
+    path.write_text('"my image 1.jpg" 200010.5\n"my image 2.jpg" 200012.5\n')
+    assert read_events(path, gps_week=2008).images == ("my image 1.jpg", "my image 2.jpg")

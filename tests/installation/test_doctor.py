@@ -222,7 +222,7 @@ def test_doctor_prints_a_line_a_thing_and_ends_with_code_0(looked, capsys):
         "  note  cache   here; set it",
         "ppk",
         "  ok    engine  none",
-        "insgnss works here; 1 of 3 lines not ok",
+        "insgnss works here; of 3 lines 2 ok, 1 of notes, 0 not known, 0 wrong",
     ]
     assert main(["doctor", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -248,7 +248,8 @@ def test_a_core_that_fails_is_code_1_and_one_line_after_all_others(looked, capsy
     assert (
         "  WRONG loading  fails: ModuleNotFoundError: No module named 'numba'; see" in streams.out
     )
-    assert streams.out.splitlines()[-1].startswith("insgnss does not work here; 1 of 3 ")
+    last = streams.out.splitlines()[-1]
+    assert last.endswith("here; of 3 lines 2 ok, 0 of notes, 0 not known, 1 wrong")
     assert streams.err.count("\n") == 1
     assert streams.err.startswith("insgnss: error: loading: fails: ModuleNotFoundError")
     assert main(["doctor", "--json"]) == 1

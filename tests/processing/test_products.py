@@ -17,6 +17,7 @@ import pytest
 from written import image_positions
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.base.provenance import KEY, hashes_of
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.orientation.eo_covariance import read_eo_covariance
@@ -26,7 +27,7 @@ from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
 from insgnss.inspection.discovery import sources_of
 from insgnss.processing import products
-from insgnss.processing.input_files import input_files
+from insgnss.processing.input_files import input_files, measurements
 from insgnss.processing.pipeline import process
 from insgnss.processing.products import PPK_PRODUCTS, ppk_directory
 from insgnss.records import CameraEvents
@@ -299,3 +300,23 @@ def test_a_run_without_raw_observations_does_not_load_what_solves_them():
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["[]"]
+
+
+@pytest.mark.parametrize("of", ["rover", "base"])
+def test_each_file_of_a_receiver_is_a_measurement(tmp_path, of):
+    """Oracle: the second file of rover or base changes after the results were made."""
+    names = {"rover": ["r1.18o", "r2.18o"], "base": ["b1.18o", "b2.18o"], "navigation": ["n.18n"]}
+    for name in ("imu.csv", *(name for files in names.values() for name in files)):
+        (tmp_path / name).write_text(name)
+    gnss = "\n".join(f"{key} = {json.dumps(files)}" for key, files in names.items())
+    text = f'[imu]\nfile = "imu.csv"\n[gnss]\n{gnss}\n[output]\ndirectory = "out"\n'
+    (tmp_path / "flight.toml").write_text(f'name = "f"\n{text}')
+    flight = load_flight(tmp_path / "flight.toml")
+    (tmp_path / "out").mkdir()
+    made_from = hashes_of(measurements(flight), tmp_path)
+    (tmp_path / "out" / "report.json").write_text(json.dumps({KEY: made_from}))
+    assert products.output_directory(flight, None) == tmp_path / "out"
+    (tmp_path / names[of][1]).write_text("of another flight")
+    with pytest.raises(InputError, match=f"{names[of][1]} is not what report.json was made from"):
+        products.output_directory(flight, None)
+    assert products.output_directory(flight, None, force=True) == tmp_path / "out"

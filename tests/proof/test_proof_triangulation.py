@@ -11,8 +11,10 @@ import scene
 from oracles import oracle
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.exporting.export import export
 from insgnss.formats.bundle.colmap import write_colmap
 from insgnss.formats.bundle.colmap_database import MODELS
+from insgnss.proof.scene import make_scene
 
 CAMERA = "PINHOLE 5120 3840 5607 5607 2590.4 1971.9"
 LIMIT_M = 5e-4  # keypoints are of single precision: 2e-4 px, at 140 m and a base of 20 m
@@ -180,3 +182,31 @@ def test_rigs_of_several_cameras_are_refused(tmp_path: Path) -> None:
     database(tmp_path / "d.db", pycolmap, two_in_a_rig=True)
     with pytest.raises(UsageError, match="stands in a rig of several cameras"):
         write_colmap(scene.framed("tangent plane"), tmp_path / "m", database=tmp_path / "d.db")
+
+
+def test_a_database_of_other_names_or_fewer_images_has_a_way_through(tmp_path: Path) -> None:
+    """Oracle: the names in the tables; each advice of a refusal is followed."""
+    eo, out = make_scene().eo, tmp_path / "m"
+    few, blanks, other = (tmp_path / name for name in ("few.db", "blanks.db", "other.db"))
+    plain_database(few, scene.NAMES[1:])
+    plain_database(blanks, [f"my {name}" for name in scene.NAMES])
+    plain_database(other, [f"IMG_{name}" for name in scene.NAMES])
+    with pytest.raises(InputError, match="leave out what is missing"):
+        export(eo, "colmap", out, database=few)
+    done = export(eo, "colmap", out, database=few, missing="skip")
+    assert "1 of 4 images are not in the database and were left out, such as 8001.tif" in done.notes
+    rows = [x.split() for x in (out / "images.txt").read_text().splitlines() if x[:1].isdigit()]
+    whole = tmp_path / "whole"
+    plain_database(tmp_path / "all.db", scene.NAMES)
+    export(eo, "colmap", whole, database=tmp_path / "all.db")
+    of_all = [x.split() for x in (whole / "images.txt").read_text().splitlines() if x[:1].isdigit()]
+    assert [row[1:8] + row[9:] for row in rows] == [row[1:8] + row[9:] for row in of_all[1:]]
+    with pytest.raises(InputError, match=r"no image '8001\.tif' .*; it has 'IMG_8001.*--rename"):
+        export(eo, "colmap", out, database=other)
+    with pytest.raises(InputError, match="4 of 4 are missing"):  # nothing is left to skip to
+        export(eo, "colmap", out, database=other, missing="skip")
+    rules = [f"{name}=IMG_{name}" for name in scene.NAMES]
+    export(eo, "colmap", tmp_path / "renamed", None, rules, database=other)
+    rules = [f"{name}=my {name}" for name in scene.NAMES]
+    with pytest.raises(InputError, match=r"'my 8001\.tif' .*extract .* export with --rename safe"):
+        export(eo, "colmap", tmp_path / "x", None, rules, database=blanks)

@@ -29,6 +29,21 @@ def test_events_of_another_time_scale_lie_in_turns(flown, late):
     assert f"camera.time_offset_s = {-late:.0f}" in check.advice
 
 
+@pytest.mark.parametrize(
+    ("scale", "late", "advice"),
+    [
+        ("gpst", -18.0, 'camera.time_scale = "utc"'),
+        ("utc", 18.0, 'camera.time_scale = "gpst"'),
+        ("utc", -18.0, "camera.time_offset_s = 18"),
+        ("", -18.0, "camera.time_offset_s = 18"),
+    ],
+)
+def test_a_wrong_time_scale_is_mended_by_its_key(flown, scale, late, advice):
+    """Oracle: UTC taken as GPST is 18 s early; a key that was not given helps nothing."""
+    events = replace(flown.events, time=flown.events.time + late, time_scale=scale)
+    assert advice in check_events(events, flown.gnss).advice
+
+
 def test_events_on_lines_are_believed(flown):
     """Oracle: the simulator's own events, and with half a second of delay, which cannot be told."""
     for late in (0.0, 0.5):

@@ -63,7 +63,11 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 def test_predictions_hold_the_true_pixels(flight: RenderedFlight, tmp_path: Path) -> None:
     """Oracle: the pixels by hand; 16 errors of two coordinates in units of their covariance."""
     out = tmp_path / "p.csv"
-    assert main(["targets", "predict", *flight.arguments[:3], "--out", str(out), "-q"]) == 0
+    argv = ["targets", "predict", *flight.arguments[:3], "--out", str(out), "-q"]
+    out.write_text("of the user\n")
+    assert [main(argv), out.read_text()] == [2, "of the user\n"]
+    assert main([*argv, "--force"]) == 0
+    assert main(argv) == 0
     squares = []
     for row in rows_of(out):
         assert row["visibility"] == "visible"

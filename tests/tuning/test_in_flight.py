@@ -429,7 +429,12 @@ def test_each_doubt_keeps_the_static_model(tuned):
     [
         (None, {"parameters": ["gyro.bias"]}, UsageError, "gyro.bias"),
         (None, {"parameters": ["white_noise", "gyro.white_noise"]}, UsageError, "not for both"),
-        (None, {}, UsageError, "there already"),
+        (
+            lambda f: replace(f, imu=replace(f.imu, file=f.path)),
+            {},
+            UsageError,
+            "holds results of other measurements: flight.toml is not what",
+        ),
         (None, {"out": "flight.toml"}, UsageError, "input of this flight"),
         (None, {"out": "noise.txt"}, UsageError, r"end its name with \.toml"),
         (

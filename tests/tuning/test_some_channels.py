@@ -95,5 +95,11 @@ def test_one_axis_is_tuned_into_a_directory_that_is_made(tmp_path: Path) -> None
     units = ["--rate", "50", "--gyro-unit", "rad/s", "--accel-unit", "m/s^2", "--only", "accel_x"]
     out = tmp_path / "x" / "x.toml"
     argv = [*TUNE, str(tmp_path / "all.npy"), *units, "--out", str(out), "--levels", "1-5"]
-    assert main(argv) == 0
+    for _ in range(2):  # the same recording again, without --force
+        assert main(argv) == 0
     assert {file.name for file in out.parent.iterdir()} == {"x.json", "x.html", "x_accel.png"}
+    assert "all six axes, and gyro x y z, accel y z were not tuned; x.json has" in out.with_suffix(
+        ".json"
+    ).read_text(encoding="utf-8")
+    out.with_suffix(".json").unlink()
+    assert main(argv) == 2  # files that no tuning owns

@@ -238,7 +238,10 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, rest, *UNITS, *out], "given twice"),
         ([rest, *UNITS, "--only", "gyro_w", *out], "'gyro_w' is none of gyro, accel, gyro_x"),
         ([rest, *UNITS, "--out", tmp_path / "x.txt"], "end its name with .toml"),
-        ([rest, *UNITS, "--out", folder / "imu.toml"], "are there already"),
+        (
+            [folder / "nameless.csv", *UNITS, "--out", folder / "imu.toml"],
+            "holds results of other measurements: nameless.csv is not what imu.json was made from",
+        ),
         (
             [rest, *UNITS, "--columns", "gx=1,gy", *out],
             "give names in the order of the columns, or every one as in",

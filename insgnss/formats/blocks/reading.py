@@ -1,4 +1,4 @@
-"""Image blocks of any readable program: the format is told by names and first bytes."""
+"""Image blocks of any readable program: names and first bytes tell the format."""
 
 import re
 from collections.abc import Mapping

@@ -13,8 +13,9 @@ a database (`colmap_database`).
 
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,7 +25,13 @@ from ...base.staging import staged, together
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import check_frame, check_names, check_only, comment_lines
+from ..orientation.exported import (
+    UnfitName,
+    check_frame,
+    check_names,
+    check_only,
+    comment_lines,
+)
 from ..orientation.poses import vector
 from ..text.text import Source
 from .camera import Camera, camera_of, cameras_of
@@ -36,6 +43,8 @@ CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
 POSE = " ".join(["%.12f"] * 4 + ["%.6f"] * 3)
 # COLMAP takes a binary model before a text
 PARTS = ("cameras", "images", "points3D", "frames", "rigs")
+Missing = Literal["refuse", "skip"]
+ROWS = ("time", "coordinates", "C_fc", "C_fE", "cov", "geodetic")  # arrays of a row an image
 
 
 def write_colmap(
@@ -44,7 +53,8 @@ def write_colmap(
     camera: str | None = None,
     shift: str | Sequence[float] | None = None,
     database: Source | None = None,
-) -> None:
+    missing: Missing = "refuse",
+) -> tuple[str, ...]:
     """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`.
 
     The directory is made where it is missing.
@@ -64,6 +74,13 @@ def write_colmap(
     database : path, optional
         COLMAP's database, whose numbers and names of images, cameras, rigs and frames are taken,
         so that the model belongs to its features and matches; else images count from 1.
+    missing : {"refuse", "skip"}
+        What becomes of images that the database lacks.
+
+    Returns
+    -------
+    tuple of str
+        What to know: how many images were left out.
 
     Raises
     ------
@@ -74,6 +91,7 @@ def write_colmap(
         Names with blanks, or a database that lacks an image or cannot be read.
     """
     check_frame(eo, "colmap", *CARTESIAN)
+    notes: tuple[str, ...] = ()
     if database is None:
         check_names(eo.images, None)
         names, number = eo.cameras
@@ -83,9 +101,10 @@ def write_colmap(
         )
         cameras = dict(enumerate(cameras_of(camera, names, "colmap"), start=1))
     else:
-        numbered = read_colmap_database(database, eo.images)
+        numbered = read_colmap_database(database, eo.images, missing == "skip")
         images, cameras = numbered.images, numbered.cameras
-        check_names([image.name for image in images], None)
+        eo, notes = _of_rows(eo, numbered.rows)
+        _check_stored_names(images, database)
         if camera is not None:
             cameras = _calibrated(camera_of(camera, "colmap"), cameras, database)
     directory = Path(path)
@@ -100,6 +119,40 @@ def write_colmap(
         into = staging.tree(directory)
         for name, text in texts.items():
             atomic_write(into / name, text)
+    return notes
+
+
+def _of_rows(
+    eo: FramedOrientation, rows: Sequence[int]
+) -> tuple[FramedOrientation, tuple[str, ...]]:
+    """Return the images `rows` of an orientation, and a note of those that are left out."""
+    own = set(rows)
+    left_out = [name for k, name in enumerate(eo.images) if k not in own]
+    if not left_out:
+        return eo, ()
+    k = list(rows)
+    part = replace(
+        eo,
+        images=tuple(eo.images[row] for row in k),
+        cross=None,
+        **{name: getattr(eo, name)[k] for name in ROWS},
+    )
+    return part, (
+        f"{len(left_out)} of {len(eo.images)} images are not in the database and were left out,"
+        f" such as {left_out[0]}",
+    )
+
+
+def _check_stored_names(images: Sequence[DatabaseImage], database: Source) -> None:
+    """Refuse names of a database that a text model cannot hold; only the files can be renamed."""
+    try:
+        check_names([image.name for image in images], None)
+    except UnfitName as error:
+        problem = (
+            f"{str(error).partition(';')[0]}: rename the files of the images without blanks,"
+            " extract their features again, and export with --rename safe"
+        )
+        raise InputError.at_line(database, None, problem) from None
 
 
 def _calibrated(
@@ -181,7 +234,8 @@ def write_colmap_priors(
     camera: str | None = None,
     database: Source | None = None,
     shift: str | Sequence[float] | None = None,
-) -> None:
+    missing: Missing = "refuse",
+) -> tuple[str, ...]:
     """Write pose priors through pycolmap into a new database, or into a copy of `database`.
 
     `database` stays as it is. In the copy, images are found by name, and their priors replaced.
@@ -200,6 +254,13 @@ def write_colmap_priors(
     shift : (3,) m, or text with commas
         Subtracted from the positions, none by default, since a database cannot state it; a
         geographic frame takes none.
+    missing : {"refuse", "skip"}
+        What becomes of images that the database lacks.
+
+    Returns
+    -------
+    tuple of str
+        What to know: how many images were left out.
 
     Raises
     ------
@@ -213,6 +274,7 @@ def write_colmap_priors(
     if eo.frame.kind == "geographic" and shift is not None:
         raise UsageError("shift: latitude and longitude are not shifted; leave it out")
     models = None
+    notes: tuple[str, ...] = ()
     if database is None:
         models = cameras_of(camera, eo.cameras[0], "a new database of colmap_priors")
     with staged(path) as work:
@@ -220,14 +282,16 @@ def write_colmap_priors(
             _copy(database, work)
         db = _open(pycolmap, work, database)
         try:
-            ids = (
-                _new_images(pycolmap, db, eo, models)
-                if models is not None
-                else _known_images(db, eo, database)
-            )
+            if models is not None:
+                ids = _new_images(pycolmap, db, eo, models)
+            else:
+                stored = _stored_images(db, eo, database, missing == "skip")
+                eo, notes = _of_rows(eo, tuple(stored))
+                ids = list(stored.values())
             _write_priors(pycolmap, db, eo, ids, shift)
         finally:
             db.close()
+    return notes
 
 
 def _pycolmap() -> Any:
@@ -283,9 +347,13 @@ def _new_images(
     return ids
 
 
-def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> list[Any]:
+def _stored_images(
+    db: Any, eo: FramedOrientation, database: Source | None, skip: bool
+) -> dict[int, Any]:
+    """Return the data ids of images in a database by their numbers in the orientation."""
     ids = {image.name: image.data_id for image in db.read_all_images()}
-    return [ids[name] for name in names_in_database(eo.images, tuple(ids), database)]
+    names = names_in_database(eo.images, tuple(ids), database, skip)
+    return {k: ids[name] for k, name in names.items()}
 
 
 def _write_priors(

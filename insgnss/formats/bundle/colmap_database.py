@@ -58,13 +58,16 @@ class ColmapDatabase:
         In the order of the orientation.
     cameras : dict
         Cameras of these images by number.
+    rows : tuple of int
+        Which images of the orientation these are.
     """
 
     images: tuple[DatabaseImage, ...]
     cameras: dict[int, Camera]
+    rows: tuple[int, ...]
 
 
-def read_colmap_database(path: Source, images: Sequence[str]) -> ColmapDatabase:
+def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False) -> ColmapDatabase:
     """Read the numbers of images and their cameras; the file stays as it is.
 
     Parameters
@@ -73,6 +76,8 @@ def read_colmap_database(path: Source, images: Sequence[str]) -> ColmapDatabase:
         The database.
     images : sequence of str
         Names of the images; those of the database may have folders before them.
+    skip : bool
+        Whether images that the database lacks are left out.
 
     Returns
     -------
@@ -110,7 +115,8 @@ def read_colmap_database(path: Source, images: Sequence[str]) -> ColmapDatabase:
     finally:
         connection.close()
     chosen = []
-    for name in names_in_database(images, tuple(stored), path):
+    names = names_in_database(images, tuple(stored), path, skip)
+    for name in names.values():
         number, camera = stored[name]
         rig, frame, count = frames.get(number, (None, None, 1))
         if count > 1:
@@ -124,10 +130,13 @@ def read_colmap_database(path: Source, images: Sequence[str]) -> ColmapDatabase:
             )
         chosen.append(DatabaseImage(number, camera, name, rig, frame))
     used = sorted({image.camera for image in chosen})
-    return ColmapDatabase(tuple(chosen), {k: _camera(path, k, given.get(k)) for k in used})
+    cameras = {k: _camera(path, k, given.get(k)) for k in used}
+    return ColmapDatabase(tuple(chosen), cameras, tuple(names))
 
 
-def names_in_database(images: Sequence[str], names: Sequence[str], path: object) -> list[str]:
+def names_in_database(
+    images: Sequence[str], names: Sequence[str], path: object, skip: bool = False
+) -> dict[int, str]:
     """Return the names that images have in a database, where these may have folders before them.
 
     Parameters
@@ -138,26 +147,34 @@ def names_in_database(images: Sequence[str], names: Sequence[str], path: object)
         Those of the database.
     path : path
         The database, for the message.
+    skip : bool
+        Whether images that the database lacks are left out.
 
     Returns
     -------
-    list of str
-        One for each image: the very name, or the only one that ends in it.
+    dict
+        By the number of the image among `images`, from 0: the very name, or the only one that ends
+        in it.
 
     Raises
     ------
     InputError
-        Images that the database lacks or has in several folders.
+        Images that the database lacks, all of them where they are skipped, or that it has in
+        several folders.
     """
     by_file: dict[str, list[str]] = {}
     for name in names:
         by_file.setdefault(name.replace("\\", "/").rpartition("/")[2], []).append(name)
     whole = set(names)
     choices = [[image] if image in whole else by_file.get(image, []) for image in images]
-    if missing := [image for image, own in zip(images, choices, strict=True) if not own]:
+    missing = [image for image, own in zip(images, choices, strict=True) if not own]
+    if missing and (not skip or len(missing) == len(images)):
+        others = sorted(whole - {own[0] for own in choices if own})
+        has = f"; it has {shown(others[0])}" if others else ""
         message = (
-            f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing); extract"
-            " features of all images first"
+            f"has no image {missing[0]!r} ({len(missing)} of {len(images)} are missing){has}: call"
+            " ours as the database does (--rename OLD=NEW or a table), extract features of all"
+            " images, or leave out what is missing (--set missing=skip)"
         )
         raise InputError.at_line(path, None, message)
     if doubles := [own for own in choices if len(own) > 1]:
@@ -166,7 +183,7 @@ def names_in_database(images: Sequence[str], names: Sequence[str], path: object)
             " means is not known; name its images with their folders"
         )
         raise InputError.at_line(path, None, message)
-    return [own[0] for own in choices]
+    return {k: own[0] for k, own in enumerate(choices) if own}
 
 
 def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:

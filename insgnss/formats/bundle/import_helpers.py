@@ -21,12 +21,14 @@ from ...geodesy.frames import TangentPlane
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, TANGENT
 from ..orientation.exported import frame_words
+from ..positions.position_references import PlacedCameras
 
 LOCAL = (
     'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],'
     'UNIT["metre",1,AUTHORITY["EPSG","9001"]]]'
 )
-COLUMNS = "nxyzabcXYZABC"  # of a reference csv: label, position, angles, accuracies of both
+# of a reference csv: label, position, angles, accuracies of both, and the same without angles
+COLUMNS, WITHOUT_ANGLES = "nxyzabcXYZABC", "nxyzXYZ"
 SCRIPT = '''"""Import {file} into the active chunk of Metashape: Tools, Run Script.
 
 Written by insgnss {version}. Frame: {frame}.
@@ -47,8 +49,7 @@ CRS = Metashape.CoordinateSystem({crs!r})
 
 chunk = Metashape.app.document.chunk
 chunk.crs = CRS
-chunk.euler_angles = Metashape.{angles}
-chunk.importReference(
+{angles}chunk.importReference(
     path=FILE,
     format=Metashape.ReferenceFormatCSV,
     columns={columns!r},
@@ -57,12 +58,13 @@ chunk.importReference(
     items=Metashape.ReferenceItemsCameras,
     crs=CRS,
 )
-given = [camera for camera in chunk.cameras if camera.reference.rotation is not None]
+given = [camera for camera in chunk.cameras if camera.reference.{what} is not None]
 print(str(len(given)) + " of " + str(len(chunk.cameras)) + " cameras have a reference")
 if not given:
     print("labels of cameras must be the names in the file, with their endings")
 '''
 APPLIED = "Lever arm and bore-sight are applied: leave the GPS/INS offset of the camera at zero."
+NO_ANGLES = "There are no angles: of these Metashape keeps what the images say."
 OFFSET = "Set the GPS/INS offset beside as well: the angles are those of the nominal camera."
 FLIGHT_LOG = """<!-- {comment} -->
 <FlightLogs>
@@ -92,7 +94,7 @@ RTL = """<SystemeCoord>
 
 
 def metashape_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
-    """Return <name>_import.py beside a reference csv of yaw, pitch, roll.
+    """Return <name>_import.py beside a reference csv, whose header names its angles.
 
     Parameters
     ----------
@@ -106,16 +108,21 @@ def metashape_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
-    return _script(eo, path, "EulerAnglesYPR", APPLIED)
+    first = _header(path, "#Label").split(",")[4]
+    frame = eo.frame
+    note = OFFSET if first == "Nominal_yaw" else APPLIED
+    crs = LOCAL if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt)
+    angles = "EulerAnglesOPK" if first == "Omega" else "EulerAnglesYPR"
+    return _script(path, frame_words(eo), note + _geoid_note(frame.heights), crs, angles)
 
 
-def metashape_opk_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
-    """Return <name>_import.py beside a reference csv of omega, phi, kappa, as `metashape_script`.
+def metashape_positions_script(cameras: PlacedCameras, path: Path) -> dict[Path, str]:
+    """Return <name>_import.py beside a reference csv without angles.
 
     Parameters
     ----------
-    eo : FramedOrientation
-        The orientation that was written.
+    cameras : PlacedCameras
+        The positions that were written.
     path : Path
         The csv.
 
@@ -124,56 +131,62 @@ def metashape_opk_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
-    return _script(eo, path, "EulerAnglesOPK", APPLIED)
+    name = cameras.crs or "geographic coordinates of WGS84"
+    note = NO_ANGLES + _geoid_note(cameras.heights)
+    crs = metashape_crs(cameras.crs, cameras.wkt)
+    return _script(path, f"{name}, heights {cameras.heights}", note, crs)
 
 
-def metashape_offset_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
-    """Return <name>_import.py beside a csv of the nominal camera, as `metashape_script`.
-
-    Parameters
-    ----------
-    eo : FramedOrientation
-        The orientation that was written.
-    path : Path
-        The csv.
-
-    Returns
-    -------
-    dict
-        Text by path.
-    """
-    return _script(eo, path, "EulerAnglesYPR", OFFSET)
+def _geoid_note(heights: str) -> str:
+    """Return what to do about heights above a geoid that is a file here; empty for others."""
+    if "geoid" not in heights:
+        return ""
+    return f"\nHeights are {heights}: choose the CRS with these heights in its place."
 
 
-def _script(eo: FramedOrientation, path: Path, angles: str, note: str) -> dict[Path, str]:
-    crs, frame = _metashape_crs(eo), eo.frame
-    if frame.heights and "geoid" in frame.heights:
-        note += f"\nHeights are {frame.heights}: choose the CRS with these heights in its place."
+def _header(path: Path, start: str) -> str:
+    """Return the first line of an export that begins with `start`."""
+    with written(path).open(encoding="utf-8") as stream:
+        return next(line for line in stream if line.startswith(start)).strip()
+
+
+def _script(path: Path, frame: str, note: str, crs: str, angles: str = "") -> dict[Path, str]:
     text = SCRIPT.format(
         file=path.name,
         name=path.name,
         version=__version__,
-        frame=frame_words(eo).replace("\\", "/").replace('"', "'"),
+        frame=frame.replace("\\", "/").replace('"', "'"),
         note=note,
         crs=crs,
-        angles=angles,
-        columns=COLUMNS,
+        angles=f"chunk.euler_angles = Metashape.{angles}\n" if angles else "",
+        columns=COLUMNS if angles else WITHOUT_ANGLES,
+        what="rotation" if angles else "location",
     )
     return {path.with_name(f"{path.stem}_import.py"): text}
 
 
-def _metashape_crs(eo: FramedOrientation) -> str:
-    """Return the CRS as Metashape takes it: a code, or well-known text of the first kind."""
-    frame = eo.frame
-    if frame.kind == TANGENT:
-        return LOCAL
-    if frame.kind == GEOGRAPHIC:
+def metashape_crs(crs: str, wkt: str) -> str:
+    """Return a CRS as Metashape takes it: a code, or well-known text of the first kind.
+
+    Parameters
+    ----------
+    crs : str
+        Its code or name; empty for latitude and longitude of WGS84.
+    wkt : str
+        Its well-known text, where it is projected.
+
+    Returns
+    -------
+    str
+        The argument of Metashape.CoordinateSystem.
+    """
+    if not wkt:
         return "EPSG::4979"
-    if frame.crs and not frame.wkt.startswith("COMPOUNDCRS"):
-        return frame.crs.replace(":", "::")
+    if crs.startswith("EPSG:") and not wkt.startswith("COMPOUNDCRS"):
+        return crs.replace(":", "::")
     from pyproj import CRS
 
-    return str(CRS.from_wkt(frame.wkt).to_wkt("WKT1_GDAL"))
+    return str(CRS.from_wkt(wkt).to_wkt("WKT1_GDAL"))
 
 
 def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
@@ -191,9 +204,7 @@ def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
-    with written(path).open(encoding="utf-8") as stream:
-        head = next(line for line in stream if line.startswith("#name"))
-    fields = head.strip().lstrip("#").split(",")
+    fields = _header(path, "#name").lstrip("#").split(",")
     variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
     columns = "".join(
         f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'

@@ -217,10 +217,11 @@ def dated_events(
     CameraEvents
         GPST, with standard deviations where stamps have few digits.
     """
-    time, week, sigma, notes = _times(texts, *scales, lines)
+    time, week, sigma, notes, scale = _times(texts, *scales, lines)
     if gps_week is not None:
         time, week = time + (week - gps_week) * WEEK_S, gps_week
     events = events_in_order(images, time, lines, source, week, notes)
+    events = replace(events, time_scale=scale)
     if sigma * 12.0**0.5 < MATTERS_S:
         return events
     return replace(events, sigma_s=np.full(events.time.size, sigma))
@@ -241,8 +242,10 @@ def _finest(table: TextTable) -> Columns:
 
 def _times(
     texts: Sequence[str], title: str, time_scale: str | None, lines: Lines
-) -> tuple[Array, int, float, tuple[Check, ...]]:
-    """Seconds (n,) GPST of a week, that week, the standard deviation (T.1), and notes."""
+) -> tuple[Array, int, float, tuple[Check, ...], str]:
+    """Seconds (n,) GPST of a week, that week, the standard deviation (T.1), notes, and the scale
+    where the file does not state it.
+    """
     parts = []
     for row, text in enumerate(texts):
         match = STAMP.fullmatch(text.strip(" \"'"))
@@ -253,7 +256,8 @@ def _times(
                 " correct the line or name the columns",
             )
         parts.append(match)
-    scale = stated_scale(title, {match[8] for match in parts if match[8]}) or time_scale
+    stated = stated_scale(title, {match[8] for match in parts if match[8]})
+    scale = stated or time_scale
     if scale is None:
         raise lines.error_at(
             0,
@@ -264,7 +268,7 @@ def _times(
     week = times[0][0]
     time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
     time, sigma, notes = rounded(time, max(len((match[7] or "").rstrip("0")) for match in parts))
-    return time, week, sigma, notes
+    return time, week, sigma, notes, "" if stated else scale.strip().lower()
 
 
 def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Check, ...]]:

@@ -85,6 +85,9 @@ class _Srs:
     wkt2: str
 
 
+GPS_EPOCH = "1980-01-06T00:00:00.000Z"  # of a file without images
+
+
 def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     """Write the tables `images` and `track`.
 
@@ -167,12 +170,13 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
     description = "; ".join(sentences(eo))
     contents = (
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y,"
-        " max_x, max_y, srs_id)"
+        " max_x, max_y, srs_id, last_change)"
     )
+    last = (utc(eo, "ms") or [GPS_EPOCH])[-1]  # not now: the same content, the same file
     for table, kind in (("images", "POINT"), ("track", "LINESTRING")):
         db.execute(
-            f"{contents} VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?)",
-            (table, table, description, *box, srs.number),
+            f"{contents} VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?, ?)",
+            (table, table, description, *box, srs.number, last),
         )
         db.execute(
             "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)",

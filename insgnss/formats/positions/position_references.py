@@ -35,6 +35,8 @@ class PlacedCameras:
         What heights are above.
     northing_first : bool
         Whether the reference system itself has northing, or latitude, first.
+    wkt : str
+        Well-known text of a projected reference system.
     """
 
     images: tuple[str, ...]
@@ -43,6 +45,7 @@ class PlacedCameras:
     crs: str
     heights: str
     northing_first: bool
+    wkt: str = ""
 
     @property
     def digits(self) -> str:
@@ -112,14 +115,30 @@ def write_odm_positions(cameras: PlacedCameras, path: Source) -> None:
 
 @dataclass(frozen=True)
 class PositionFormat:
-    """One format of positions: its usual file name and its writer."""
+    """One format of positions.
+
+    Attributes
+    ----------
+    product : str
+        Its usual file name.
+    write : callable
+        Its writer.
+    helper : str
+        Module and function in `formats` that give what the program needs besides to read the file,
+        as of `formats.exports.Export`.
+    """
 
     product: str
     write: Callable[[PlacedCameras, Source], None]
+    helper: str = ""
 
 
 POSITION_FORMATS: dict[str, PositionFormat] = {
-    "metashape": PositionFormat("metashape_positions.csv", write_metashape_positions),
+    "metashape": PositionFormat(
+        "metashape_positions.csv",
+        write_metashape_positions,
+        "bundle.import_helpers:metashape_positions_script",
+    ),
     "pix4d_matic": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
     "pix4d_mapper": PositionFormat("pix4d_positions.csv", write_pix4d_positions),
     "odm": PositionFormat("geo.txt", write_odm_positions),

@@ -1,4 +1,4 @@
-"""Poses of any bundle adjustment: the format is told by names and first bytes."""
+"""Poses of any bundle adjustment: names and first bytes tell the format."""
 
 import re
 from collections.abc import Mapping

@@ -116,6 +116,9 @@ def columns_of(
                 f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name"
                 f" them by columns = [...] of {choices}"
             )
+            most = max(map(len, defaults), default=0)
+            if "image" in aliases and not layout.delimiter and layout.n_fields > most:
+                message += '; names with blanks stand in quotation marks: "my image 1.jpg"'
             raise InputError.at_line(table.path, layout.first_line, message)
         assigned, source = [name if name in aliases else None for name in default], "the default"
     index = {name: i for i, name in enumerate(assigned) if name is not None}

@@ -79,7 +79,7 @@ def tune_flight(
     InputError
         For wrong input.
     UsageError
-        For an unknown parameter or a file that exists already.
+        For an unknown parameter, or files of other recordings.
     DataError
         Where the flight determines nothing.
     """
@@ -90,7 +90,7 @@ def tune_flight(
             f"{flight.path}: imu.further: the noise of several IMUs in one cannot be distinguished;"
             " `tune_each` takes each alone"
         )
-    return write(estimate(flight, chosen, progress), target)
+    return write(estimate(flight, chosen, progress), flight, target)
 
 
 def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:

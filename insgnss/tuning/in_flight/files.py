@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write, sha256
+from ...base.provenance import KEY, hashes_of
 from ...base.staging import together
 from ...base.units import rounded
 from ...config.flight_file import Flight
 from ...prepare.gaps import nominal_interval
-from ...processing.input_files import input_files
+from ...processing.input_files import input_files, measurements
 from ...processing.recording import Recording
 from ...records import ImuSamples
 from ...stochastic.model import (
@@ -24,7 +25,7 @@ from ...stochastic.model import (
     RecordingSource,
     write_noise_model,
 )
-from ..targets import check_target, make_directory, refuse_present
+from ..targets import check_target, make_directory, refuse_others
 
 if TYPE_CHECKING:
     from ...calibrate.innovation_noise import InFlightNoise
@@ -39,7 +40,7 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     Raises
     ------
     UsageError
-        Where the path takes no file, would overwrite an input, or a file exists already.
+        Where the path takes no file, would overwrite an input, or files are of other recordings.
     """
     target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
@@ -50,7 +51,7 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
             f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE"
         )
     if not force:
-        refuse_present(files)
+        refuse_others(files, measurements(flight))
     return target
 
 
@@ -60,8 +61,17 @@ def beside(target: Path) -> tuple[Path, Path, Path]:
     return target.with_suffix(".json"), target.with_suffix(".html"), picture
 
 
-def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
+def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":
     """Write the files, all or none, the noise model only where it is accepted.
+
+    Parameters
+    ----------
+    tuning : FlightTuning
+        The estimate.
+    flight : Flight
+        The flight it is of.
+    target : Path
+        The noise model.
 
     Returns
     -------
@@ -76,7 +86,8 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
     files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
     make_directory(target)
-    twin = json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n"
+    hashes = hashes_of(measurements(flight), flight.path.parent)
+    twin = json.dumps(tuning.as_dict() | {KEY: hashes}, indent=1, allow_nan=False) + "\n"
     with together():
         if drawn:
             atomic_write(picture, drawn)

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from ...base.errors import DataError
 from ...base.files import atomic_write
+from ...base.provenance import KEY
 from ...base.staging import together
 from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
 from ...stochastic.noise_file import model_of_text, text_of_model
 from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
-from ..targets import check_target, make_directory, refuse_present
+from ..targets import check_target, make_directory, refuse_others
 from ..usable import envelope, rounded_axis
 from .words import FITS, goodness_p, misfit, verdict
 
@@ -22,13 +23,13 @@ DEFAULT = Path("imu_noise.toml")
 WORST_OF_SIX = FITS / 6.0  # p-value below which a misfit goes into the file: one by chance
 
 
-def planned(out: Path | None, force: bool) -> Path:
+def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:
     """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is
-    there already.
+    there that is not of a tuning of the same recordings.
     """
     target = check_target(out or DEFAULT)
     if not force:
-        refuse_present((target, *_beside(target)))
+        refuse_others((target, *_beside(target)), measured)
     return target
 
 
@@ -91,15 +92,13 @@ def write(result: TuneResult, target: Path) -> TuneResult:
     files = (*((target,) if result.model is not None else ()), table, page, *drawn)
     notes = result.notes
     if result.model is None:
-        notes = (
-            *notes,
-            "no noise model was written: it needs three gyroscopes and three accelerometers",
-        )
+        notes = (*notes, _why_no_model(result.tuned, table))
     result = replace(result, files=files, notes=notes)
     if result.model is not None:
         _read_back(result, target)
     make_directory(target)
-    twin = json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n"
+    hashes = {r.source.file: r.source.sha256 for r in result.recordings}
+    twin = json.dumps(result.as_dict() | {KEY: hashes}, indent=1, allow_nan=False) + "\n"
     with together():
         for path, png in drawn.items():
             atomic_write(path, png)
@@ -108,6 +107,17 @@ def write(result: TuneResult, target: Path) -> TuneResult:
         if result.model is not None:
             write_noise_model(result.model, target, _remarks(result))
     return result
+
+
+def _why_no_model(tuned: Sequence[Tuned], table: Path) -> str:
+    """Say which axes are missing of a noise model, and where those are that were tuned."""
+    there = {(t.sensor, k) for t in tuned for k in t.axes}
+    lacking = {s: [AXES[k] for k in range(3) if (s, k) not in there] for s in SENSORS}
+    names = ", ".join(f"{sensor} {' '.join(axes)}" for sensor, axes in lacking.items() if axes)
+    return (
+        f"no noise model was written: one of a flight has all six axes, and {names} were not tuned;"
+        f" {table.name} has what was: tune the others with them, or enter them by hand"
+    )
 
 
 def _read_back(result: TuneResult, target: Path) -> None:
