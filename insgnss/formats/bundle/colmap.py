@@ -135,6 +135,7 @@ def _of_rows(
         eo,
         images=tuple(eo.images[row] for row in k),
         cross=None,
+        rig=None if eo.rig is None else eo.rig.taken(np.array(k)),
         **{name: getattr(eo, name)[k] for name in ROWS},
     )
     return part, (
