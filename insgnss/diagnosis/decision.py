@@ -242,6 +242,8 @@ def _next(
 ) -> _State | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
     suspected = None if constants is None else constants.strongest()
+    correlates = search.time_correlated and "time-correlated" not in here.attempted
+    suspicious = _looked_at(search, here) if correlates else None
     variances = VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
     remedied = None
@@ -258,8 +260,8 @@ def _next(
         elif left < LEAST_PROMISE and remedied is not None:
             return remedied
     candidates = [_variance(search, posed, here, variances)] if promising else []
-    if search.time_correlated and "time-correlated" not in here.attempted:
-        candidates.append(_time_correlated(search, posed, here, variances))
+    if suspicious is not None:
+        candidates.append(_time_correlated(search, posed, here, variances, suspicious))
     if suspected is not None and remedied is not None:
         candidates.append((suspected.evidence, lambda: remedied))
     ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
@@ -315,14 +317,24 @@ def _variance(
     return winner.evidence, adopt
 
 
+def _looked_at(search: ErrorModelSearch, here: _State) -> "Beside[bool]":
+    """Begin to look whether the innovations are coloured, beside the search for variances."""
+    fixes, layout_factory = here.model.fixes, search.of_fixes(here.model)
+    return Beside(lambda: is_suspicious(here.solution, layout_factory, fixes))
+
+
 def _time_correlated(
-    search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
+    search: ErrorModelSearch,
+    posed: Posed,
+    here: _State,
+    variances: VarianceSearch,
+    suspicious: "Beside[bool]",
 ) -> Candidate | None:
     """Return the time-correlated GNSS error; None where the innovations show none."""
     fixes = here.model.fixes
     if fixes.gm_sigma is not None:
         return None
-    if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
+    if not suspicious.result():
         # what larger noise of the IMU leaves is no error of the fixes
         imu = here.model.imu
         alone = (imu.white_noise, imu.driving_noise) == (

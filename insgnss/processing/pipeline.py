@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..base.beside import Beside
 from ..base.circumstances import circumstances
 from ..base.files import json_ready, sha256
 from ..config.flight_file import Flight
@@ -158,6 +159,7 @@ def process(
     clock = StepClock(progress)
 
     clock.step("read")
+    inputs = Beside(lambda: _digests(flight))
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
     if write and recording.cameras:
@@ -195,7 +197,7 @@ def process(
     segments = results
     clock.step("report")
     diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
-    report = _report(flight, recording, segments, diagnostics, eo, history, clock)
+    report = _report(flight, recording, segments, diagnostics, eo, history, clock, inputs.result())
 
     files: tuple[Path, ...] = ()
     if directory is not None:
@@ -228,6 +230,11 @@ def _solve(
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
 
 
+def _digests(flight: Flight) -> dict[str, str]:
+    """Return the SHA-256 of every input by its path from the flight file."""
+    return {os.path.relpath(f, flight.path.parent): sha256(f) for f in input_files(flight)}
+
+
 def _report(
     flight: Flight,
     recording: Recording,
@@ -236,9 +243,9 @@ def _report(
     eo: ExteriorOrientation | None,
     history: tuple[str, ...],
     clock: StepClock,
+    inputs: dict[str, str],
 ) -> dict[str, Any]:
     """Gather what report.json holds."""
-    inputs = {os.path.relpath(f, flight.path.parent): sha256(f) for f in input_files(flight)}
     versions = {
         "insgnss": __version__,
         "python": platform.python_version(),
