@@ -28,6 +28,7 @@ include_patterns = [
     "CHANGELOG.md",
     ".github/CONTRIBUTING.md",
 ]
+exclude_patterns = [".*env", "site", "build", "dist", "insgnss", "tests"]  # not even looked through
 html_theme = "furo"
 html_title = "insgnss"
 html_show_sphinx = False
