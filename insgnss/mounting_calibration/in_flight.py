@@ -255,7 +255,7 @@ def _processed(
     changed = replace(
         flight,
         mounting=mounting,
-        camera=replace(flight.camera, time_offset_s=delay),
+        camera=replace(flight.camera, time_offset_s=delay, further=()),  # of a rig the first
         filter=replace(flight.filter, lever_arm=True, lever_arm_sigma_m=sigma),
         output=replace(flight.output, strip_covariance=True, trajectory_hz=TRAJECTORY_HZ),
     )

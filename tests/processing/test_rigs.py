@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,9 +22,14 @@ from insgnss.exposures.rig import (
     refuse_same_names,
     triggered_events,
 )
+from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.orient.exterior import exterior_orientation
+from insgnss.orient.mounting import Mounting
+from insgnss.processing import orientation
 from insgnss.processing.recording import read_recording
-from insgnss.records import CameraEvents
+from insgnss.records import CameraEvents, Trajectory
+from insgnss.records.rig import merged_order
 
 READY = """
 [imu]
@@ -147,6 +153,52 @@ def test_what_a_further_camera_cannot_be_is_refused_with_its_line(tmp_path, tabl
     with pytest.raises(InputError, match=message) as refused:
         insgnss.load_flight(path)
     assert "rig.toml:" in str(refused.value)
+
+
+def test_two_cameras_of_one_instant_err_as_one_body() -> None:
+    """Oracle: the error of one image is that of the other turned by both lever arms, so that the
+    covariance of the pair has rank six; neighbours of one camera share what they do alone.
+    """
+    n, draw = 4, np.random.default_rng(8)
+    plane = TangentPlane(np.radians(46.57), np.radians(6.54), 400.0)
+    enu = np.column_stack([20.0 * np.arange(n), np.zeros(n), np.full(n, 100.0)])
+    C_nb = Rotation.from_euler("ZYX", draw.normal(0.0, 9.0, (n, 3)), degrees=True).as_matrix()
+    L = draw.normal(size=(n, 9, 9)) * np.repeat([0.02, 0.02, 2e-4], 3)[:, None]
+    cov = L @ L.swapaxes(1, 2)
+    body = Trajectory(
+        *(np.arange(float(n)), *plane.geodetic_from_position(enu), np.zeros((n, 3)), C_nb, cov),
+        *(2000, None, None, 0.4 * cov[:-1]),
+    )
+    first = Mounting(imu_m=[0.1, 0.2, -0.3])
+    instants = SimpleNamespace(trajectory=body)
+    images = [
+        SimpleNamespace(
+            camera=SimpleNamespace(triggered=True),
+            mounting=mounting,
+            instants=(instants,),
+            segment=np.zeros(n, dtype=int),
+            instant=np.arange(n),
+            exposed=body,
+            of_receiver=False,
+        )
+        for mounting in (first, MOUNTED.on(first))
+    ]
+    order, number = merged_order([body.time, body.time])
+    in_time, of_camera = orientation._RigPairs(images, order, number, plane).of_neighbours()
+    eos = [
+        exterior_orientation(body, events("x", *body.time), image.mounting, plane)
+        for image in images
+    ]
+    for k, eo in enumerate(eos):
+        assert_allclose(of_camera[k::2][:-1], eo.cross, rtol=1e-12, atol=1e-20)
+        assert not of_camera[k::2][-1].any()
+    for k in range(n):
+        shared = in_time[2 * k]
+        whole = np.block([[eos[0].cov[k], shared], [shared.T, eos[1].cov[k]]])
+        sigma = np.sqrt(np.diagonal(whole))
+        size = np.linalg.eigvalsh(whole / np.outer(sigma, sigma))
+        assert np.abs(size[:6]).max() < 1e-9
+        assert size[6] > 1e-6
 
 
 def estimated(sim, *further, **changes):
