@@ -131,14 +131,14 @@ def _of_rows(
     if not left_out:
         return eo, ()
     k = list(rows)
-    part = replace(
+    chosen = replace(
         eo,
         images=tuple(eo.images[row] for row in k),
         cross=None,
         rig=None if eo.rig is None else eo.rig.taken(np.array(k)),
         **{name: getattr(eo, name)[k] for name in ROWS},
     )
-    return part, (
+    return chosen, (
         f"{len(left_out)} of {len(eo.images)} images are not in the database and were left out,"
         f" such as {left_out[0]}",
     )
