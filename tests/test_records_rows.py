@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 import insgnss
-from insgnss.base.changes import with_changes
+from insgnss.config.keys.changes import with_changes
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_rpy, vector_from_rotation
 from insgnss.orient.frame import in_frame

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.changes import with_changes
 from ..base.errors import OptionError
 from .barometer_options import BarometerInput
 from .camera_options import (
@@ -29,6 +28,7 @@ from .covariance import CovarianceModel
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
 from .imu_options import ImuInput
+from .keys.changes import with_changes
 from .ppk_options import Air, RawGnss
 from .schema import Triple, Words, are_numbers, check, is_place, option, refuse_unread, swapped
 

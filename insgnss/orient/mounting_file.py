@@ -142,7 +142,7 @@ class MountingFile:
             value = getattr(self, key)
             if value is not None and (length := math.hypot(*value)) >= MAX_LEVER_M:
                 raise InputError(
-                    f"{key}: {value.tolist()} is {length:.6g} m long (limit {MAX_LEVER_M:.0f} m);"
+                    f"{key}: {value.tolist()} is {length:.3g} m long (limit {MAX_LEVER_M:.0f} m);"
                     " the unit is m"
                 )
         for key in ("antenna_cov", "imu_cov", "boresight_cov"):

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..config.flight_file import Flight
 from ..navigation.blocks import forecast
 
-PROGRAM_BYTES = 400e6  # interpreter, libraries and compiled kernels of a worker, by measurement
+PROGRAM_BYTES = 400e6  # interpreter, libraries, kernels: a run of eight minutes takes 315 MB in all
 READ_BYTES = 150.0  # of a sample while its text is read and its increments are formed
 PAGE_BYTES = 0.15e9  # diagnostics and charts of a page
 STATES, TRIPLES = 34, 1  # of a NavChip with the constants of its fixes

@@ -1,1 +1,4 @@
-"""The keys of a flight file before their values are read: old names, and those of shared files."""
+"""The keys of a flight file before their values are read.
+
+Old names, those of shared files, and fields that a caller gives.
+"""
