@@ -117,7 +117,7 @@ if _TYPE_CHECKING:
 
 _settle()
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.calibration": (

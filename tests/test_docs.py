@@ -167,6 +167,22 @@ def test_pages_ship_inside_the_wheel() -> None:
         } == {page.name: page.read_text() for page in SPECS.glob("*.md")}
 
 
+def test_changelog_and_examples_are_of_this_version() -> None:
+    """Oracle: the package's version; a date stands beside a release and beside nothing else."""
+    heading = re.search(
+        r"^## (\S+) \((.*)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE
+    )
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    released = re.search(r"^date-released: (.*)$", citation, re.MULTILINE)
+    assert heading is not None
+    assert released is not None
+    if heading[2] != "unreleased":
+        assert heading.groups() == (insgnss.__version__, released[1])
+    for page in SPECS.glob("*.md"):
+        versions = set(re.findall(r"insgnss (\d+\.\d+\.\d+)", page.read_text("utf-8")))
+        assert versions <= {insgnss.__version__}, page.name
+
+
 def test_the_citation_is_of_this_version_and_invents_nobody() -> None:
     """Oracle: the package's version, pyproject.toml, the licence; keys that CFF 1.2.0 requires."""
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
