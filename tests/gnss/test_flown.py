@@ -72,7 +72,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Inputs:
 def test_the_engine_is_asked_for_what_the_flight_file_says(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the flight file's own values."""
     (tmp_path / "flight.toml").write_text(FLIGHT)
-    _, fixes, events, ppk = read_files(load_flight(tmp_path / "flight.toml"))
+    _, fixes, cameras, ppk = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     (inputs,) = asked
     assert [path.name for path in (inputs.rover, inputs.base, *inputs.navigation)] == [
         "r.obs",
@@ -147,7 +148,8 @@ def test_a_camera_without_a_file_needs_the_rovers_events(asked: Inputs, tmp_path
     (tmp_path / "flight.toml").write_text(FLIGHT)
     read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(FLIGHT + "[camera]\ntime_offset_s = 0.002\n")
-    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, cameras, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert [inputs.events for inputs in asked] == [None, True]
     assert asked[1].camera_delay_s == 0.0  # camera.time_offset_s is added once, by the recording
     assert events is EVENTS
@@ -157,7 +159,8 @@ def test_events_of_another_file_come_first(asked: Inputs, tmp_path: Path) -> Non
     """Oracle: the file's two lines."""
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nevents = "events.txt"\n')
-    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, cameras, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert asked[0].events is False
     assert events is not None
     assert events.images == ("a.tif", "b.tif")
@@ -202,7 +205,8 @@ def test_the_images_own_times_tell_which_event_has_no_image(asked: Inputs, tmp_p
     ):
         read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [4]\n")
-    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, cameras, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert events is not None
     assert np.allclose(events.time, 10.0 + np.delete(shots, 3), rtol=0, atol=1e-9)
 
@@ -223,7 +227,8 @@ def test_images_name_the_events_of_another_file(asked: Inputs, tmp_path: Path) -
         read_files(load_flight(tmp_path / "flight.toml"))
     assert asked == []
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
-    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, cameras, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert events is not None
     assert events.images == ("a.jpg", "c.jpg")
     assert np.allclose(events.time, [10.05, 10.15], rtol=0, atol=1e-9)
@@ -257,7 +262,8 @@ def test_images_name_the_events_of_ready_positions_by_the_same_rules(
     ):
         read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
-    _, fixes, events, ppk = read_files(load_flight(tmp_path / "flight.toml"))
+    _, fixes, cameras, ppk = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert (ppk, fixes.source, asked) == (None, str(tmp_path / "gnss.txt"), [])
     assert events is not None
     assert events.images == ("a.jpg", "c.jpg")
@@ -273,7 +279,8 @@ def test_events_of_ready_positions_that_have_names_keep_them(asked: Inputs, tmp_
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "names.txt").write_text("a.jpg\nb.jpg\n")
     (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nskip_events = [1]\n')
-    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, cameras, _ = read_files(load_flight(tmp_path / "flight.toml"))
+    events = cameras[0].events if cameras else None
     assert events is not None
     assert events.images == ("b.tif",)
     (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nimages = "names.txt"\n')
