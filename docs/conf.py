@@ -30,6 +30,8 @@ include_patterns = [
 ]
 exclude_patterns = [".*env", "site", "build", "dist", "insgnss", "tests"]  # not even looked through
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]
 html_title = "insgnss"
 html_show_sphinx = False
 html_show_copyright = False

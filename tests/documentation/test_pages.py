@@ -20,6 +20,75 @@ def prose(page: Path) -> str:
     return re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
 
 
+NUMBER = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+RELATIVE = 0.05  # what compilers and libraries may move; more is another result
+
+
+def words_of(line: str) -> str:
+    """The words of a line, with # for its numbers."""
+    return " ".join(re.sub(NUMBER, "#", line).split())
+
+
+def same_figures(quoted: str, printed: str) -> bool:
+    """Whether two lines of the same words agree: counts equal, else to 5 % or a last digit."""
+    estimates = {match.start() for match in re.finditer(rf"{NUMBER}(?= \+- )", quoted)}
+    estimates |= {match.end() for match in re.finditer(r" \+- ", quoted)}
+    for one, other in zip(re.finditer(NUMBER, quoted), re.finditer(NUMBER, printed), strict=False):
+        decimals = one.group().partition(".")[2]
+        if not decimals and one.start() not in estimates:
+            allowed = 0.0
+        else:
+            allowed = max(RELATIVE * abs(float(one.group())), 1.01 * 10.0 ** -len(decimals))
+        if abs(float(one.group()) - float(other.group())) > allowed:
+            return False
+    return True
+
+
+def contradicted(page: str, output: str) -> list[str]:
+    """Lines that a page quotes as printed, or figures of its tables, which the output has not."""
+    lines = output.splitlines()
+    wrong = []
+    for block in re.findall(r"^```text\n(.*?)^```", page, re.M | re.S):
+        for quoted in filter(str.strip, block.splitlines()):
+            start = quoted.removesuffix("...").rstrip()
+            words = words_of(start)
+            same = [
+                line
+                for line in lines
+                if (
+                    words_of(line).startswith(words) if start != quoted else words_of(line) == words
+                )
+            ]
+            if not any(same_figures(start, line) for line in same):
+                wrong.append(quoted)
+    pairs = re.findall(r"([\d.]+) deg, ([\d.]+) sigmas", page)
+    if pairs:
+        rows = [line.split() for line in lines if re.match(r" +about \w+ .* deg$", line)]
+        for (rms, ratio), row in zip(pairs, rows, strict=True):
+            quoted = f"{rms} deg, {ratio} sigmas"
+            if not same_figures(quoted, f"{row[-5]} deg, {row[-2]} sigmas"):
+                wrong.append(quoted)
+    return wrong
+
+
+@pytest.mark.parametrize(
+    ("output", "lines"),
+    [
+        ("158 images: 3.1 mm, 24.983 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.17 deg", 0),
+        ("158 images: 3.2 mm, 24.1 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.17 deg", 0),
+        ("157 images: 3.1 mm, 24.983 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.17 deg", 1),
+        ("158 images: 3.1 mm, 22.983 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.17 deg", 1),
+        ("158 images: 3.1 cm, 24.983 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.17 deg", 1),
+        ("158 images: 3.1 mm, 24.983 +- 0.014\n  about up 0 0 0 0.0519 0 0 1.17 deg", 1),
+        ("158 images: 3.1 mm, 24.983 +- 0.014\n  about up 0 0 0 0.0419 0 0 1.57 deg", 1),
+    ],
+)
+def test_figures_that_the_commands_do_not_print_are_noticed(output: str, lines: int) -> None:
+    """Oracle: a page of two figures, and outputs of which we know whether they agree."""
+    page = "```text\n158 images: 3.1 mm, 24.983 +- 0.014\n```\n| up | 0.042 deg, 1.17 sigmas |\n"
+    assert len(contradicted(page, output)) == lines
+
+
 def anchors(page: Path) -> set[str]:
     """Anchors of a page's headings, as GitHub and the site form them."""
     heads = re.findall(r"^#+ +(.*)$", prose(page), re.MULTILINE)
@@ -79,9 +148,12 @@ def test_the_page_of_the_api_has_every_public_name() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="the blocks are of a POSIX shell")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_tutorials_run_and_end_in_their_pictures(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Oracle: the page; each picture that it shows is made, of the same shape, and not blank."""
+    """Oracle: the page; its figures are printed, its pictures made of the same shape, not blank."""
     from PIL import Image
 
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
@@ -90,6 +162,7 @@ def test_tutorials_run_and_end_in_their_pictures(
     assert len(list(blocks(page))) >= 3
     assert len(pictures(page)) >= 1
     run(page, tmp_path)
+    assert not contradicted(page.read_text(encoding="utf-8"), capfd.readouterr().out)
     for picture in pictures(page):
         made = Image.open(made_by(tmp_path, picture.name)).convert("L")
         shown = Image.open(picture).convert("L")
