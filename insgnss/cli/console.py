@@ -64,7 +64,8 @@ class Progress:
             self._compiled += 1
             if self._compiled == 1 or self._terminal:
                 count = f" ({self._compiled})" if self._compiled > 1 else ""
-                self._write(f"{self._step}: compiling, once after an installation{count}")
+                step = f"{self._step}: " if self._step else ""
+                self._write(f"{step}compiling, once after an installation{count}")
             self._since = None
             return
         if self._since is None:  # what was compiled says nothing of the speed
