@@ -135,6 +135,7 @@ def test_words_and_numbers_say_the_same(tuned):
     """
     table, _, picture = tuned.files[1:]
     told = json.loads(table.read_text(encoding="utf-8"))
+    assert len(told.pop("inputs_sha256")) == 2  # of the IMU and of the fixes
     assert told == json.loads(json.dumps(tuned.as_dict()))
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert told["verdict"] == "accept"
