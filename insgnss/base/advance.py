@@ -2,8 +2,8 @@
 
 A loop of any room runs `through` what it has to do; nothing is computed and nothing kept where
 nobody listens. Steps themselves are announced by the callable `progress` that a run is given; the
-share belongs to the step that was announced last. What a first run compiles is told as well, by
-`insgnss.base.compilation`.
+share belongs to the step that was announced last. `insgnss.base.compilation` says
+what a first run compiles.
 """
 
 import threading

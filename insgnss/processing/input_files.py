@@ -151,7 +151,7 @@ def _cameras(
         triggered = events is None
         if events is None:
             assert trigger is not None
-            events, of_clock = triggered_events(trigger, other), clock
+            events = triggered_events(trigger, other)
             of_clock = clock if other.clock == "auto" else other.clock
         else:
             events, of_clock = with_names(events, other), clock_of(flight, other)
