@@ -182,10 +182,10 @@ def run_tasks(
     workers: Workers,
     tell: Tell,
     tick: Callable[[int], None],
-) -> list[Outcome]:
-    """Run all flights; return what became of them, in the order of the tasks.
+) -> None:
+    """Run all flights, and tell what became of each.
 
-    A flight whose workers died runs once more, alone, when all others are done: what waited in the
+    A flight whose workers died, or whose result they took along, runs once more, alone, when all others are done: what waited in the
     queue of a worker that another flight took down is then not blamed for it.
 
     Parameters
@@ -201,31 +201,21 @@ def run_tasks(
     tick : callable
         Is given the number of flights that are left, several times a second.
 
-    Returns
-    -------
-    list of Outcome
-        One for each task.
-
     Raises
     ------
     DataError
         No worker was there for minutes; flights that are done stay.
     """
-    outcomes: dict[str, Outcome] = {}
     killed: list[Task] = []
     for task, outcome in _arriving(client, tasks, workers, tick):
         if outcome is None:
             killed.append(task)
-            continue
-        outcomes[task.name] = outcome
-        tell(outcome)
+        else:
+            tell(outcome)
     for alone in killed:
         start = time.monotonic()
         for task, outcome in _arriving(client, [alone], workers, tick):
-            final = outcome or _deadly(task, workers, time.monotonic() - start)
-            outcomes[task.name] = final
-            tell(final)
-    return [outcomes[task.name] for task in tasks]
+            tell(outcome or _deadly(task, workers, time.monotonic() - start))
 
 
 def _arriving(
@@ -269,14 +259,18 @@ def _declared(client: "Client") -> float:
 
 
 def _outcome(future: "Future", task: Task, seconds: float) -> Outcome | None:
-    """Return what became of a flight; None where the workers died that ran it."""
+    """Return what became of a flight; None where the workers died that ran it.
+
+    A worker that another flight takes down takes the results along that it has not yet handed
+    over; Dask then calls them lost.
+    """
     from distributed.scheduler import KilledWorker
 
     if future.status == "finished":
         outcome: Outcome = future.result()
         return outcome
     error = future.exception() if future.status == "error" else None
-    if isinstance(error, KilledWorker):
+    if isinstance(error, KilledWorker) or future.status == "lost":
         return None
     return failed(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)
 

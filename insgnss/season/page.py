@@ -14,7 +14,7 @@ from ..report.markup import escape, folded, sentence, table
 from ..report.verb_page import MOST_ROWS, VerbPage, listed
 from .row import Row, is_number
 from .trends import Trend
-from .work import FAILED, KEPT
+from .work import FAILED, KEPT, WAITING
 
 MARK = '<meta name="generator" content="insgnss batch">'
 """In the page, by which the next run knows that it may overwrite it."""
@@ -53,6 +53,9 @@ class SeasonPage:
         if broken:
             names = _some([str(row["name"]) for row in broken])
             return "bad", f"{len(broken)} of {len(self.rows)} flights have no result: {names}"
+        waiting = sum(row["status"] == WAITING for row in self.rows)
+        if waiting:
+            return "doubtful", f"{waiting} of {len(self.rows)} flights were not reached"
         bad = [str(r["name"]) for r in self.rows if r["judgement"] == "bad"]
         if bad:
             return "bad", f"the reports of {_some(bad)} contradict their results"
@@ -119,7 +122,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         name = f'<a href="{escape(target)}">{name}</a>'
     judged = str(row.get("judgement") or "")
     mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
-    status = "failed" if row["status"] == FAILED else judged
+    status = str(row["status"]) if row["status"] in (FAILED, WAITING) else judged
     status += " (kept)" if row["status"] == KEPT else ""
     positions = [row.get(f"sigma_{axis}_mm") for axis in "enu"]
     tilts = [row.get(f"sigma_att_{axis}_deg") for axis in "en"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InsgnssError, UsageError
+from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.staging import together
 from .forecast import PROGRAM_BYTES
@@ -17,7 +17,7 @@ from .page import SeasonPage, is_ours
 from .row import COLUMNS, Row
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
-from .work import DONE, FAILED, KEPT, Outcome, Task
+from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, not_reached
 
 TABLE, PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
 MIXED = 4  # exit code where flights failed of different kinds
@@ -140,13 +140,15 @@ def headline(outcomes: Sequence[Outcome]) -> str:
     outcomes : sequence of Outcome
         Of all flights.
     """
-    count = {s: sum(one.status == s for one in outcomes) for s in (DONE, KEPT, FAILED)}
+    count = {s: sum(one.status == s for one in outcomes) for s in (DONE, KEPT, FAILED, WAITING)}
     images = sum(int(one.row.get("images") or 0) for one in outcomes)
     words = [f"{count[DONE]} processed"]
     if count[KEPT]:
         words.append(f"{count[KEPT]} kept, whose inputs, options and version are the same")
     if count[FAILED]:
         words.append(f"{count[FAILED]} failed")
+    if count[WAITING]:
+        words.append(f"{count[WAITING]} not reached")
     return f"{len(outcomes)} flights: {', '.join(words)}; {images} images"
 
 
@@ -180,9 +182,11 @@ def line_of(outcome: Outcome) -> str:
 
 
 def run_season(
-    request: SeasonRequest, tell: Tell, progress: Callable[[int, int, float], None]
+    request: SeasonRequest, tell: Tell, progress: Callable[[int, int, int, float], None]
 ) -> SeasonResult:
     """Process the flights of a season, and write its table and its page.
+
+    A run that is interrupted leaves both as well, of what is done by then.
 
     Parameters
     ----------
@@ -191,7 +195,8 @@ def run_season(
     tell : callable
         Is given the outcome of each flight as it ends.
     progress : callable
-        Is given the numbers of flights that are done and of all, and the seconds so far.
+        Is given the numbers of flights that are processed, that are done or kept or failed, and of
+        all, and the seconds so far.
 
     Returns
     -------
@@ -205,6 +210,8 @@ def run_season(
         a scheduler cannot be reached.
     InputError
         A table of flights is wrong.
+    DataError
+        No worker was there for minutes.
     """
     from .engine import cluster, local_workers, run_tasks
 
@@ -217,24 +224,33 @@ def run_season(
     workers = local_workers(tasks, request.workers)
     if request.scheduler is not None:
         workers = replace(workers, memory_bytes=0.0, limited_by="scheduler")
-    done = 0
+    ended: dict[str, Outcome] = {}
 
     def report(outcome: Outcome) -> None:
-        nonlocal done
-        done += 1
+        ended[outcome.name] = outcome
         tell(outcome)
 
     def tick(_: int) -> None:
-        progress(done, len(tasks), time.monotonic() - start)
+        worked = sum(one.status != KEPT for one in ended.values())
+        progress(worked, len(ended), len(tasks), time.monotonic() - start)
+
+    def so_far() -> SeasonResult:
+        outcomes = [ended.get(task.name) or not_reached(task) for task in tasks]
+        return _written(request, outcomes, time.monotonic() - start)
 
     tick(0)
-    with cluster(workers, request.scheduler) as client:
-        outcomes: list[Outcome] = []
-        # compiled once, and not by every worker at the same time
-        first = 1 if request.scheduler is None and len(tasks) > 1 and _uncompiled() else 0
-        for some in (tasks[:first], tasks[first:]):
-            outcomes += run_tasks(client, some, workers, report, tick) if some else []
-    return _written(request, outcomes, time.monotonic() - start)
+    try:
+        with cluster(workers, request.scheduler) as client:
+            # compiled once, and not by every worker at the same time
+            first = 1 if request.scheduler is None and len(tasks) > 1 and _uncompiled() else 0
+            for some in (tasks[:first], tasks[first:]):
+                if some:
+                    run_tasks(client, some, workers, report, tick)
+    except (KeyboardInterrupt, DataError):
+        if ended:
+            so_far()
+        raise
+    return so_far()
 
 
 def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Task]:

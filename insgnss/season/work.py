@@ -20,7 +20,7 @@ from ..base.files import sha256
 from ..config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of
 
-DONE, KEPT, FAILED = "done", "kept", "failed"
+DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
 INTERNAL = InsgnssError.exit_code
 
@@ -62,7 +62,7 @@ class Outcome:
     name : str
         Of the flight.
     status : str
-        "done", "kept" or "failed".
+        "done", "kept", "failed" or, where the run ended before it, "not reached".
     row : dict
         Its row of the table.
     exit_code : int
@@ -132,6 +132,20 @@ def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
 
         row["equipment"] = equipment_of(load_flight(task.file))
     return Outcome(task.name, FAILED, row, code)
+
+
+def not_reached(task: Task) -> Outcome:
+    """Return the outcome of a flight that was not done when the run ended.
+
+    Parameters
+    ----------
+    task : Task
+        The flight.
+    """
+    row: Row = dict.fromkeys(COLUMNS)
+    row |= {"name": task.name, "flight": task.file, "status": WAITING, "version": __version__}
+    row["reason"] = "the run ended before it was done; give the same command again"
+    return Outcome(task.name, WAITING, row)
 
 
 def _processed(task: Task) -> tuple[str, Row]:

@@ -106,8 +106,8 @@ def test_two_hundred_flights_and_a_worker_killed_in_the_middle(
 
 
 def test_ctrl_c_ends_calmly_and_the_next_run_goes_on(tmp_path: Path) -> None:
-    """Oracle: exit code 130, one line, no process left, whole products; then a cluster of its own
-    whose worker is killed with SIGKILL, and the rest done.
+    """Oracle: exit code 130, one line, no process left, whole products, a table of what is done and
+    what is not; then a cluster of its own whose worker is killed with SIGKILL, and the rest done.
     """
     flights = copies(short_flight(tmp_path), 16)
     with started(tmp_path, ".", "--workers", 2) as run:
@@ -119,8 +119,11 @@ def test_ctrl_c_ends_calmly_and_the_next_run_goes_on(tmp_path: Path) -> None:
         _, errors = run.communicate(timeout=60)
     assert run.returncode == 130
     assert errors == "insgnss: error: interrupted\n"
-    assert of_session(run.pid) == []
-    assert not (tmp_path / "season.csv").exists()
+    assert none_left(run.pid) == []
+    found = [row["status"] for row in read_season(tmp_path / "season.csv")]
+    assert len(found) == len(flights)
+    assert set(found) == {"done", "not reached"}
+    assert "flights were not reached" in (tmp_path / "index.html").read_text()
     output = ""
     with started(tmp_path, ".", "--workers", 2, "--parquet") as run:
         assert run.stdout is not None
@@ -168,8 +171,7 @@ def test_a_flight_that_kills_its_workers_is_one_failure(tmp_path: Path) -> None:
     document = json.loads(done.stdout)
     failed = [row for row in document["flights"] if row["status"] == "failed"]
     assert failed[0]["name"] == "f001"
-    # once in five runs on a full machine another flight was blamed as well: not understood yet
-    assert len(failed) <= 2, failed
+    assert len(failed) == 1, [(row["name"], row["reason"]) for row in failed]
     assert all(row["reason"] for row in failed)
     reason = next(row["reason"] for row in document["flights"] if row["name"] == "f001")
     assert "its worker died 3 times beside other flights and as often alone" in reason
@@ -198,6 +200,17 @@ def of_session(leader: int) -> list[int]:
             if int(fields[3]) == leader and fields[0] != "Z":
                 out.append(int(entry.name))
     return out
+
+
+def none_left(leader: int) -> list[str]:
+    """Commands of a session that do not end within ten seconds.
+
+    The process of multiprocessing that cleans up after others ends once it has seen them end.
+    """
+    end = time.monotonic() + 10.0
+    while (left := of_session(leader)) and time.monotonic() < end:
+        time.sleep(0.1)
+    return [Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ") for pid in left]
 
 
 def workers_of(leader: int) -> list[int]:

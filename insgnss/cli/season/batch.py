@@ -99,7 +99,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 class _Lines:
     """Lines of flights on standard output, progress and time left on standard error.
 
-    Time is left for the flights that are not done at the pace of those that were processed.
+    Time is left for the flights that are not done at the pace of those that were processed: those
+    that were kept took no time.
     """
 
     def __init__(self, progress: Progress, silent: bool) -> None:
@@ -115,12 +116,12 @@ class _Lines:
         for note in outcome.notes:
             print(f"  {outcome.name}: warning: {note}", flush=True)
 
-    def tick(self, done: int, count: int, seconds: float) -> None:
+    def tick(self, worked: int, done: int, count: int, seconds: float) -> None:
         """Say how far it is; seldom where no line renews itself."""
         if not self._progress.renews and seconds - self._last < SELDOM_S:
             return
         self._last = seconds
-        left = f", some {_duration((count - done) * seconds / done)} left" if done else ""
+        left = f", some {_duration((count - done) * seconds / worked)} left" if worked else ""
         self._progress(f"{done} of {count} flights{left}")
 
 
