@@ -160,22 +160,31 @@ def at_import(node: ast.AST) -> Iterator[ast.AST]:
             yield from at_import(child)
 
 
-def imports(module: str, only_at_import: bool = False) -> Iterator[str]:
+@cache
+def nodes(module: str, only_at_import: bool = False) -> tuple[ast.AST, ...]:
+    """Nodes of a module's source: every rule reads them, and walking the tree is what costs."""
+    return tuple(at_import(tree(module)) if only_at_import else ast.walk(tree(module)))
+
+
+@cache
+def imports(module: str, only_at_import: bool = False) -> frozenset[str]:
     """Full names of what a module imports: `insgnss.room.module`, or the outer package's name."""
+    names: set[str] = set()
     package = ["insgnss", *module.split(".")]
     if MODULES[module].name != "__init__.py":
         package.pop()
     elif module == "__init__":
         package = ["insgnss"]
-    for node in at_import(tree(module)) if only_at_import else ast.walk(tree(module)):
+    for node in nodes(module, only_at_import):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             stem = ".".join([*base, *([node.module] if node.module else [])])
             for alias in node.names:
                 inner = f"{stem}.{alias.name}"
-                yield inner if inner.removeprefix("insgnss.") in MODULES else stem
+                names.add(inner if inner.removeprefix("insgnss.") in MODULES else stem)
+    return frozenset(names)
 
 
 def inner_imports(module: str, only_at_import: bool = False) -> set[str]:
@@ -193,21 +202,19 @@ def test_every_room_has_its_line_in_the_table() -> None:
     assert {module.split(".")[0] for module in MODULES} - {"__init__"} <= set(STANDS_ON)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_no_arrow_runs_against_the_table(module: str) -> None:
+def test_no_arrow_runs_against_the_table() -> None:
     """Oracle: the design's table."""
-    room = module.split(".")[0]
-    for other in sorted(inner_imports(module)):
-        below = other.split(".")[0]
-        allowed = (
-            below == room
-            or below in STANDS_ON.get(room, set())
-            or (module, other) in ALLOWED_ALL_THE_SAME
-        )
-        assert allowed, (
+    against = []
+    for module in MODULES:
+        room = module.split(".")[0]
+        against += [
             f"{module} imports {other}; {room} may stand on"
             f" {', '.join(sorted(STANDS_ON.get(room, ()))) or 'nothing'}"
-        )
+            for other in sorted(inner_imports(module))
+            if other.split(".")[0] not in {room} | STANDS_ON.get(room, set())
+            and (module, other) not in ALLOWED_ALL_THE_SAME
+        ]
+    assert against == []
 
 
 def folder_in(room: str, module: str) -> str:
@@ -287,92 +294,109 @@ def test_help_loads_the_standard_library_only() -> None:
     assert {"cli", "base.errors"} <= seen
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_heavy_libraries_are_imported_where_they_are_used(module: str) -> None:
+def test_heavy_libraries_are_imported_where_they_are_used() -> None:
     """Oracle: the house rule that importing is cheap."""
-    heavy = {name.split(".")[0] for name in imports(module, only_at_import=True)} & LOCAL_ONLY
-    assert not heavy, (
-        f"{module} imports {', '.join(sorted(heavy))} at its top; import it in the function that"
-        " needs it"
-    )
+    heavy = [
+        f"{module} imports {name} at its top; import it in the function that needs it"
+        for module in MODULES
+        for name in sorted(imports(module, only_at_import=True))
+        if name.split(".")[0] in LOCAL_ONLY
+    ]
+    assert heavy == []
 
 
-def docstring_lines(node: ast.AST) -> int:
-    """Lines of the docstrings of a node and of all within it."""
-    found = 0
-    for inner in ast.walk(node):
-        if isinstance(inner, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
-            inner
-        ):
-            text = inner.body[0]
-            found += (text.end_lineno or text.lineno) - text.lineno + 1
-    return found
+@cache
+def docstrings(module: str) -> tuple[tuple[int, int], ...]:
+    """First and last line of each docstring of a module."""
+    owners = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    texts = [
+        node.body[0]
+        for node in nodes(module)
+        if isinstance(node, owners) and ast.get_docstring(node, clean=False)
+    ]
+    return tuple((text.lineno, text.end_lineno or text.lineno) for text in texts)
 
 
+def docstring_lines(module: str, begin: int, end: int) -> int:
+    """Lines of a module's docstrings between two lines, both included."""
+    return sum(b - a + 1 for a, b in docstrings(module) if begin <= a and b <= end)
+
+
+@cache
 def lines(module: str) -> int:
     """Lines of a module without its docstrings."""
     whole = len(MODULES[module].read_text(encoding="utf-8").splitlines())
-    return whole - docstring_lines(tree(module))
+    return whole - docstring_lines(module, 1, whole)
 
 
-def functions(module: str) -> Iterator[tuple[str, int, int]]:
+@cache
+def functions(module: str) -> tuple[tuple[str, int, int], ...]:
     """Name, length and limit of each function; documentation, which has sections of its own, is not
     counted.
     """
     compiled = module.split(".")[-1] == "_kernels" or "kernels" in module.split(".")[:-1]
     limit = KERNEL_LINES if compiled else FUNCTION_LINES
-    for node in ast.walk(tree(module)):
+    measured = []
+    for node in nodes(module):
         if isinstance(node, ast.FunctionDef):
-            length = (node.end_lineno or node.lineno) - node.lineno + 1
-            yield f"{module}.{node.name}", length - docstring_lines(node), limit
+            end = node.end_lineno or node.lineno
+            length = end - node.lineno + 1 - docstring_lines(module, node.lineno, end)
+            measured.append((f"{module}.{node.name}", length, limit))
+    return tuple(measured)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_size(module: str) -> None:
+def test_size() -> None:
     """Oracle: the house's limits; what is longer says why in the lists above."""
-    assert lines(module) <= MODULE_LINES or module in LONG_MODULES, (
+    long = [
         f"{module} has {lines(module)} lines (limit {MODULE_LINES}); find the noun it misses"
-    )
-    for where, length, limit in functions(module):
-        assert length <= limit or where in LONG_FUNCTIONS, (
-            f"{where} has {length} lines (limit {limit}); make two of it"
-        )
-
-
-@pytest.mark.parametrize(
-    "module", sorted(module for module in MODULES if module.split(".")[0] != "cli")
-)
-def test_only_the_command_line_prints(module: str) -> None:
-    """Oracle: the house rule."""
-    calls = [
-        node
-        for node in ast.walk(tree(module))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+        for module in MODULES
+        if lines(module) > MODULE_LINES and module not in LONG_MODULES
     ]
-    assert [
-        call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"
-    ] == []
+    long += [
+        f"{where} has {length} lines (limit {limit}); make two of it"
+        for module in MODULES
+        for where, length, limit in functions(module)
+        if length > limit and where not in LONG_FUNCTIONS
+    ]
+    assert long == []
 
 
-@pytest.mark.parametrize("module", sorted(set(MODULES) - {"base.compilation"}))
-def test_kernels_are_defined_by_the_decorator_of_the_house(module: str) -> None:
+def test_only_the_command_line_prints() -> None:
+    """Oracle: the house rule."""
+    prints = [
+        f"{module}:{node.lineno}"
+        for module in MODULES
+        if module.split(".")[0] != "cli"
+        for node in nodes(module)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "print"
+    ]
+    assert prints == []
+
+
+def test_kernels_are_defined_by_the_decorator_of_the_house() -> None:
     """Oracle: the sources; by numba's own decorator a change of a callee in another file would go
     unnoticed.
     """
-    assert "numba" not in {name.split(".")[0] for name in imports(module)}
+    importing = {
+        module for module in MODULES if "numba" in {name.split(".")[0] for name in imports(module)}
+    }
+    assert importing == {"base.compilation"}
 
 
-@pytest.mark.parametrize(
-    "module", [module for module in MODULES if "base.compilation" in inner_imports(module)]
-)
-def test_compiled_code_belongs_to_all_that_a_kernel_can_refer_to(module: str) -> None:
+def test_compiled_code_belongs_to_all_that_a_kernel_can_refer_to() -> None:
     """Oracle: the imports of the sources by Python's own parser, followed through all modules."""
-    seen, todo = set(), [module]
-    while todo:
-        one = todo.pop()
-        seen.add(one)
-        todo += inner_imports(one, only_at_import=True) - seen
-    assert {MODULES[one] for one in seen} <= closure(MODULES[module])
+    compiled = [module for module in MODULES if "base.compilation" in inner_imports(module)]
+    assert compiled
+    for module in compiled:
+        seen, todo = set(), [module]
+        while todo:
+            one = todo.pop()
+            seen.add(one)
+            todo += inner_imports(one, only_at_import=True) - seen
+        missing = {MODULES[one] for one in seen} - closure(MODULES[module])
+        assert not missing, f"what {module} compiles does not belong to {missing}"
 
 
 @pytest.mark.parametrize("folder", ["insgnss", "scripts", "benchmarks", "tests"])
