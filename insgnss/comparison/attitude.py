@@ -27,6 +27,7 @@ from ..geodesy.rotation import (
     nearest_rotation,
     opk_from_rotation,
     pok_from_rotation,
+    right_angle_rotations,
     rotation_from_opk,
     rotation_from_pok,
     rotation_from_rpy,
@@ -104,7 +105,7 @@ def _on_rotation(change: Change) -> Callable[[Poses, Poses], Poses]:
 
 def _axes(b: Poses) -> Iterator[Trial]:
     """(A.1) to (A.3)."""
-    for Q in right_angles():
+    for Q in right_angle_rotations()[1:]:
         yield Trial(*_of_own_axes(Q, b.x), _on_rotation(_right(Q.T)))
         yield Trial(*_of_the_frame(Q), _on_rotation(_left(Q.T)))
     words = (
@@ -129,15 +130,6 @@ def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
         return replace(b, C_Ex=C, angles=None)
 
     return taken_off
-
-
-def right_angles() -> Iterator[Array]:
-    """The 23 rotations by right angles that are not the identity."""
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        Q = np.zeros((3, 3))
-        Q[range(3), order] = signs
-        if np.linalg.det(Q) > 0.0 and not np.array_equal(Q, np.eye(3)):
-            yield Q
 
 
 def _right(Q: Array) -> Change:

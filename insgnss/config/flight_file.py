@@ -10,6 +10,7 @@ replaces it) have no default. data_specs/flight_file.md is rendered from here.
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,9 @@ def _checks() -> Words:
     from ..recognise.plausibility import NAMES
 
     return NAMES
+
+
+ROLLOVER = 1024  # weeks that the signal of GPS can count
 
 
 @dataclass(frozen=True)
@@ -314,6 +318,7 @@ class Flight:
                 raise OptionError("tangent_plane", problem, plane)
             object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
         check(self, "")
+        refuse_week(self.gps_week)
 
     def with_(self, **changes: Any) -> "Flight":
         """Return the flight with other values.
@@ -355,6 +360,40 @@ class Flight:
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types."""
         return resolved(self)
+
+
+def refuse_week(week: int | None) -> None:
+    """Raise UsageError for a week before there were drones, or one that is still to come.
+
+    0 is none, as `insgnss.estimate` has it for records without a week.
+
+    Parameters
+    ----------
+    week : int or None
+        GPS week.
+    """
+    if not week:
+        return
+    from ..geodesy.gpstime import gps_from_calendar
+
+    today, _ = gps_from_calendar(datetime.now(UTC))
+    if week < ROLLOVER:
+        problem = (
+            f"counts modulo {ROLLOVER}: since then it has begun again twice, in 1999 and 2019; add"
+            f" {ROLLOVER} or {2 * ROLLOVER} ({_sunday(week + ROLLOVER)} or"
+            f" {_sunday(week + 2 * ROLLOVER)})"
+        )
+        raise OptionError("gps_week", problem, week)
+    if week > today + 1:
+        problem = f"is the week from {_sunday(week)}, still to come: by this computer it is {today}"
+        raise OptionError("gps_week", problem, week)
+
+
+def _sunday(week: int) -> str:
+    """Return the date of the Sunday with which a GPS week begins."""
+    from ..geodesy.gpstime import calendar_from_gps
+
+    return f"{calendar_from_gps(week, 0.0, 'gpst'):%Y-%m-%d}"
 
 
 def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = ()) -> Flight:

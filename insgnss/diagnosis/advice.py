@@ -9,10 +9,12 @@ with it.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..geodesy.rotation import right_angle_rotations
 from ..navigation.codes import POS
 from ..navigation.layout import FixErrors
 from ..navigation.solution import Solution
@@ -29,6 +31,10 @@ DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody c
 SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
 UNSEEN_M = NEGLIGIBLE_M  # what would contradict the flight file if it were seen
 UNSEEN_SIGMA = 3.0
+# log evidence with wide a-priori sigmas that none of 160 right flights of three minutes reached:
+# the largest was 2.7
+BY_CHANCE = 3.0
+TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
 AXES = ("forward", "right", "down")
 LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
@@ -69,11 +75,13 @@ def advice(
     # what the flight does not tell from an error of the IMU is no contradiction of the mounting
     certain = all(group.startswith(OF_FIXES) for rival in rivals for group in rival.groups)
     strong = suspected.wide_evidence >= STRONG and certain
+    beyond_chance = suspected.wide_evidence >= BY_CHANCE
     checks: list[tuple[float, Check]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
     sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
 
     def add(of: str, check: Check) -> None:
+        check = replace(check, beyond_chance=beyond_chance)
         checks.append((max(size for name, size in sizes.items() if of in name), check))
 
     if any(lever):
@@ -220,14 +228,48 @@ def _lever_arm(
         if one is not None
     )
     contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
+    advised = (
+        f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is "
+        "right), or set filter.lever_arm = true to have it estimated"
+    )
+    turns = _other_cameras(mounting, lever) if contradicts else []
+    if turns:
+        matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
+        advised = (
+            f"another mounting.camera_from_body{matrix} would explain it with antenna_m as it is,"
+            " and turn the images as well: look at it first, nothing else of a flight shows it;"
+            f" else {advised}"
+        )
     return Check(
         LEVER_ARM,
         f"from the IMU off by {estimate} m{by}",
         f"the flight file's, or less than {NEGLIGIBLE_M:g} m off",
         "contradiction" if contradicts else "note",
-        f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is "
-        "right), or set filter.lever_arm = true to have it estimated",
+        advised,
     )
+
+
+def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | None]) -> list[Array]:
+    """Return the turns T by right angles with which the stated lever arm is the one that was found.
+
+    The lever arm in body axes is T' a, a being antenna minus IMU in the camera's axes: where only T
+    is wrong, the flight finds it off by (T' - T_stated') a.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        The flight file's.
+    lever : sequence of (float, float) or None
+        What the lever arm is off by in the body's axes and its sigma, m; None where an axis is not
+        suspected.
+    """
+    offset = mounting.antenna_m - mounting.imu_m
+    # an axis that is not suspected is not off by more than what matters
+    value = np.array([0.0 if one is None else one[0] for one in lever])
+    sigma = np.array([NEGLIGIBLE_M if one is None else one[1] for one in lever])
+    limit = np.maximum(SEEN * sigma, NEGLIGIBLE_M)
+    turns = [T for T in right_angle_rotations() if np.abs(T - mounting.C_cb).max() > TURNED]
+    return [T for T in turns if (np.abs((T - mounting.C_cb).T @ offset - value) < limit).all()]
 
 
 def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:

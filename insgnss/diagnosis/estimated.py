@@ -65,7 +65,10 @@ def constant_states(
 
 
 def state_verdicts(
-    solution: Solution, moved_s: float = 0.0, stated: Mapping[str, float] = MappingProxyType({})
+    solution: Solution,
+    moved_s: float = 0.0,
+    stated: Mapping[str, float] = MappingProxyType({}),
+    requested: tuple[str, ...] = ("",),
 ) -> tuple[StateVerdict, ...]:
     """Judge all constants that the flight estimates besides biases.
 
@@ -78,6 +81,8 @@ def state_verdicts(
     stated : mapping of str to float
         A-priori sigma of groups of constants, by the beginning of their names, that are carried as
         the flight file states them and were not asked for; they are left out.
+    requested : tuple of str
+        Beginnings of the names of those that the flight file asks for; all by default.
 
     Returns
     -------
@@ -98,7 +103,9 @@ def state_verdicts(
         observed = sigma < OBSERVED * prior
         if 0 <= layout.barometer == s - 1 and not observed:
             continue  # at one height nobody asks for it
-        verdicts.append(StateVerdict(name, value, sigma, prior, moves_m, observed))
+        verdicts.append(
+            StateVerdict(name, value, sigma, prior, moves_m, observed, name.startswith(requested))
+        )
     return tuple(verdicts)
 
 

@@ -34,6 +34,8 @@ Arrays of angles hold them in the order of the set's letters. Sources: Groves (2
 The pages of data_specs/ say which program has which angles.
 """
 
+from itertools import permutations, product
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -43,6 +45,24 @@ NED_ENU: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 CV_RUB: Array = np.diag([1.0, -1.0, -1.0])
 NED_ENU.flags.writeable = False
 CV_RUB.flags.writeable = False
+
+
+def right_angle_rotations() -> Array:
+    """Return the rotations by multiples of 90 degrees about the axes, the identity first.
+
+    Returns
+    -------
+    ndarray, (24, 3, 3)
+        The signed permutations of determinant +1.
+    """
+    matrices = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            C = np.zeros((3, 3))
+            C[range(3), order] = signs
+            if np.linalg.det(C) > 0.0:
+                matrices.append(C)
+    return np.array(matrices)
 
 
 def skew(v: ArrayLike) -> Array:

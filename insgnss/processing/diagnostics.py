@@ -153,7 +153,7 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         barometer_nis=solution.nis[barometer, BAROMETER] if barometer.size else None,
         barometer_used=verdict[barometer, BAROMETER] == USED if barometer.size else None,
         stationary=stationary[(stationary[:, 1] > time[0]) & (stationary[:, 0] < time[-1])],
-        states=state_verdicts(solution, segment.time_offset_s, segment.stated),
+        states=state_verdicts(solution, segment.time_offset_s, segment.stated, segment.requested),
         segments=((float(time[0]), float(time[-1])),),
         time_correlated=time_correlated_errors(solution),
         residuals=segment.residuals,

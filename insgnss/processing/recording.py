@@ -147,6 +147,7 @@ def read_recording(flight: Flight) -> Recording:
     """
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
+    from ..prepare.event_rounding import with_stamp_rounding
     from ..prepare.fix_quality import with_floors, without_worthless
     from ..prepare.fix_rounding import with_rounding
     from ..prepare.stationarity import stationary_periods
@@ -178,6 +179,7 @@ def read_recording(flight: Flight) -> Recording:
         C_b_imu = np.eye(3)
     noise, bands = with_dead_bands(imu, C_b_imu, noise)
     more += [*bands, *(ppk.checks if ppk else ())]
+    cameras = tuple(replace(c, events=with_stamp_rounding(c.events)) for c in cameras)
     of_cameras = [camera.events for camera in cameras]
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, cameras, C_b_imu, noise, more)

@@ -38,6 +38,8 @@ class Segment:
     stated : mapping of str to float
         A-priori sigma of constants, by the beginning of their names, that the flight file states
         without asking for them.
+    requested : tuple of str
+        Beginnings of the names of constants that the flight file has estimated.
     constants : tuple of ConstantEstimate
         What the segment alone says of the constants of its fixes.
     """
@@ -51,6 +53,7 @@ class Segment:
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
+    requested: tuple[str, ...] = ()
     constants: tuple[ConstantEstimate, ...] = ()
 
     def without_increments(self) -> "Segment":

@@ -303,6 +303,7 @@ def _solve(
         history,
         checks,
         stated=stated_constants(flight),
+        requested=_requested(flight),
         constants=constants,
     )
 

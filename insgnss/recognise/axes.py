@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geodesy.rotation import rotation_from_vector
+from ..geodesy.rotation import right_angle_rotations, rotation_from_vector
 from ..prepare.fix_path import north_east
 from ..records import Array, GnssFixes
-from .relation import Relation, orientations
+from .relation import Relation
 
 WIND_MS, SPEED_MS, GUST_MS = (
     5.0,
@@ -51,7 +51,7 @@ def scores(towards: Array, ahead: Array) -> Array:
     ndarray, shape (24,)
         Mean cosine of the orientation's down and forward against those found.
     """
-    C = orientations()
+    C = right_angle_rotations()
     return 0.5 * (C[:, 2] @ towards + C[:, 0] @ ahead)
 
 

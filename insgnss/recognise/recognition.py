@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.rotation import right_angle_rotations
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
 from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
 from .findings import MOST, NAMES, Finding
 from .propulsion import propulsion
-from .relation import MAX_LAG_S, Relation, orientations, relate
+from .relation import MAX_LAG_S, Relation, relate
 from .signal import ImuGrid, dead_channel, imu_grid
 from .units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
 from .verdict import (
@@ -321,7 +322,7 @@ def _scores(relation: Relation) -> dict[str, Array]:
 
 def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
     return {
-        "orientation": orientations(),
+        "orientation": right_angle_rotations(),
         "orientation_score": scores(vertical.vector, ahead.direction.vector),
     }
 

@@ -4,12 +4,12 @@ Mathematics: the package's docstring, (R.4) to (R.7).
 """
 
 from dataclasses import dataclass, replace
-from itertools import permutations, product
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geodesy.rotation import right_angle_rotations
 from ..records import Array, GnssFixes
 from .fit import Fit, Scan, fit, scan_lags
 from .signal import Accelerations, ImuGrid, PropagatedForce, accelerations, propagate_force
@@ -153,18 +153,6 @@ def _try_factors(
     return chosen, int(np.argmax([_top(s) for s in chosen]))
 
 
-def orientations() -> Array:
-    """Return all 24 C_b_imu, shape (24, 3, 3): signed permutations of determinant +1."""
-    matrices = []
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            C = np.zeros((3, 3))
-            C[range(3), order] = signs
-            if np.linalg.det(C) > 0.0:
-                matrices.append(C)
-    return np.array(matrices)
-
-
 def _turned_triads(
     grid: ImuGrid, factors: list[float], force: ForceUnit, candidates: list[Accelerations]
 ) -> Array | None:
@@ -176,7 +164,7 @@ def _turned_triads(
     if np.quantile(np.abs(acc.z[:, :2]), 0.9) < MANOEUVRE_MS2:
         return None
     best, permutation = CLEAR, None
-    for P in (sense * C for C in orientations() for sense in (1.0, -1.0)):
+    for P in (sense * C for C in right_angle_rotations() for sense in (1.0, -1.0)):
         turned = replace(grid, dtheta=grid.dtheta @ P.T)
         score = max(_top(_scan(propagate_force(turned, f, force.factor), acc)) for f in factors)
         if score > best:

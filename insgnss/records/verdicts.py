@@ -22,6 +22,7 @@ class Check:
     expected : what was expected, with the limit.
     verdict : "ok", "note" or "contradiction"; a contradiction stops `process`.
     advice : what to do about it.
+    beyond_chance : False of what a right flight may show as well, by chance.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Check:
     expected: str
     verdict: Verdict = "ok"
     advice: str = ""
+    beyond_chance: bool = True
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,9 @@ class StateVerdict:
         How far its sigma moves the fixes, m; None for an error of the IMU.
     observed : bool
         Whether the flight determines it.
+    requested : bool
+        Whether the flight file asks for it; what the innovations led to is weighed by the check
+        that says so.
     """
 
     name: str
@@ -55,6 +60,7 @@ class StateVerdict:
     prior: float
     moves_m: float | None
     observed: bool
+    requested: bool = True
 
 
 @dataclass(frozen=True)

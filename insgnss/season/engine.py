@@ -185,8 +185,9 @@ def run_tasks(
 ) -> None:
     """Run all flights, and tell what became of each.
 
-    A flight whose workers died, or whose result they took along, runs once more, alone, when all others are done: what waited in the
-    queue of a worker that another flight took down is then not blamed for it.
+    A flight whose workers died, or whose result they took along, runs once more, alone, when all
+    others are done: what waited in the queue of a worker that another flight took down is then not
+    blamed for it.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         escape(" / ".join(f"{x:.4f}" for x in tilts if is_number(x))),
         escape(_number(row.get("sigma_att_u_deg"), ".3f")),
         escape(_number(row.get("nis_ratio"), ".2f")),
-        escape(row.get("limits") or ""),
+        escape(row.get("reason") or row.get("limits") or ""),
     )
 
 

@@ -3,7 +3,8 @@
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ TEXTS = {
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason", "limits"),
     *("version", "inputs_sha256", "report"),
 }
+EQUIPMENT_FILE = "equipment_file"  # of a row, not of the table
 Row = dict[str, Any]
 
 
@@ -97,9 +99,38 @@ def _date(report: Mapping[str, Any]) -> str:
     return when.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def equipment_of(flight: Flight) -> str:
-    """Return the name of the equipment of a flight: the file that it includes; "" without one."""
-    return flight.included[0].stem if flight.included else ""
+def equipment_of(flight: Flight) -> Row:
+    """Return the name of the equipment of a flight, the file that it includes, and that file.
+
+    Both are empty without one.
+    """
+    if not flight.included:
+        return {"equipment": "", EQUIPMENT_FILE: ""}
+    file = flight.included[0]
+    return {"equipment": file.stem, EQUIPMENT_FILE: str(file.resolve())}
+
+
+def with_own_names(rows: Sequence[Row]) -> list[Row]:
+    """Return rows in which files of one name in several directories are several equipments.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        With the file of each equipment; "a/wing3.toml" and "b/wing3.toml" become a/wing3, b/wing3.
+    """
+    files: dict[str, set[str]] = {}
+    for row in rows:
+        if row.get(EQUIPMENT_FILE):
+            files.setdefault(str(row["equipment"]), set()).add(str(row[EQUIPMENT_FILE]))
+    out = []
+    for row in rows:
+        same = files.get(str(row.get("equipment") or ""), set())
+        if len(same) > 1 and row.get(EQUIPMENT_FILE):
+            above = Path(os.path.commonpath([Path(file).parent for file in same]))
+            name = Path(str(row[EQUIPMENT_FILE])).relative_to(above).with_suffix("")
+            row = row | {"equipment": name.as_posix()}
+        out.append(row)
+    return out
 
 
 def boresight_of(flight: Flight) -> Row:

@@ -14,7 +14,7 @@ from ..base.staging import together
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
 from .page import SeasonPage, is_ours
-from .row import COLUMNS, Row
+from .row import COLUMNS, Row, with_own_names
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
 from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, not_reached
@@ -177,7 +177,8 @@ def line_of(outcome: Outcome) -> str:
         words.append(f"{' / '.join(f'{s:.1f}' for s in sigmas)} mm (E, N, U)")
     if row.get("sigma_att_u_deg") is not None:
         words.append(f"heading {row['sigma_att_u_deg']:.3f} deg")
-    words.append(str(row["judgement"]) + (f": {row['limits']}" if row.get("limits") else ""))
+    why = row.get("reason") or row.get("limits")
+    words.append(str(row["judgement"]) + (f": {why}" if why else ""))
     return f"{outcome.name}: {outcome.status}, {', '.join(words)} ({seconds})"
 
 
@@ -317,7 +318,7 @@ def _begins(path: Path, text: str) -> bool:
 def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float) -> SeasonResult:
     """Write table and page; return the result."""
     directory = request.directory
-    rows = tuple(_relative(one.row, directory) for one in outcomes)
+    rows = tuple(_relative(row, directory) for row in with_own_names([o.row for o in outcomes]))
     found_trends = tuple(trends(rows))
     settings = [("flights", " ".join(request.sources))]
     settings += [("scheduler", request.scheduler)] if request.scheduler else []

@@ -130,7 +130,7 @@ def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
     with contextlib.suppress(Exception):
         from ..config.load import load_flight
 
-        row["equipment"] = equipment_of(load_flight(task.file))
+        row |= equipment_of(load_flight(task.file))
     return Outcome(task.name, FAILED, row, code)
 
 
@@ -161,7 +161,7 @@ def _processed(task: Task) -> tuple[str, Row]:
         status, report = DONE, process(flight, out, force=task.force).report
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
-    row |= {"equipment": equipment_of(flight), "report": str(directory / PAGE)}
+    row |= {"report": str(directory / PAGE)} | equipment_of(flight)
     row |= boresight_of(flight)
     return status, row
 

@@ -11,6 +11,7 @@ import pytest
 from insgnss.diagnosis.advice import advice, unseen, variance_check
 from insgnss.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.diagnosis.variances import VarianceHypothesis
+from insgnss.geodesy.rotation import right_angle_rotations
 from insgnss.orient.mounting import Mounting, boresight_from_angles
 
 ASKEW = Mounting(
@@ -19,6 +20,7 @@ ASKEW = Mounting(
     camera_from_body=[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
     boresight=boresight_from_angles("opk", [4.0, -3.0, 30.0]),
 )
+LEVEL = Mounting(antenna_m=[0.31, -0.12, 0.55], imu_m=[0.03, 0.0, 0.01], camera_from_body=np.eye(3))
 LEVER = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
 # ten minutes at 10 m/s
 SOLUTION: Any = SimpleNamespace(
@@ -155,3 +157,29 @@ def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
     else:
         assert check.verdict == "note"
         assert f"not show errors of antenna lever arm forward below {hidden}" in check.found
+
+
+def test_a_camera_that_is_turned_is_named_with_its_matrix():
+    """Oracle: vector algebra; the lever arm of the true T minus that of the stated one, for all 23
+    turns by right angles. A lever arm that no turn explains gets the old advice.
+    """
+    for T in right_angle_rotations()[1:]:
+        true = replace(LEVEL, camera_from_body=T)
+        off = true.antenna_lever_b - LEVEL.antenna_lever_b
+        values = {name: (v, 0.002) for name, v in zip(LEVER, off, strict=True) if abs(v) > 1e-9}
+        (arm,) = advice(LEVEL, SOLUTION, hypothesis(values, 50.0))
+        if np.abs(off).max() > 0.02:
+            assert (
+                f"another mounting.camera_from_body = {T.astype(int).tolist()} would" in arm.advice
+            )
+    off = dict(zip(LEVER, [(0.1, 0.002), (0.0, 0.002), (0.0, 0.002)], strict=True))
+    (arm,) = advice(LEVEL, SOLUTION, hypothesis(off, 50.0))
+    assert "camera_from_body" not in arm.advice
+
+
+def test_what_a_right_flight_may_show_does_not_stand_out():
+    """Oracle: the largest evidence with wide sigmas of 160 right flights, 2.7."""
+    values = {LEVER[0]: (0.05, 0.01)}
+    (weak,) = advice(LEVEL, SOLUTION, hypothesis(values, 2.7))
+    (shown,) = advice(LEVEL, SOLUTION, hypothesis(values, 3.1))
+    assert (weak.beyond_chance, shown.beyond_chance) == (False, True)

@@ -253,7 +253,7 @@ def test_missing_library_is_told_in_one_line(
     """Oracle: the way out that the specification names."""
     path = request.getfixturevalue(kind)
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(InputError, match=r"is not installed: pip install insgnss\[logs\]"):
+    with pytest.raises(InputError, match=r"is not installed: pip install 'insgnss\[logs\]'"):
         read_gnss(path)
 
 

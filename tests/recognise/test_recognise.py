@@ -8,12 +8,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.prepare.axes import parse_axes
 from insgnss.recognise.axes import axes_words
 from insgnss.recognise.findings import MOST, NAMES
 from insgnss.recognise.recognition import compare, recognise
-from insgnss.recognise.relation import orientations
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
 
@@ -85,7 +84,7 @@ def test_all_orientations_units_and_signs(block, corridor, sign, units):
         (corridor[0], every_second(corridor[1])),
     )
     gyro_factor, accel_factor = UNITS[units]
-    for i, C_b_imu in enumerate(orientations()):
+    for i, C_b_imu in enumerate(right_angle_rotations()):
         imu, gnss = flights[i % 2]
         found = recognise(as_mounted(imu, C_b_imu, gyro_factor, sign * accel_factor), gnss)
         assert answers(found) == ("mean_rate", *units, sign, axes_words(C_b_imu), "same")
@@ -405,7 +404,7 @@ class TestCompare:
     def test_axes(self, block):
         """Oracle: all 23 wrong claims."""
         found = recognise(*block)
-        for C_b_imu in orientations():
+        for C_b_imu in right_angle_rotations():
             wrong = not np.array_equal(C_b_imu, np.eye(3))
             check = next(c for c in compare(found, C_b_imu) if c.name == "recognised axes")
             assert check.verdict == ("contradiction" if wrong else "ok")

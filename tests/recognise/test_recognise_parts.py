@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.geodesy.rotation import rotation_from_vector
+from insgnss.geodesy.rotation import right_angle_rotations, rotation_from_vector
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.fix_path import liveliest, sound_fixes
 from insgnss.recognise._kernels import interpolate
 from insgnss.recognise.axes import Pose, axes_words, down, forward, scores
-from insgnss.recognise.relation import orientations
 from insgnss.recognise.signal import accelerations, dead_channel, imu_grid, propagate_force
 from insgnss.recognise.units import force_unit, gyro_factors, gyro_unit
 from insgnss.recognise.verdict import of_clock
@@ -173,7 +172,7 @@ def test_gyro_units_that_are_possible():
 
 def test_orientations_are_the_24_and_their_words_go_both_ways():
     """Oracle: `parse_axes`; the group of rotations of the cube has 24 elements."""
-    C = orientations()
+    C = right_angle_rotations()
     assert len({axes_words(c) for c in C}) == 24
     for c in C:
         assert np.array_equal(parse_axes(axes_words(c)), c)

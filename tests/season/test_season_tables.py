@@ -10,11 +10,11 @@ from seasons import row
 
 from insgnss.base.errors import InputError
 from insgnss.season.page import SeasonPage, charts, is_ours
-from insgnss.season.row import COLUMNS, TEXTS, row_of
+from insgnss.season.row import COLUMNS, EQUIPMENT_FILE, TEXTS, row_of, with_own_names
 from insgnss.season.run import headline, line_of
 from insgnss.season.tables import csv_text, parquet_bytes, read_season
 from insgnss.season.trends import trends
-from insgnss.season.work import Outcome, Task, failed
+from insgnss.season.work import Outcome, Task, failed, not_reached
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 REASON = 'gap, "quoted", <b>& 3 m'
@@ -151,3 +151,22 @@ def test_a_report_without_images_has_a_row() -> None:
     assert made["lever_arm_right_m"] == pytest.approx(0.21)
     assert made["lever_arm_right_sigma_m"] == 0.002
     assert (made["limits"], made["images"], made["sigma_e_mm"]) == ("fixes", 0, None)
+
+
+def test_equipment_files_of_one_name_are_several_equipments() -> None:
+    """Oracle: the paths, by hand; what has a name of its own keeps it."""
+    files = ["/s/a/wing3.toml", "/s/b/wing3.toml", "/s/b/wing3.toml", "/s/b/wing4.toml", ""]
+    rows = [{"equipment": Path(file).stem, EQUIPMENT_FILE: file} for file in files]
+    found = [row["equipment"] for row in with_own_names(rows)]
+    assert found == ["a/wing3", "b/wing3", "b/wing3", "wing4", ""]
+
+
+def test_a_flight_that_was_not_reached_has_a_row_that_says_what_to_do(tmp_path: Path) -> None:
+    """Oracle: the table read back, and the headline by hand."""
+    outcomes = [not_reached(Task("f1", "f1/flight.toml")), Outcome("f2", "done", row(2))]
+    table = tmp_path / "season.csv"
+    table.write_text("".join(csv_text([one.row for one in outcomes])))
+    first, _ = read_season(table)
+    assert (first["status"], first["images"]) == ("not reached", None)
+    assert "give the same command again" in first["reason"]
+    assert headline(outcomes).startswith("2 flights: 1 processed, 1 not reached; ")

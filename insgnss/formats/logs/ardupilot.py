@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Tables = dict[str, dict[str, Array]]
 
 MISSING = (
-    "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install insgnss[logs]"
+    "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]'"
 )
 FMT = 128
 LOST_LIMIT = 0.01

@@ -32,7 +32,7 @@ from .boot_clock import LONGEST_S, BootClock, fit_clock
 Array = NDArray[np.float64]
 Tables = dict[str, dict[str, Array]]
 
-MISSING = "needs pyulog, which reads PX4 logs; it is not installed: pip install insgnss[logs]"
+MISSING = "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]'"
 HEADER_BYTES = 16
 LEAST_FIX = 3
 READ_AGAIN = 8  # times the size of a file that may be read

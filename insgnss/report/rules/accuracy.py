@@ -201,7 +201,8 @@ def states(f: Figures) -> Iterator[Limit]:
                 if unit == "ms"
                 else "measure it, or turn on the spot and fly figures of eight"
             )
-            yield Limit("constants", max(1.0, 1e3 * state["moves_m"] / typical), text, help_)
+            rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK
+            yield Limit("constants", rank, text, help_)
         elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
             estimated.append(
                 f"{state['name']} {state['value'] * factor:+.3g} +- {state['sigma'] * factor:.2g}"

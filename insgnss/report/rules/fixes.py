@@ -352,7 +352,8 @@ def checks(f: Figures) -> Iterator[Limit]:
             continue
         rank = OVERRULED if check["verdict"] == "contradiction" else REMARK
         rank = max(rank, NOTED.get(check["name"], 0.0))
-        rank = max(rank, ADOPTED_RANK) if check["name"] in ADOPTED else rank
+        if check["name"] in ADOPTED and check["beyond_chance"]:
+            rank = max(rank, ADOPTED_RANK)
         yield Limit(
             "checks",
             rank,

@@ -1,0 +1,26 @@
+"""Weeks of the flight file that cannot be the flight's."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from insgnss.base.errors import UsageError
+from insgnss.config.flight_file import refuse_week
+from insgnss.geodesy.gpstime import gps_from_calendar
+
+
+def test_a_week_modulo_1024_is_refused_with_the_weeks_that_it_may_be():
+    """Oracle: GPS week 2221 began on Sunday 2022-07-31, 1197 on 2002-12-15 (calendar)."""
+    with pytest.raises(UsageError, match=r"gps_week = 173: counts modulo 1024.*2022-07-31"):
+        refuse_week(173)
+    with pytest.raises(UsageError, match=r"2002-12-15"):
+        refuse_week(173)
+
+
+def test_a_week_to_come_is_refused_and_the_present_one_is_not():
+    """Oracle: the clock; the next week is left to clocks of the wrong day."""
+    now, _ = gps_from_calendar(datetime.now(UTC))
+    with pytest.raises(UsageError, match="still to come"):
+        refuse_week(now + 2)
+    for week in (None, 0, 1024, 2008, now, now + 1):
+        refuse_week(week)
