@@ -3,7 +3,7 @@
     python scripts/draw_gallery.py --runs DIR [--only NAME ...]
 
 Runs that are missing in DIR are made: the demo, a simulated recording that nobody describes, an
-image block. Pictures of pages are taken by Playwright with the Chromium of the system
+image block, a season. Pictures of pages are taken by Playwright with the Chromium of the system
 (`pip install '.[oracles]'`). All go into docs/images, reduced by `run_page.reduce_picture`.
 """
 
@@ -20,6 +20,7 @@ from run_page import reduce_picture
 
 import insgnss
 
+BROKEN = 3  # exit code of a season with flights of bad input
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 
 
@@ -111,6 +112,26 @@ def comparison(runs: Path) -> None:
     screenshot(page, runs / "comparison.png", height=1000)
 
 
+def season(runs: Path) -> None:
+    """The page of `insgnss batch`: twelve flights of one wing, one of them broken."""
+    directory = runs / "season"
+    for k in range(1, 13):
+        flight = directory / f"f{k:02d}"
+        if not flight.exists():
+            options = ("--minutes", "3", "--imu-rate", "50", "--seed", str(k))
+            insgnss_command(runs, "simulate", str(flight), *options)
+            file = flight / "flight.toml"
+            text = file.read_text().replace("gps_week = 2008", f"gps_week = {2400 + k}")
+            if k == 7:
+                text = text.replace('"forward right down"', '"right forward up"')
+            file.write_text(text)
+    if not (directory / "index.html").exists():
+        command = [sys.executable, "-m", "insgnss", "batch", directory.name, "--again", "-q"]
+        if subprocess.run(command, cwd=runs, check=False).returncode != BROKEN:
+            raise SystemExit("batch: the broken flight was not refused")
+    screenshot(directory / "index.html", runs / "season.png", height=1100)
+
+
 def heading(runs: Path) -> None:
     """Heading and tilt along a corridor with three kinds of IMU, and what shows the heading."""
     figure = Figure(figsize=(9.5, 6.5), layout="constrained")
@@ -138,7 +159,7 @@ def heading(runs: Path) -> None:
 
 PICTURES: dict[str, Callable[[Path], None]] = {
     drawn.__name__: drawn
-    for drawn in (report, report_dark, recognition, adjustment, comparison, heading)
+    for drawn in (report, report_dark, recognition, adjustment, comparison, season, heading)
 }
 
 

@@ -1,11 +1,13 @@
 """The iteration: Levenberg-Marquardt on the normal equations of a block."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.advance import share
 from ..base.errors import DataError
 from ..records.block import Array
 from .kernels import collinearity
@@ -136,7 +138,7 @@ def _iterated(
     groups = linearised(problem, values)
     now, _ = cost(problem, values, groups)
     first, freedom = now, max(redundancy_of(problem), 1)
-    damping, raised, negligible = 0.0, RAISED, False
+    damping, raised, negligible, longest = 0.0, RAISED, False, 0.0
     for step in range(steps + 1, steps + MOST_STEPS + 1):
         try:
             dx, dp, predicted = _step(problem, values, damping, groups)
@@ -151,8 +153,11 @@ def _iterated(
         new, invalid = cost(problem, trial, ahead)
         accepted = invalid == 0 and new < now
         small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
-        negligible = predicted < CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        ends = CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        negligible = predicted < ends
         gain = (now - new) / predicted if predicted > 0.0 else 0.0
+        longest = max(longest, predicted)
+        share(_come(predicted, longest, ends))
         if accepted:
             values, now, groups = trial, new, ahead
         if progress is not None:
@@ -173,6 +178,13 @@ def _iterated(
         factorised(problem, assembled(problem, values, groups=groups))
     point = np.where(missing[:, None], np.nan, values.point)
     return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
+
+
+def _come(step: float, longest: float, last: float) -> float:
+    """Return the share of an iteration that is done, by the orders of magnitude of its steps."""
+    if not longest > last:
+        return 1.0
+    return min(max(math.log(longest / max(step, last)) / math.log(longest / last), 0.0), 1.0)
 
 
 def _step(

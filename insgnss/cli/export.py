@@ -198,6 +198,7 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     if out.resolve() == given.eo.resolve():
         raise UsageError(f"export: {out} is the master itself; give --out")
     eo = read_eo_json(given.eo)
+    _warn_of_changed_inputs(given.eo)
     if given.camera is not None:
         eo = eo.of_camera(given.camera)
     progress(f"writing {out}")
@@ -207,6 +208,20 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
             refuse_replacing(staging, out, given.out is not None, done.frame)
     files = (*(done.files or (done.file,)), *done.helpers)
     return ExportResult(given.format, files, done.notes)
+
+
+def _warn_of_changed_inputs(eo: Path) -> None:
+    """Warn where orientations are of inputs that have changed since, as after a run that failed."""
+    import warnings
+
+    from ..season.archive import DOCUMENTS, changed_since
+
+    if changed := changed_since(eo.parent / DOCUMENTS[0]):
+        warnings.warn(
+            f"{eo} is older than {', '.join(changed)}, which has changed since: these are the"
+            " orientations of before; process again where they shall be those of now",
+            stacklevel=2,
+        )
 
 
 def _master_of(directory: Path) -> Path:

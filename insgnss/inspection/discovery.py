@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.advance import through
 from ..base.errors import InputError, InsgnssError
 from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
 from .tables.grids import tables_of_file
@@ -105,7 +106,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
                 "does not exist; give a flight file, a directory or the files of a recording",
             )
         files = [path] if path.is_file() else list(_walk(path))
-        for file in files:
+        for file in through(files):
             try:
                 file_sources = sources_of(file)
             except InsgnssError as error:

@@ -75,6 +75,7 @@ class DemoResult:
                 ),
                 f"flight and products: {self.directory}",
                 f"report: {report}",
+                f"for Metashape: {report.with_name('metashape.csv')}",
             ]
         )
 

@@ -149,7 +149,7 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     runs = []
     for number, document in enumerate(documents, 1):
         progress(f"{number} of {len(documents)}: {os.path.relpath(document, directory)}")
-        runs.append(_examined(document, directory, remake))
+        runs.append(_examined(document, remake))
     return ArchiveResult(directory, tuple(runs), tuple(orphans))
 
 
@@ -178,11 +178,11 @@ def _document(path: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
-def _examined(document: Path, directory: Path, remake: bool) -> Examined:
+def _examined(document: Path, remake: bool) -> Examined:
     """Hold one document against what is there."""
     content = _document(document)
     hashes = content[KEY]
-    base = _base_of(document, content, directory)
+    base = _base_of(document, content)
     problems = list(_inputs(hashes, base))
     problems += _products(content, document.parent)
     versions = content.get("versions") or {}
@@ -200,7 +200,30 @@ def _examined(document: Path, directory: Path, remake: bool) -> Examined:
     return Examined(document, tuple(problems), tuple(notes))
 
 
-def _base_of(document: Path, content: Mapping[str, Any], directory: Path) -> Path:
+def changed_since(document: Path) -> tuple[str, ...]:
+    """Return which inputs of a result were written after it, and are others now.
+
+    Parameters
+    ----------
+    document : Path
+        The JSON document of the result; without one nothing is said.
+
+    Returns
+    -------
+    tuple of str
+        Names of inputs, as the document has them; files that are older than the document are not
+        read.
+    """
+    content = _document(document)
+    hashes = content.get(KEY)
+    if not hashes:
+        return ()
+    base, made = _base_of(document, content), document.stat().st_mtime
+    later = [n for n in hashes if (base / n).is_file() and (base / n).stat().st_mtime > made]
+    return tuple(name for name in later if sha256(base / name) != hashes[name])
+
+
+def _base_of(document: Path, content: Mapping[str, Any]) -> Path:
     """Return the directory that the paths of inputs are relative to: where most of them are."""
     folder = document.parent.absolute()
     named = content.get(BASE_KEY)

@@ -124,20 +124,28 @@ def _cells(row: Row) -> tuple[str, ...]:
     mark = {"good": "ok", "doubtful": "note", "bad": "contradiction"}.get(judged, "note")
     status = str(row["status"]) if row["status"] in (FAILED, WAITING) else judged
     status += " (kept)" if row["status"] == KEPT else ""
+    why = row.get("reason") if row["status"] not in (FAILED, WAITING) else ""
     positions = [row.get(f"sigma_{axis}_mm") for axis in "enu"]
     tilts = [row.get(f"sigma_att_{axis}_deg") for axis in "en"]
     return (
         name,
         escape(row.get("equipment") or ""),
-        escape(str(row.get("date_utc") or "").replace("T", " ").rstrip("Z")),
+        _whole(str(row.get("date_utc") or "").replace("T", " ").rstrip("Z")),
         f'<span class="{mark}">{escape(status)}</span>',
         escape("" if row.get("images") is None else f"{row['images']:.0f}"),
-        escape(" / ".join(f"{x:.1f}" for x in positions if is_number(x))),
-        escape(" / ".join(f"{x:.4f}" for x in tilts if is_number(x))),
+        _whole(" / ".join(f"{x:.1f}" for x in positions if is_number(x))),
+        _whole(" / ".join(f"{x:.4f}" for x in tilts if is_number(x))),
         escape(_number(row.get("sigma_att_u_deg"), ".3f")),
         escape(_number(row.get("nis_ratio"), ".2f")),
-        escape(row.get("reason") or row.get("limits") or ""),
+        escape(
+            (judged and row["status"] != FAILED and row.get("reason")) or row.get("limits") or ""
+        ),
     )
+
+
+def _whole(text: str) -> str:
+    """A cell that is not broken into lines."""
+    return f'<span class="whole">{escape(text)}</span>'
 
 
 def _number(value: object, form: str) -> str:

@@ -337,6 +337,8 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
 def _relative(row: Row, directory: Path) -> Row:
     """Return a row whose paths are relative to the table, as far as they are on its drive."""
     out: Row = {column: row.get(column) for column in COLUMNS}
+    if out["reason"]:
+        out["reason"] = str(out["reason"]).replace(f"{directory.resolve()}{os.sep}", "")
     for column in ("flight", "report"):
         if out[column]:
             try:

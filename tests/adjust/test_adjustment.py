@@ -18,6 +18,7 @@ from insgnss.adjust.groups import (
 from insgnss.adjust.normals import problem_of
 from insgnss.adjust.precision import precision_of
 from insgnss.adjust.start import first_values
+from insgnss.base.advance import listening
 from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.records.block import INTERIOR
@@ -315,3 +316,15 @@ def test_a_covariance_that_is_none_is_refused():
     """Oracle: a singular matrix."""
     with pytest.raises(DataError, match="strip: covariance is not positive definite"):
         weight_of(np.ones((3, 3)), "strip")
+
+
+def test_an_iteration_says_how_far_it_has_come():
+    """Oracle: from nothing to all of it, and never back: steps of Newton only shrink here."""
+    block = simulated(4, cameras=(camera(free=()),), start_m=0.5, start_deg=0.3, **SMALL).block
+    problem, heard = problem_of(block, control_points(block.control)), []
+    with listening(heard.append):
+        adjusted(problem, first_values(block))
+    assert heard[0] == 0.0
+    assert heard[-1] == 1.0
+    assert len(heard) > 2
+    assert heard == sorted(heard)

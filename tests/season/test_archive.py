@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from insgnss import __version__
 from insgnss.base.errors import UsageError
 from insgnss.cli import main
-from insgnss.season.archive import ArchiveResult, examine_archive
+from insgnss.season.archive import ArchiveResult, changed_since, examine_archive
 
 
 def sha(text: str) -> str:
@@ -107,3 +108,18 @@ def test_the_verb_prints_and_refuses(archive: Path, capsys: pytest.CaptureFixtur
     assert "rover/out: input in.csv is missing" in out
     assert err.count("\n") == 1
     assert "1 of 2 results cannot be made again" in err
+
+
+def test_what_was_written_after_a_result_and_is_other_now_is_named(archive: Path) -> None:
+    """Oracle: what was done to the file; one that was written again as it was is none."""
+    document, given = archive / "block" / "out" / "adjust.json", archive / "block" / "in.csv"
+    made = document.stat().st_mtime
+    for text, after, names in (
+        ("block\n", 5.0, ()),
+        ("other\n", 5.0, ("in.csv",)),
+        ("other\n", -5.0, ()),  # the archive's whole check reads it
+    ):
+        given.write_text(text)
+        os.utime(given, (made + after, made + after))
+        assert changed_since(document) == names
+    assert changed_since(archive / "no.json") == ()

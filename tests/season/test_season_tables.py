@@ -11,7 +11,7 @@ from seasons import row
 from insgnss.base.errors import InputError
 from insgnss.season.page import SeasonPage, charts, is_ours
 from insgnss.season.row import COLUMNS, EQUIPMENT_FILE, TEXTS, row_of, with_own_names
-from insgnss.season.run import headline, line_of
+from insgnss.season.run import _relative, headline, line_of
 from insgnss.season.tables import csv_text, parquet_bytes, read_season
 from insgnss.season.trends import trends
 from insgnss.season.work import Outcome, Task, failed, not_reached
@@ -159,6 +159,13 @@ def test_equipment_files_of_one_name_are_several_equipments() -> None:
     rows = [{"equipment": Path(file).stem, EQUIPMENT_FILE: file} for file in files]
     found = [row["equipment"] for row in with_own_names(rows)]
     assert found == ["a/wing3", "b/wing3", "b/wing3", "wing4", ""]
+
+
+def test_reasons_name_files_as_the_table_does(tmp_path: Path) -> None:
+    """Oracle: the path by hand; another directory's stays whole."""
+    reason = f"{tmp_path}/f1/flight.toml:3: axes; see {tmp_path}x/readme"
+    rows = [_relative(row(1, reason=reason), tmp_path)]
+    assert rows[0]["reason"] == f"f1/flight.toml:3: axes; see {tmp_path}x/readme"
 
 
 def test_a_flight_that_was_not_reached_has_a_row_that_says_what_to_do(tmp_path: Path) -> None:
