@@ -137,9 +137,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         _whole(" / ".join(f"{x:.4f}" for x in tilts if is_number(x))),
         escape(_number(row.get("sigma_att_u_deg"), ".3f")),
         escape(_number(row.get("nis_ratio"), ".2f")),
-        escape(
-            (judged and row["status"] != FAILED and row.get("reason")) or row.get("limits") or ""
-        ),
+        escape(why or row.get("limits") or ""),
     )
 
 
