@@ -36,6 +36,10 @@ UNSEEN_SIGMA = 3.0
 BY_CHANCE = 3.0
 TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
 AXES = ("forward", "right", "down")
+STAMPED = (
+    "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
+    " other one they are off by as much"
+)
 LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
 
@@ -72,9 +76,6 @@ def advice(
         " and ".join(rival.groups) for rival in rivals
     )
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
-    # what the flight does not tell from an error of the IMU is no contradiction of the mounting
-    certain = all(group.startswith(OF_FIXES) for rival in rivals for group in rival.groups)
-    strong = suspected.wide_evidence >= STRONG and certain
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
     checks: list[tuple[float, Check]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
@@ -85,10 +86,12 @@ def advice(
         checks.append((max(size for name, size in sizes.items() if of in name), check))
 
     if any(lever):
-        add(LEVER_ARM, _lever_arm(mounting, lever, by, strong))
+        add(LEVER_ARM, _lever_arm(mounting, lever, by, _shown(LEVER_ARM, suspected, rivals)))
     if OFFSET in values:
+        strong = _shown(OFFSET, suspected, rivals)
         add(OFFSET, _time_offset(*values[OFFSET], speed, by, strong))
     if RATE in values:
+        strong = _shown(RATE, suspected, rivals)
         add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
     for kind, unit, factor, key in (
         ("scale factor", "%", 1e2, "scale_factor"),
@@ -98,6 +101,19 @@ def advice(
         if own:
             add(kind, _of_imu(own, unit, factor, key, by))
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
+
+
+def _shown(of: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
+    """Tell whether a kind of constant is shown to be wrong.
+
+    What the flight does not tell from an error of the IMU alone is no contradiction of the flight
+    file; a rival that has the same constant as well supports it.
+    """
+    own = {group for group in suspected.groups if group.startswith(of)}
+    return suspected.wide_evidence >= STRONG and all(
+        own <= set(rival.groups) or all(group.startswith(OF_FIXES) for group in rival.groups)
+        for rival in rivals
+    )
 
 
 def unseen(
@@ -282,7 +298,7 @@ def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: boo
         f"none, or less than {NEGLIGIBLE_M:g} m",
         "contradiction" if contradicts else "note",
         f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
-        "estimated",
+        f"estimated; {STAMPED}",
     )
 
 
@@ -297,7 +313,7 @@ def _clock_rate(
         f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
         f"one clock, or less than {NEGLIGIBLE_M:g} m",
         "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
-        "set filter.time_offset = true, which estimates offset and rate of the clocks",
+        "set filter.time_offset = true, which estimates offset and rate of the clocks; " + STAMPED,
     )
 
 

@@ -47,6 +47,7 @@ from .recording import Recording, read_recording
 from .segment import Segment
 from .segment_checks import (
     check_barometer,
+    check_exposure_clock,
     check_file_sigmas,
     check_images,
     check_motion,
@@ -226,6 +227,7 @@ def _solve(
     checks += check_residuals(flight, segments)
     checks += check_file_sigmas(flight, recording, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
+    checks += check_exposure_clock(flight, recording, segments)
     refuse_contradictions(flight, checks)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.errors import DataError
+from ..base.wording import named
 from ..calibrate.residuals import worst_piece
 from ..config.flight_file import Flight
 from ..diagnosis.candidates import with_layout
@@ -19,8 +20,10 @@ from ..navigation.codes import (
     POSITION,
     REJECTED,
     USED,
+    VEL,
     VELOCITY_CONSTRAINT,
 )
+from ..navigation.event_clock import event_delay
 from ..navigation.filter import make_history, run_filter
 from ..navigation.kernels.records import FilterHistory
 from ..navigation.layout import StateLayout
@@ -29,6 +32,7 @@ from ..navigation.solution import Solution
 from ..records import Check
 from ..report.rules.wording import AXES, millimetres
 from ..report.statistics import Z_CONFIDENCE, lag_one, residual_limit
+from .checks import of_camera
 from .estimation_problem import layout_factory, requested_errors
 from .recording import Recording
 from .segment import Segment
@@ -45,8 +49,62 @@ WHITE_LAG = 0.1
 MUCH_WIDER = 1.5
 """Ratio of position sigmas that matters to their user."""
 
+CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA = 0.02, 3.0
+"""How far, in metres and in median sigmas, the two clocks put an exposure apart that it matters."""
+
 MOST_NAMED = 5
 """Images that a check names."""
+
+
+def check_exposure_clock(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> list[Check]:
+    """Ask whose clock stamps the exposures, where the clocks differ and nobody has said it.
+
+    No data of a flight tell it: exposures of the receiver's clock that are taken as stamped by the
+    IMU's are off by what the fixes were moved by, times the speed.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        Its records.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        A note for each camera with `camera.clock = "auto"` that was taken as the IMU's and has
+        exposures further apart than `CLOCKS_MATTER_M` and `CLOCKS_MATTER_SIGMA`.
+    """
+    cameras = () if flight.camera is None else flight.camera.all_of_rig
+    checks = []
+    for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
+        if options.clock != "auto" or exposures.clock != "imu":
+            continue
+        apart, sigma = [0.0], []
+        for segment in segments:
+            solution, instant = segment.solution, segment.exposed[k].instant
+            moved = flight.gnss.time_offset_s + segment.time_offset_s + event_delay(solution)
+            speed = np.linalg.norm(solution.nav[solution.event_epochs, VEL], axis=1)
+            apart += (np.abs(moved) * speed)[instant].tolist()
+            sigma += [np.sqrt(solution.variance(solution.event_epochs)[:, POS].max(axis=1))]
+        limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
+        if max(apart) > limit:
+            check = Check(
+                "exposure clock",
+                f"taken as the IMU's; by the clock of the fixes they are up to {max(apart):.2f} m"
+                " elsewhere, and no data of the flight tell which of both it is",
+                f"no matter, to {1e3 * limit:.0f} mm",
+                "note",
+                f'say it: {named("camera.clock")} = "receiver" where the receiver stamps them,'
+                ' "imu" where the IMU does',
+            )
+            rig = len(recording.cameras) > 1
+            checks.append(of_camera(check, exposures.name) if rig else check)
+    return checks
 
 
 def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:

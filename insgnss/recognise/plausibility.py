@@ -77,6 +77,7 @@ NAMES = (
     "antenna lever arm",
     "GNSS time offset",
     "clock rate",
+    "exposure clock",
     "IMU scale factors",
     "IMU misalignments",
     "IMU noise",

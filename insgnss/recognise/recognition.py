@@ -452,6 +452,9 @@ def _compare_units(
     )
 
 
+REVERSED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
+
+
 def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
     """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
     name, claimed = "recognised axes", axes_words(C_b_imu)
@@ -463,6 +466,11 @@ def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
             f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
             " in the file"
         )
+        if triads.value == REVERSED and recognition.accel_sign < 0:
+            advice += (
+                "; two axes that are exchanged in gyro and accelerometer alike look so, too, as do"
+                " six reversed signs: look at the order of the columns first"
+            )
         return Check(
             name,
             f"{triads.value}; {triads.evidence}",

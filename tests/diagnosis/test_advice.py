@@ -93,6 +93,10 @@ def test_the_most_significant_comes_first_and_rivals_are_named():
     of_imu = replace(rival, groups=("accelerometer scale factors",))
     (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [of_imu])
     assert check.verdict == "note"
+    both = replace(rival, groups=("accelerometer scale factors", "GNSS time offset"))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [both])
+    assert check.verdict == "contradiction"
+    assert "camera.clock" in check.advice
     assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
 
 

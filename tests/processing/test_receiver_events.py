@@ -1,5 +1,6 @@
 """Flights whose exposures the receiver stamped: `camera.clock`, all the way to the images."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,3 +94,22 @@ def test_exposures_move_with_fixes_whose_stamps_are_moved(sim):
     for result in (estimated, stated):
         assert np.abs(normalised(sim, result.eo)).max() < 4.0
         assert np.abs(result.eo.time - of_truth(sim, result.eo).time).max() < 3e-3
+
+
+def test_the_clock_of_the_exposures_is_asked_for_where_it_matters(sim):
+    """Oracle: the exact motion; exposures that the receiver stamped 20 ms late, taken as the IMU's,
+    are off by what the note says. Who says the clock is not asked, nor who has one clock.
+    """
+
+    def asked(by_s, **changes):
+        result = late(sim, by_s, gnss__time_offset_s=-by_s, **changes)
+        return [c for c in result.checks if c.name == "exposure clock"], result.eo
+
+    (check,), eo = asked(0.02)
+    off = np.linalg.norm(eo.position_m - of_truth(sim, eo).position_m, axis=1).max()
+    stated = float(re.search(r"up to (\S+) m elsewhere", check.found)[1])
+    assert stated == pytest.approx(off, abs=0.02)
+    assert off > 0.15
+    assert asked(0.02, camera__clock="imu")[0] == []
+    assert asked(0.02, camera__clock="receiver")[0] == []
+    assert asked(0.0)[0] == []
