@@ -44,9 +44,8 @@ from scipy.stats import chi2
 import insgnss
 from insgnss.geodesy.earth import curvature_radii
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.recognise.axes import axes_words
-from insgnss.recognise.relation import orientations
 from insgnss.records.qualities import Quality
 from insgnss.simulation.flights import Flight, fly
 from insgnss.simulation.ground import drive, walk
@@ -141,7 +140,7 @@ def drawn(number: int) -> Draw:
     errors = str(rng.choice(CORRELATIONS))
     if errors == "quality" and sigma < FLOOR_M:  # below it the package's floors raise them
         errors = "stated"
-    C = orientations()
+    C = right_angle_rotations()
     return Draw(
         number,
         MOTIONS[number % len(MOTIONS)],
