@@ -79,6 +79,8 @@ def test_what_was_adopted_against_the_flight_file_stands_out(diagnostics, eo) ->
     s = run(diagnostics(checks=(Check("antenna lever arm", "a", "b", "note"),)), eo())
     assert s["verdict"][0] == "antenna lever arm: a (expected: b)"
     assert said(s, "checks")["rank"] > 1.0
+    by_chance = Check("antenna lever arm", "a", "b", "note", beyond_chance=False)
+    assert said(run(diagnostics(checks=(by_chance,)), eo()), "checks")["rank"] < 1.0
 
 
 @pytest.mark.parametrize(
