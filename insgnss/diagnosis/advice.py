@@ -268,8 +268,7 @@ def _lever_arm(
 def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | None]) -> list[Array]:
     """Return the turns T by right angles with which the stated lever arm is the one that was found.
 
-    The lever arm in body axes is T' a, a being antenna minus IMU in the camera's axes: where only T
-    is wrong, the flight finds it off by (T' - T_stated') a.
+    Where only T is wrong, the flight finds the lever arm (M.2) off by its difference between both.
 
     Parameters
     ----------
@@ -279,13 +278,21 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
         What the lever arm is off by in the body's axes and its sigma, m; None where an axis is not
         suspected.
     """
-    offset = mounting.antenna_m - mounting.imu_m
     # an axis that is not suspected is not off by more than what matters
     value = np.array([0.0 if one is None else one[0] for one in lever])
     sigma = np.array([NEGLIGIBLE_M if one is None else one[1] for one in lever])
     limit = np.maximum(SEEN * sigma, NEGLIGIBLE_M)
-    turns = [T for T in right_angle_rotations() if np.abs(T - mounting.C_cb).max() > TURNED]
-    return [T for T in turns if (np.abs((T - mounting.C_cb).T @ offset - value) < limit).all()]
+    estimate = mounting.antenna_lever_b + value
+    others = [
+        replace(mounting, camera_from_body=T)
+        for T in right_angle_rotations()
+        if np.abs(T - mounting.camera_from_body).max() > TURNED
+    ]
+    return [
+        other.camera_from_body
+        for other in others
+        if (np.abs(other.antenna_lever_b - estimate) < limit).all()
+    ]
 
 
 def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:

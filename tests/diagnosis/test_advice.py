@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -167,15 +168,15 @@ def test_a_camera_that_is_turned_is_named_with_its_matrix():
     """Oracle: vector algebra; the lever arm of the true T minus that of the stated one, for all 23
     turns by right angles. A lever arm that no turn explains gets the old advice.
     """
-    for T in right_angle_rotations()[1:]:
-        true = replace(LEVEL, camera_from_body=T)
-        off = true.antenna_lever_b - LEVEL.antenna_lever_b
+    turned = replace(LEVEL, boresight=ASKEW.boresight)
+    for stated, T in product((LEVEL, turned), right_angle_rotations()[1:]):
+        true = replace(stated, camera_from_body=T)
+        off = true.antenna_lever_b - stated.antenna_lever_b
         values = {name: (v, 0.002) for name, v in zip(LEVER, off, strict=True) if abs(v) > 1e-9}
-        (arm,) = advice(LEVEL, SOLUTION, hypothesis(values, 50.0))
+        (arm,) = advice(stated, SOLUTION, hypothesis(values, 50.0))
         if np.abs(off).max() > 0.02:
-            assert (
-                f"another mounting.camera_from_body = {T.astype(int).tolist()} would" in arm.advice
-            )
+            matrix = T.astype(int).tolist()
+            assert f"another mounting.camera_from_body = {matrix} would" in arm.advice
     off = dict(zip(LEVER, [(0.1, 0.002), (0.0, 0.002), (0.0, 0.002)], strict=True))
     (arm,) = advice(LEVEL, SOLUTION, hypothesis(off, 50.0))
     assert "camera_from_body" not in arm.advice
