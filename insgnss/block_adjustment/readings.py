@@ -7,7 +7,6 @@ is left, the median distance of rays from the points that they intersect in, is 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from ..adjust.start import directions, intersected
 from ..geodesy.rotation import (
     CV_RUB,
     opk_from_rotation,
+    right_angle_rotations,
     rotation_from_opk,
     rotation_from_vector,
     rpy_from_rotation,
@@ -226,19 +226,15 @@ def _other_axes(whole: Reading) -> Iterator[Reading]:
         yield replace(
             whole, text=text, remedy=f"{remedy} (x right, y down from the upper left corner)", xy=xy
         )
-    for axes in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            R = np.eye(3)[:, axes] * signs
-            if np.linalg.det(R) < 0.0 or np.allclose(R, np.eye(3)):
-                continue
-            words = _turn_words(R)
-            yield replace(
-                whole,
-                text=f"the camera were turned by {words}",
-                remedy="correct camera_from_body or bore-sight of the flight file and process"
-                " again, or turn the images as the camera took them",
-                C=whole.C @ R,
-            )
+    for R in right_angle_rotations()[1:].swapaxes(1, 2):
+        words = _turn_words(R)
+        yield replace(
+            whole,
+            text=f"the camera were turned by {words}",
+            remedy="correct camera_from_body or bore-sight of the flight file and process"
+            " again, or turn the images as the camera took them",
+            C=whole.C @ R,
+        )
 
 
 def _turn_words(R: Array) -> str:

@@ -17,8 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..records import Array, CameraEvents, Check
+from .fix_rounding import decimal_step
 
-STEPS_S = (1.0, 0.1, 0.01)  # a finer one costs 1 cm at 10 m/s
+LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
 EXACT_S = 1e-6  # off the multiples of a step: conversions of units, no measurement
 FEWEST = 8  # stamps that show a step
 CHANGES = 2  # intervals a step off the usual one that no trigger has
@@ -51,12 +52,12 @@ def with_stamp_rounding(events: CameraEvents) -> CameraEvents:
         f"if they were rounded, they are {10.0 * sigma:.2g} m off along the path at 10 m/s: write"
         " them with all their digits (7 decimals of a second)"
     )
-    note = Check("exposure times", finding, f"stamps finer than {STEPS_S[-1]:g} s", "note", advice)
+    note = Check("exposure times", finding, f"stamps finer than {SMALLEST_S:g} s", "note", advice)
     return replace(events, notes=(*events.notes, note))
 
 
 def stamp_step(time: Array) -> float:
-    """Return the largest of `STEPS_S` of which all stamps are multiples; 0 where there is none.
+    """Return the step, 1, 0.1 or 0.01 s, of which all stamps are multiples; 0 where there is none.
 
     Parameters
     ----------
@@ -65,10 +66,7 @@ def stamp_step(time: Array) -> float:
     """
     if time.size < FEWEST:
         return 0.0
-    for step in STEPS_S:
-        if np.abs(time - step * np.rint(time / step)).max() < EXACT_S:
-            return step
-    return 0.0
+    return decimal_step(time, LARGEST_S, SMALLEST_S, EXACT_S)
 
 
 def _changes_by_steps(time: Array, step: float) -> bool:

@@ -83,14 +83,29 @@ def rounding_step(column: Array, metres: float) -> float:
     float
         In units of the column.
     """
-    values = np.unique(column[np.linspace(0, column.size - 1, PROBED).astype(np.int64)])
+    probed = column[np.linspace(0, column.size - 1, PROBED).astype(np.int64)]
+    return decimal_step(probed, LARGEST_M / metres, SMALLEST_M / metres, EXACT_M / metres)
+
+
+def decimal_step(values: Array, largest: float, smallest: float, exact: float) -> float:
+    """Return the largest power of ten of which all values are multiples; 0 where there is none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        One number alone shows no step.
+    largest, smallest : float
+        Between which it is looked for.
+    exact : float
+        How far off its multiples values may be.
+    """
+    values = np.unique(values)
     if values.size < 2:
         return 0.0
-    first = int(np.floor(np.log10(LARGEST_M / metres)))
-    last = int(np.floor(np.log10(SMALLEST_M / metres)))
+    first, last = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
     for power in range(first, last - 1, -1):
         step = 10.0**power
-        if np.abs(values - step * np.rint(values / step)).max() * metres < EXACT_M:
+        if np.abs(values - step * np.rint(values / step)).max() < exact:
             return step
     return 0.0
 

@@ -84,13 +84,18 @@ def check_exposure_clock(
     for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
         if options.clock != "auto" or exposures.clock != "imu":
             continue
-        apart, sigma = [0.0], []
+        apart = [0.0]
         for segment in segments:
             solution, instant = segment.solution, segment.exposed[k].instant
             moved = flight.gnss.time_offset_s + segment.time_offset_s + event_delay(solution)
             speed = np.linalg.norm(solution.nav[solution.event_epochs, VEL], axis=1)
             apart += (np.abs(moved) * speed)[instant].tolist()
-            sigma += [np.sqrt(solution.variance(solution.event_epochs)[:, POS].max(axis=1))]
+        if max(apart) <= CLOCKS_MATTER_M:
+            continue
+        sigma = [
+            np.sqrt(s.variance(s.event_epochs)[:, POS].max(axis=1))
+            for s in (segment.solution for segment in segments)
+        ]
         limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
         if max(apart) > limit:
             check = Check(
