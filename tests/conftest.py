@@ -1,4 +1,4 @@
-"""What holds for all tests: one thread for linear algebra, and each kernel compiled once.
+"""What holds for all tests: one thread for linear algebra, each kernel compiled once, their order.
 
 OpenBLAS' threads are set before numpy is loaded: the matrices are 30 x 30, and more threads only
 wait for each other.
@@ -11,12 +11,17 @@ compiling another kernel. A kernel compiles its callees within its own turn, and
 round in a circle, so that no two processes can wait for each other. A process that is killed loses
 its locks. Without file locks (Windows) or with a numba of other inner names every process compiles
 for itself, as without this file.
+
+The kernels of the filter take half of all compiling, and nearly every test of a whole flight needs
+them. One file of tests is therefore begun with that compiles them, and meanwhile the other
+processes run those of rooms that stand without the filter: without this order they waited for it.
 """
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
@@ -29,6 +34,28 @@ try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None
+
+
+COMPILES_THE_FILTER = "test_public_api.py"
+WITHOUT_THE_FILTER = frozenset(
+    ("adjust", "block_adjustment", "comparison", "config", "documentation", "exporting", "formats")
+    + ("geodesy", "gnss", "mounting_calibration", "proof", "report", "stochastic", "targets")
+)
+"""Directories of tests."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what compiles the filter and what does not need it; then the largest files."""
+    tests = Counter(item.path for item in items)
+
+    def place_in_order(item: pytest.Item) -> tuple[int, int, str]:
+        if item.path.name == COMPILES_THE_FILTER:
+            rank = 0
+        else:
+            rank = 2 if WITHOUT_THE_FILTER.isdisjoint(item.path.parts) else 1
+        return rank, -tests[item.path], str(item.path)
+
+    items.sort(key=place_in_order)
 
 
 @contextmanager

@@ -93,7 +93,7 @@ def test_what_was_compiled_says_nothing_of_the_speed(clock):
 
 
 def test_a_log_gets_a_line_now_and_then(clock):
-    """Oracle: a line every REPEATED_S, and one alone about what is compiled."""
+    """Oracle: a line every REPEATED_S, and one a step about what is compiled."""
     lines = io.StringIO()
     progress = Progress(io.StringIO(), lines)
     progress("filter")
@@ -105,6 +105,9 @@ def test_a_log_gets_a_line_now_and_then(clock):
     texts = re.findall(r"] (.*)", lines.getvalue())
     assert texts[1].startswith("filter: compiling")
     assert [text.split(" %")[0] for text in texts[2:]] == [f"filter: {n}" for n in (20, 40, 60, 80)]
+    progress("smoother")
+    progress.share(math.nan)
+    assert lines.getvalue().endswith("smoother: compiling, once after an installation\n")
 
 
 def test_a_quiet_run_says_nothing_of_its_steps(clock):

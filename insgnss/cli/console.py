@@ -39,6 +39,7 @@ class Progress:
         self._lines = None if quiet or self._terminal else lines
         self._start = self._written = time.monotonic()
         self._step, self._compiled = "", 0
+        self._compiling: str | None = None  # the step of which a plain line has said it
         self._since: tuple[float, float] | None = self._start, 0.0
 
     @property
@@ -62,8 +63,9 @@ class Progress:
         now = time.monotonic()
         if math.isnan(done):
             self._compiled += 1
-            if self._compiled == 1 or self._terminal:
-                count = f" ({self._compiled})" if self._compiled > 1 else ""
+            if self._compiling != self._step or self._terminal:
+                self._compiling = self._step
+                count = f" ({self._compiled})" if self._compiled > 1 and self._terminal else ""
                 step = f"{self._step}: " if self._step else ""
                 self._write(f"{step}compiling, once after an installation{count}")
             self._since = None

@@ -31,7 +31,7 @@ from .candidates import (
     with_layout,
     with_time_correlated_error,
 )
-from .constants import STRONG, ConstantsEvidence, Hypothesis, constants_evidence
+from .constants import OF_FIXES, STRONG, ConstantsEvidence, Hypothesis, constants_evidence
 from .estimated import constant
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
 from .time_correlated import time_correlated_error
@@ -438,8 +438,11 @@ def explain_failure(
 
 def rescue(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, Check] | None:
-    """Look for the larger noise with which a flight has a solution that has none without.
+) -> tuple[Solution, tuple[Check, ...]] | None:
+    """Look for the error of the IMU with which a flight has a solution that has none without.
+
+    Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
+    which would take them for vibration, after.
 
     Parameters
     ----------
@@ -450,11 +453,13 @@ def rescue(
 
     Returns
     -------
-    tuple of Solution and Check, or None
-        The solution with larger variances, and what says so; None where they are no remedy.
+    tuple of Solution and tuple of Check, or None
+        The solution with these states or larger variances, and what says so; None where neither is
+        a remedy.
     """
-    if not search.variances:
-        return None
+    calibrated = _with_errors_of_imu(search, problem, start)
+    if calibrated is not None or not search.variances:
+        return calibrated
     model = ErrorModel(search.requested_errors)
     try:
         shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
@@ -466,12 +471,44 @@ def rescue(
             model, check = larger, variance_check(winner)
             solution = _solved(search, (problem, start), model)
             if solution is not None and _follows(solution):
-                return solution, check
+                return solution, (check,)
             again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
             shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
     except DataError:
         return None
     return None
+
+
+def _with_errors_of_imu(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Solution, tuple[Check, ...]] | None:
+    """Solve with the scale factors or misalignments that an open gate shows; None without."""
+    open_gate = replace(problem, gate=np.inf)
+    model = ErrorModel(search.requested_errors)
+    constants = search.constants(open_gate, start, model)
+    suspected = None if constants is None else constants.strongest()
+    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
+        return None
+    if _of_fixes(suspected):
+        return None
+    model = with_constants(model, suspected.groups)
+    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
+    posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
+    try:
+        first = solve(*posed, search.second_pass, search.progress, separations=0)
+        gated = replace(posed[0], gate=problem.gate)
+        solution = solve(gated, posed[1], search.second_pass, search.progress, about=first)
+    except DataError:
+        return None
+    if not _follows(solution):
+        return None
+    rivals = [one for one in constants.rivals(suspected) if not _of_fixes(one)]
+    return solution, tuple(advice(search.mounting, solution, suspected, rivals))
+
+
+def _of_fixes(hypothesis: Hypothesis) -> bool:
+    """Tell whether a hypothesis has constants of the fixes."""
+    return any(group.startswith(OF_FIXES) for group in hypothesis.groups)
 
 
 def _left(

@@ -2,5 +2,6 @@
 belong to them.
 
 `images` reads the names and times of the files of the images, `match` brings events and names
-together, by `clocks` where there are times, `naming` does so as a flight file asks.
+together, by `clocks` where there are times, `naming` does so as a flight file asks. `numbering`
+notes names and stamps that do not go together.
 """

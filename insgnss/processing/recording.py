@@ -145,6 +145,7 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
+    from ..exposures.numbering import with_numbering_note
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
     from ..prepare.event_rounding import with_stamp_rounding
@@ -179,7 +180,9 @@ def read_recording(flight: Flight) -> Recording:
         C_b_imu = np.eye(3)
     noise, bands = with_dead_bands(imu, C_b_imu, noise)
     more += [*bands, *(ppk.checks if ppk else ())]
-    cameras = tuple(replace(c, events=with_stamp_rounding(c.events)) for c in cameras)
+    cameras = tuple(
+        replace(c, events=with_numbering_note(with_stamp_rounding(c.events))) for c in cameras
+    )
     of_cameras = [camera.events for camera in cameras]
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, cameras, C_b_imu, noise, more)

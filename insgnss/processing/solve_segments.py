@@ -270,7 +270,7 @@ def _solve(
         if opened is not None:
             prepared, start, how, solution = opened
         else:
-            step("larger noise")
+            step("other errors of the IMU, or larger noise")
             rescued = _rescued(flight, prepared, search)
             if rescued is None:
                 raise
@@ -337,7 +337,7 @@ def _with_open_gate(
 def _rescued(
     flight: Flight, prepared: PreparedSegment, search: ErrorModelSearch
 ) -> tuple[InitialState, str, Solution, tuple[Check, ...]] | None:
-    """Solve with larger noise of the IMU or the fixes, where that follows the fixes."""
+    """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
     try:
         start, how = _align(flight, replace(prepared.problem, gate=np.inf))
     except DataError:
@@ -345,8 +345,9 @@ def _rescued(
     rescued = rescue(search, prepared.problem, start)
     if rescued is None:
         return None
-    solution, check = rescued
-    return start, f"{how}; {check.name}: {check.found}", solution, (check,)
+    solution, checks = rescued
+    how = "; ".join((how, *(f"{check.name}: {check.found}" for check in checks)))
+    return start, how, solution, checks
 
 
 def _with_code_errors(

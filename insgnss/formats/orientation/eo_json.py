@@ -433,6 +433,9 @@ def _content(path: Source) -> dict[str, Any]:
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
             raise InputError.at_line(path, None, "is no UTF-8 text; is it an eo.json?") from None
+        if not text.lstrip().startswith(b"{"):
+            advice = "give the eo.json of an output directory, or the directory"
+            raise InputError.at_line(path, None, f"is no eo.json; {advice}") from None
         raise InputError.at_line(
             path, error.lineno, f"is no whole JSON: {error.msg}; export it again"
         ) from None
