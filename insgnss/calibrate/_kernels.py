@@ -24,6 +24,7 @@ from ..navigation.codes import (
     USED,
     VEL0,
 )
+from ..navigation.kernels.copies import copy_matrix, copy_vector
 from ..navigation.kernels.error_model import (
     add_gap_noise,
     linearise,
@@ -154,8 +155,8 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
         if e > 0:
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
             for component in range(len(white)):
-                nav_e[:] = nav[e - 1]
-                x_e[:] = x[e - 1]
+                copy_vector(nav[e - 1], nav_e)
+                copy_vector(x[e - 1], x_e)
                 own = StateModel(
                     imu.channel,
                     imu.factor,
@@ -187,10 +188,10 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                 )
                 if component == 0 and ep.gap[e, 0] > 0.0:
                     add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
-                out.Q[e, component] = W[:, NAV]
+                copy_matrix(W[:, NAV], out.Q[e, component])
                 if component < driven:
-                    out.Q_cross[e, component] = W[:, IMU]
-                    out.Q_states[e, component] = Qbb
+                    copy_matrix(W[:, IMU], out.Q_cross[e, component])
+                    copy_vector(Qbb, out.Q_states[e, component])
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
                 acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (
@@ -201,9 +202,9 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
             out.there[e, j] = measured_triple(
                 kind, e, ep, nav[e], x[e], lever, acceleration, imu, earth, triple
             )
-            out.H[e, j] = triple.H
-            out.nu[e, j] = triple.nu
-            out.R[e, j] = triple.R
+            copy_matrix(triple.H, out.H[e, j])
+            copy_matrix(triple.nu, out.nu[e, j])
+            copy_matrix(triple.R, out.R[e, j])
 
 
 @njit(cache=True, allocates=False)
@@ -360,7 +361,8 @@ def run_linear(
     for component in range(len(P0)):
         P += share[component] * P0[component]
         if of_part[component] != ABSENT:
-            dP[of_part[component]] += 2.0 * share[component] * P0[component]
+            own = dP[of_part[component]]
+            own += 2.0 * share[component] * P0[component]
     cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
@@ -380,7 +382,8 @@ def run_linear(
             nis[e, j] = np.nan
             if not lin.there[e, j]:
                 continue
-            H[:], nu[:] = lin.H[e, j], lin.nu[e, j]
+            copy_matrix(lin.H[e, j], H)
+            copy_matrix(lin.nu[e, j], nu)
             for a in range(3):
                 for c in range(3):
                     R[a, c] = lin.R[e, j, a, c] * scale[j]

@@ -12,6 +12,7 @@ update         innovation gate, scalar update, covariance reset, feedback
 forward        the filter over all epochs
 backward       the smoother over all epochs
 outage         the smoothed covariance between fixes that are far apart
+copies         of vectors and matrices, element by element
 ============== ===================================================================
 
 Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
+from .copies import copy_matrix, copy_vector
 from .outage import gain_within, smooth_across
 
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
@@ -83,10 +84,10 @@ def run_backward(
     for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
         if keep[e] != ABSENT:
-            keep_information[keep[e]] = Lam
-            keep_adjoint[keep[e]] = lam
+            copy_matrix(Lam, keep_information[keep[e]])
+            copy_vector(lam, keep_adjoint[keep[e]])
         estimate = delta[e]
-        estimate[:] = history.m[e]
+        copy_vector(history.m[e], estimate)
         for c in range(n):  # P is symmetric
             t, row = lam[c], P[c]
             for r in range(n):
@@ -108,7 +109,7 @@ def run_backward(
                 for r in range(n):
                     for c in range(n):
                         smoothed[r, c] = P[r, c] - 0.5 * (B[r, c] + B[c, r])
-                smoothed[:N_NAV, :N_NAV] = nav
+                copy_matrix(nav, smoothed)
             if j != ABSENT:
                 cross = history.cross[j]
                 np.dot(AN, cross.T, BN)
@@ -116,7 +117,7 @@ def run_backward(
                     for c in range(N_NAV):
                         event_cross[j, r, c] = cross[r, c] - BN[c, r]
                 if chained:
-                    event_filter[j] = P
+                    copy_matrix(P, event_filter[j])
                     for r in range(n):
                         for c in range(n):
                             event_gain[j, r, c] = -A[r, c]
@@ -124,12 +125,12 @@ def run_backward(
             if cancelled:
                 F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
                 if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
-                    nav[:] = smoothed[:N_NAV, :N_NAV]
+                    copy_matrix(smoothed[:N_NAV, :N_NAV], nav)
                     if j != ABSENT and gain_within(P, smoothed, gain):
                         np.dot(history.cross[j], gain, M)
-                        event_cross[j] = M[:, :N_NAV]
+                        copy_matrix(M[:, :N_NAV], event_cross[j])
                         if chained:
-                            event_gain[j] = gain
+                            copy_matrix(gain, event_gain[j])
             t = 0
             for r in range(N_NAV):
                 for c in range(r + 1):
@@ -143,9 +144,11 @@ def run_backward(
                         t += 1
             state.within[0] = outage != ABSENT
             if outage != ABSENT:
-                smoothed_later[:] = smoothed
-                state.F[:], state.D[:] = history.F[e], history.D[e]
-                state.W[:], state.Qbb[:] = history.W[outage], history.Qbb[outage]
+                copy_matrix(smoothed, smoothed_later)
+                copy_matrix(history.F[e], state.F)
+                copy_vector(history.D[e], state.D)
+                copy_matrix(history.W[outage], state.W)
+                copy_vector(history.Qbb[outage], state.Qbb)
         for i in range(nz - 1, -1, -1):
             S = history.S[e, i]
             if S <= 0.0:
@@ -190,7 +193,7 @@ def run_backward(
             if c >= IMU0:
                 t += D[c - IMU0] * lam[c]
             new[c] = t
-        lam[:] = new
+        copy_vector(new, lam)
         if full:
             # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose
             for r in range(N_NAV):

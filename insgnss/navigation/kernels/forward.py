@@ -12,13 +12,13 @@ from ..codes import (
     IMU0,
     N_KINDS,
     N_NAV,
-    NAV,
     NOT_MEASURED,
     POSITION,
     REJECTED,
     USED,
     VEL0,
 )
+from .copies import copy_matrix, copy_vector
 from .error_model import (
     add_gap_noise,
     linearise,
@@ -102,8 +102,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
         row = min(e, last_row)
         if e > 0:  # predict nominal, covariance, mean, cross-covariance
             if not closed_loop:
-                nav[:] = history.nav[e - 1]
-                x[:] = history.x[e - 1]
+                copy_vector(history.nav[e - 1], nav)
+                copy_vector(history.x[e - 1], x)
             F = history.F[row]
             D = history.D[row]
             first, last, begin = epochs.stop[e - 1], epochs.stop[e], epochs.time[e - 1]
@@ -115,8 +115,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             if epochs.gap[e, 0] > 0.0:
                 add_gap_noise(W, work.column, work.last_block[0], epochs.gap[e])
             if history.outage[e] != ABSENT:
-                history.W[history.outage[e]] = W
-                history.Qbb[history.outage[e]] = Qbb
+                copy_matrix(W, history.W[history.outage[e]])
+                copy_vector(Qbb, history.Qbb[history.outage[e]])
             predict_covariance(P, F, D, W, Qbb, X, nine)
             if closed_loop:
                 gap[:] = 0.0
@@ -132,8 +132,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
                     for c in range(IMU0, n):
                         cross[r, c] *= D[c - IMU0]
         if not closed_loop:
-            nav[:] = history.nav[e]
-            x[:] = history.x[e]
+            copy_vector(history.nav[e], nav)
+            copy_vector(history.x[e], x)
         # Update, kind by kind. Velocity comes after position: its nominal is still the one before
         # feedback, m holds the rest.
         for kind in range(N_KINDS):
@@ -174,7 +174,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             forward_solve3(L, H)
             forward_solve3(L, nu)
             for i in range(3):
-                history.H[row, b + i] = H[i, :wide]
+                copy_vector(H[i, :wide], history.H[row, b + i])
                 S, y = scalar_update(
                     P, m, H[i], nu[i, 0], used, history.K[row, b + i], cross, track_cross
                 )
@@ -183,15 +183,15 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
         fed_back = fed_back or max(P[AX, AX], P[AY, AY], P[AZ, AZ]) < threshold * threshold
         if closed_loop and fed_back:
             feed_back(nav, x, m)
-        history.nav[e] = nav
-        history.x[e] = x
-        history.m[row] = m
-        history.P[row] = P
+        copy_vector(nav, history.nav[e])
+        copy_vector(x, history.x[e])
+        copy_vector(m, history.m[row])
+        copy_matrix(P, history.P[row])
         for k in range(N_NAV):
             history.sigma[e, k] = np.sqrt(P[k, k])
         if epochs.event[e] != ABSENT:
-            history.cross[epochs.event[e]] = cross
-            cross[:] = P[NAV]
+            copy_matrix(cross, history.cross[epochs.event[e]])
+            copy_matrix(P[:N_NAV], cross)
             track_cross = True
     state.flags[0], state.flags[1] = fed_back, track_cross
     state.times[0], state.times[1] = rejected_since, work.last_block[0]

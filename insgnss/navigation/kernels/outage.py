@@ -3,7 +3,8 @@
 import numpy as np
 
 from ...base.compilation import njit
-from ..codes import IMU0, N_NAV
+from ..codes import IMU0
+from .copies import copy_matrix
 from .update import cholesky
 
 
@@ -97,9 +98,9 @@ def smooth_across(P, F, D, W, Qbb, later, smoothed):
     """
     n = P.shape[0]
     Phi, Q, L = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    Phi[:N_NAV] = F
-    Q[:N_NAV] = W
-    Q[IMU0:, :N_NAV] = W[:, IMU0:].T
+    copy_matrix(F, Phi)
+    copy_matrix(W, Q)
+    copy_matrix(W[:, IMU0:].T, Q[IMU0:])
     for s in range(IMU0, n):
         Phi[s, s] = D[s - IMU0]
         Q[s, s] = Qbb[s - IMU0]
@@ -114,7 +115,7 @@ def smooth_across(P, F, D, W, Qbb, later, smoothed):
     for r in range(n):
         J[r, r] += 1.0
     total = np.dot(np.dot(J, P), J.T) + np.dot(np.dot(C, Q + later), gain)
-    smoothed[:] = 0.5 * (total + total.T)
+    copy_matrix(0.5 * (total + total.T), smoothed)
     return True
 
 
@@ -138,6 +139,6 @@ def gain_within(P, smoothed, out):
     scale, L = np.zeros(n), np.zeros((n, n))
     if not scaled_cholesky(P, scale, L):
         return False
-    out[:] = smoothed
+    copy_matrix(smoothed, out)
     scaled_solve(scale, L, out)
     return True

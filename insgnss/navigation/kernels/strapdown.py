@@ -5,6 +5,7 @@ import numpy as np
 from ...base.compilation import njit
 from ...geodesy._kernels import gravity_ecef
 from ..codes import ACCEL0, N_CHANNELS, N_NOMINAL, PX, PY, PZ, QW, QX, QY, QZ, VX, VY, VZ
+from .copies import copy_vector
 from .records import make_integrals
 
 EARTH_RADIUS_M = 6.37e6  # for the gradient of gravity alone
@@ -296,7 +297,7 @@ def run_strapdown(intervals, stops, nav0, bias, earth, out):
                 b += 1
             strapdown_block(intervals, a, b, B, nav, earth, b2, scale, False, integrals)
             a = b
-        out[k] = nav
+        copy_vector(nav, out[k])
 
 
 @njit(cache=True)
@@ -324,11 +325,11 @@ def run_between(intervals, stop, nav, bias, earth, out):
     b2 = np.zeros((2, N_CHANNELS))
     scale = np.zeros((N_CHANNELS, N_CHANNELS))
     for e in range(stop.size - 1):
-        state[:] = nav[e]
-        b2[0] = bias[e]
-        b2[1] = bias[e]
+        copy_vector(nav[e], state)
+        copy_vector(bias[e], b2[0])
+        copy_vector(bias[e], b2[1])
         for i in range(stop[e], stop[e + 1]):
             strapdown_block(
                 intervals, i, i + 1, intervals.dt[i], state, earth, b2, scale, False, integrals
             )
-            out[i - stop[0]] = state
+            copy_vector(state, out[i - stop[0]])

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
+from .copies import copy_matrix
 
 
 @njit(cache=True)
@@ -31,10 +32,11 @@ def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
     for e in range(begin, event.size):
         if begun[0] != 0:
             np.dot(F[e], M, top)
-            M[:N_NAV] = top
+            copy_matrix(top, M)
             for s in range(IMU0, n):
                 if D[e, s - IMU0] != 1.0:
-                    M[s] *= D[e, s - IMU0]
+                    for c in range(n):
+                        M[s, c] *= D[e, s - IMU0]
             for i in range(K.shape[1]):
                 if S[e, i] <= 0.0:
                     continue
@@ -49,7 +51,7 @@ def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
                     for c in range(n):
                         M[r, c] -= gain * row[c]
         if event[e] != ABSENT:
-            out[event[e]] = M
+            copy_matrix(M, out[event[e]])
             M[:] = 0.0
             for r in range(n):
                 M[r, r] = 1.0
