@@ -108,6 +108,7 @@ def test_innovations_are_white_and_of_their_size_after_it(tripled):
     assert all(n.significant and n.white and not n.held and not n.off_claim for n in tripled)
 
 
+@pytest.mark.slow
 def test_a_true_static_model_stays(quiet):
     """Oracle: the simulator's factor of one: within three standard errors, its gain no more than
     chance.

@@ -168,6 +168,7 @@ def test_answer_as_text_as_dict_and_as_picture(flight: Written) -> None:
     assert c.figure("pdf").startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_page_and_picture_show_the_same_differences(
     flight: Written, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

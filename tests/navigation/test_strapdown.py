@@ -172,6 +172,7 @@ def naive(inc: Increments, frame: LocalFrame, start) -> np.ndarray:
     return np.array(out)
 
 
+@pytest.mark.slow
 def test_kernel_is_its_naive_twin(flight):
     """Oracle: the equations written down plainly, 12 s of a turn at 500 Hz.
 

@@ -96,6 +96,7 @@ def test_exposures_move_with_fixes_whose_stamps_are_moved(sim):
         assert np.abs(result.eo.time - of_truth(sim, result.eo).time).max() < 3e-3
 
 
+@pytest.mark.slow
 def test_the_clock_of_the_exposures_is_asked_for_where_it_matters(sim):
     """Oracle: the exact motion; exposures that the receiver stamped 20 ms late, taken as the IMU's,
     are off by what the note says. Who says the clock is not asked, nor who has one clock.

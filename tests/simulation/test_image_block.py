@@ -252,6 +252,7 @@ def test_an_adjustment_gets_the_truth(seed) -> None:
     assert low < result.cost < high
 
 
+@pytest.mark.slow
 def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     """Oracle: the truth of which observations are off; those that remain lie within their minimal
     detectable biases, so that the block's sigma_0 is 1 to 5 %.

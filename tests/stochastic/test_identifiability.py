@@ -105,6 +105,7 @@ def simulated(
     )
 
 
+@pytest.mark.slow
 def test_a_process_that_is_not_there():
     """Oracle: construction; the second Gauss-Markov process and the quantization are not in the
     data, the rest is.
