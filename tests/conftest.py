@@ -52,7 +52,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.path.name == COMPILES_THE_FILTER:
             rank = 0
         else:
-            rank = 2 if WITHOUT_THE_FILTER.isdisjoint(item.path.parts) else 1
+            rank = 2 if WITHOUT_THE_FILTER.isdisjoint(item.nodeid.split("/")) else 1
         return rank, -tests[item.path], str(item.path)
 
     items.sort(key=place_in_order)

@@ -278,8 +278,7 @@ def _with_constants(
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
     rivals = constants.rivals(suspected)
-    # what the flight cannot separate is estimated together, and so in the covariance
-    groups = tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
+    groups = _together(suspected, rivals)
     model = with_constants(here.model, groups, suspected.factor)
     solution = _solved(search, posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
@@ -489,9 +488,10 @@ def _with_errors_of_imu(
     suspected = None if constants is None else constants.strongest()
     if constants is None or suspected is None or suspected.wide_evidence < STRONG:
         return None
-    if _of_fixes(suspected):
+    if any(group.startswith(OF_FIXES) for group in suspected.groups):
         return None
-    model = with_constants(model, suspected.groups)
+    rivals = constants.rivals(suspected)
+    model = with_constants(model, _together(suspected, rivals))
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
     posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
     try:
@@ -502,13 +502,15 @@ def _with_errors_of_imu(
         return None
     if not _follows(solution):
         return None
-    rivals = [one for one in constants.rivals(suspected) if not _of_fixes(one)]
     return solution, tuple(advice(search.mounting, solution, suspected, rivals))
 
 
-def _of_fixes(hypothesis: Hypothesis) -> bool:
-    """Tell whether a hypothesis has constants of the fixes."""
-    return any(group.startswith(OF_FIXES) for group in hypothesis.groups)
+def _together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[str, ...]:
+    """Return the groups of a hypothesis and of what the flight does not tell from it.
+
+    They are estimated together, and so in the covariance.
+    """
+    return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
 
 
 def _left(

@@ -68,7 +68,9 @@ class TestCircles:
 class TestNoses:
     """A multirotor leans to change its speed; its nose may point anywhere (R.11)."""
 
-    @pytest.mark.parametrize("style", [pytest.param("sideways", marks=pytest.mark.slow), "backward", "hover"])
+    @pytest.mark.parametrize(
+        "style", [pytest.param("sideways", marks=pytest.mark.slow), "backward", "hover"]
+    )
     def test_a_multirotor_is_accepted_with_errors_inside_their_sigmas(self, style):
         """Oracle: the simulator's truth; the nose is off the course as the style says."""
         flight = multirotor(2.5, style, seed=3)
