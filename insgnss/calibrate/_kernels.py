@@ -361,7 +361,7 @@ def run_linear(
     for component in range(len(P0)):
         P += share[component] * P0[component]
         if of_part[component] != ABSENT:
-            own = dP[of_part[component]]
+            own = dP[of_part[component]]  # added to in place, see `navigation.kernels.copies`
             own += 2.0 * share[component] * P0[component]
     cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):

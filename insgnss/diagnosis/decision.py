@@ -420,17 +420,16 @@ def explain_failure(
         start = align(open_gate)
     except DataError:
         return None
-    model = ErrorModel(search.requested_errors)
-    constants = search.constants(open_gate, start, model)
-    suspected = None if constants is None else constants.strongest()
-    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
+    shown = _shown_by(search, open_gate, start)
+    if shown is None:
         return None
+    suspected, rivals = shown
     quiet = replace(search, second_pass="off", progress=lambda _: None)
+    model = ErrorModel(search.requested_errors)
     model = with_constants(model, suspected.groups, suspected.factor)
     candidate = _solved(quiet, (problem, start), model)
     if candidate is None or not _follows(candidate):
         return None
-    rivals = constants.rivals(suspected)
     checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
     return next((check for check in checks if check.verdict == "contradiction"), None)
 
@@ -483,15 +482,11 @@ def _with_errors_of_imu(
 ) -> tuple[Solution, tuple[Check, ...]] | None:
     """Solve with the scale factors or misalignments that an open gate shows; None without."""
     open_gate = replace(problem, gate=np.inf)
-    model = ErrorModel(search.requested_errors)
-    constants = search.constants(open_gate, start, model)
-    suspected = None if constants is None else constants.strongest()
-    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
+    shown = _shown_by(search, open_gate, start)
+    if shown is None or any(group.startswith(OF_FIXES) for group in shown[0].groups):
         return None
-    if any(group.startswith(OF_FIXES) for group in suspected.groups):
-        return None
-    rivals = constants.rivals(suspected)
-    model = with_constants(model, _together(suspected, rivals))
+    suspected, rivals = shown
+    model = with_constants(ErrorModel(search.requested_errors), _together(suspected, rivals))
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
     posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
     try:
@@ -503,6 +498,17 @@ def _with_errors_of_imu(
     if not _follows(solution):
         return None
     return solution, tuple(advice(search.mounting, solution, suspected, rivals))
+
+
+def _shown_by(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Hypothesis, list[Hypothesis]] | None:
+    """Return the constants that a problem shows to be wrong, and their rivals; None without."""
+    constants = search.constants(problem, start, ErrorModel(search.requested_errors))
+    suspected = None if constants is None else constants.strongest()
+    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
+        return None
+    return suspected, constants.rivals(suspected)
 
 
 def _together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[str, ...]:

@@ -305,6 +305,14 @@ def test_master_cut_off_is_refused(tmp_path: Path) -> None:
         read_eo_json(path)
 
 
+def test_another_file_is_told_from_a_master_that_was_cut_off(tmp_path: Path) -> None:
+    """Oracle: the first line of an EO_local-plane.txt is no JSON."""
+    path = tmp_path / "EO_local-plane.txt"
+    path.write_text("# image X[m] Y[m] Z[m]\n8001.tif 1.0 2.0 3.0\n")
+    with pytest.raises(InputError, match=r"is no eo\.json; give the eo\.json of an output"):
+        read_eo_json(path)
+
+
 def trajectory(n: int = 20, inertial: bool = True, start: float = 2e5) -> Trajectory:
     rng = np.random.default_rng(11)
     rpy = np.radians(
