@@ -596,6 +596,7 @@ def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(
     assert abs((recording.gnss.time[0] - fixes[0, 0]) - (recording.imu.time[0] - t[0])) < 0.03
 
 
+@pytest.mark.slow
 def test_the_header_is_the_claim_of_a_flight_file_without_units(numbers, tmp_path):
     """Oracle: the units of the header, which holds; one that the flight file contradicts is told
     with both.
@@ -789,6 +790,7 @@ def test_laser_gyro_gets_its_site_and_its_axes():
     )
 
 
+@pytest.mark.slow
 def test_static_counts_are_told_as_such():
     """Oracle: the notes beside the recording: z down, one count of the accelerometers 3.33 mg."""
     result = _inspected("adis16405_static", "adis_16405_imu1.npy")

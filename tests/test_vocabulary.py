@@ -62,23 +62,23 @@ METHODS = {"at"}  # of published records (trajectory.at(t)) they stay as well
 
 def names(tree: ast.Module) -> Iterator[tuple[str, int]]:
     """Names that a module defines: functions, classes, parameters, variables."""
+    nodes = list(ast.walk(tree))
+    of_classes = [
+        statement for node in nodes if isinstance(node, ast.ClassDef) for statement in node.body
+    ]
     fields = {
         id(statement.target)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef)
-        for statement in node.body
+        for statement in of_classes
         if isinstance(statement, ast.AnnAssign)
         and isinstance(statement.target, ast.Name)
         and statement.target.id in FIELDS
     }
     methods = {
         id(statement)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef)
-        for statement in node.body
+        for statement in of_classes
         if isinstance(statement, ast.FunctionDef) and statement.name in METHODS
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and id(node) not in methods:
             yield node.name, node.lineno
         elif isinstance(node, ast.arg):

@@ -119,6 +119,7 @@ def test_positions_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
     assert 0.5 < normalised(error, result.fixes.cov_ned) < 2.0
 
 
+@pytest.mark.slow
 def test_velocities_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
     """Oracle: the truth, whose sway 1 Hz does not resolve; the first and the last epoch have no
     velocity from phase, and say so: 1 m/s.

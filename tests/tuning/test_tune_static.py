@@ -73,6 +73,7 @@ def test_intervals_hold_the_simulated_noise(tuned):
     assert all(t.inference.goodness.p_value > 1e-4 for t in tuned.tuned)
 
 
+@pytest.mark.slow
 def test_the_noise_model_says_what_was_found_and_of_what(tuned, folder):
     """Oracle: the result's own estimates to the digits of the file, hashlib, and the means put in
     (Earth's rotation is not simulated).
