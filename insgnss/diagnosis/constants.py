@@ -21,6 +21,11 @@ marginalised). The determinant charges a hypothesis for what it leaves open, so 
 nothing is wrong: by some 3 over any single constant. All subsets of a few groups cost small
 matrices only.
 
+A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
+flight file follows the constants beside (`navigation.sensitivity`), which gives I and b where the
+innovations depend on them linearly, as they do near the flight file's numbers. Where that evidence
+comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone counts.
+
 Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
 beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no
 hypothesis. They compete as variances (`diagnosis.variances`), and constants are judged again under
@@ -36,10 +41,12 @@ from itertools import combinations
 import numpy as np
 
 from ..base.errors import DataError
-from ..navigation.codes import NAV, NO_CONSTRAINT
+from ..navigation.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
 from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.sensitivity import LONGEST_S, Constants
+from ..navigation.solution import Solution
 from ..records import Array
 from ..records.verdicts import ConstantEstimate
 from .candidates import FAR, with_a_priori, with_layout
@@ -51,6 +58,10 @@ FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
 TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
+# log evidence by which what the filter follows beside may be off: 0.03 to 0.25 on flights without
+# a wrong constant, more where there is one
+UNSETTLED = 1.0
+MOST_REJECTED = 1e-3  # share of the fixes, up to which it is taken at all
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
 
 
@@ -280,15 +291,80 @@ def constants_evidence(
     L = np.linalg.inv(P)
     names = tuple(layout.names[s] for s in states)
     own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
-    return ConstantsEvidence(
-        names,
-        tuple(group_of(name) for name in names),
-        sigma,
-        np.array([own_sigma.get(name, 0.0) for name in names]),
-        L - np.eye(sigma.size),
-        L @ x,
-        requested,
+    stated = np.array([own_sigma.get(name, 0.0) for name in names])
+    return _evidence(names, sigma, stated, L - np.eye(sigma.size), L @ x, requested)
+
+
+def _evidence(
+    names: tuple[str, ...],
+    wide: Array,
+    stated: Array,
+    information: Array,
+    vector: Array,
+    requested: tuple[str, ...],
+) -> ConstantsEvidence:
+    """Return the evidence of candidates, each in its group."""
+    groups = tuple(group_of(name) for name in names)
+    return ConstantsEvidence(names, groups, wide, stated, information, vector, requested)
+
+
+def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Constants | None:
+    """Return the candidates that the filter of a problem can follow beside.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight as it is taken to be.
+    wide : StateLayout
+        Its states and the candidates besides, with their wide a-priori sigmas.
+
+    Returns
+    -------
+    Constants or None
+        None where it cannot: a candidate acts like no state of the problem, epochs are far apart,
+        or a barometer or non-holonomic constraints are measured, which have no say in the evidence.
+    """
+    epochs = problem.epochs
+    if np.diff(epochs.time).max(initial=0.0) > LONGEST_S:
+        return None
+    if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
+        return None
+    states = [s for s, name in enumerate(wide.names) if group_of(name)]
+    return Constants.of(problem.layout, wide, states)
+
+
+def settled_evidence(
+    solution: Solution, requested: tuple[str, ...] = ()
+) -> ConstantsEvidence | None:
+    """Return the evidence that the first pass over a flight followed beside, where it settles it.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solution of the flight as it is taken to be.
+    requested : tuple of str
+        Beginnings of the names of those that are estimated in any case and not suspected.
+
+    Returns
+    -------
+    ConstantsEvidence or None
+        The evidence, which suspects nothing; None where the pass of `constants_evidence` is needed.
+    """
+    sensitivity = solution.sensitivity
+    if sensitivity is None:
+        return None
+    verdict, nis = solution.verdict[:, POSITION], solution.nis[:, POSITION]
+    offered = np.count_nonzero(verdict != NOT_MEASURED)
+    weighed_down = np.count_nonzero(
+        nis > min(solution.problem.gate, solution.problem.huber_threshold)
     )
+    if weighed_down > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
+        return None
+    constants = sensitivity.constants
+    data = sensitivity.of_the_data()
+    evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested)
+    every = evidence.hypotheses()
+    return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
 
 
 def group_of(name: str) -> str:

@@ -14,6 +14,7 @@ from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.sensitivity import Constants
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
@@ -31,7 +32,15 @@ from .candidates import (
     with_layout,
     with_time_correlated_error,
 )
-from .constants import OF_FIXES, STRONG, ConstantsEvidence, Hypothesis, constants_evidence
+from .constants import (
+    OF_FIXES,
+    STRONG,
+    ConstantsEvidence,
+    Hypothesis,
+    constants_evidence,
+    followed_constants,
+    settled_evidence,
+)
 from .estimated import constant
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
 from .time_correlated import time_correlated_error
@@ -41,7 +50,6 @@ FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
-MOST_EPOCHS = 100_000  # of a flight whose constants are looked at beside its first passes
 MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
@@ -102,51 +110,20 @@ class ErrorModelSearch:
         wide = self.layout(with_every_constant(model))
         return constants_evidence(problem, start, self.layout(model), wide, self.requested)
 
-    def constants_beside(
-        self, problem: EstimationProblem, start: InitialState
-    ) -> "ConstantsBeside | None":
-        """Begin to look at the constants of a flight under the requested errors.
+    def followed(self, problem: EstimationProblem) -> Constants | None:
+        """Return the constants that the first pass over a flight is to follow.
 
-        None where there are too few fixes for it, or so many epochs that two passes at a time are a
-        matter of memory.
+        What it finds of them may spare the pass of `constants`; None where there are too few fixes
+        for it, or where they cannot be followed.
         """
-        offered = np.count_nonzero(problem.epochs.has_position)
-        if offered < FEWEST_FIXES or problem.epochs.stop.size > MOST_EPOCHS:
+        if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
             return None
-        model = ErrorModel(self.requested_errors)
-        evidence = Beside(lambda: self.constants(problem, start, model))
-        return ConstantsBeside(problem, start, model, evidence)
+        wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
+        return followed_constants(problem, wide)
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
         return lambda fixes: self.layout_factory(fixes, model.imu)
-
-
-@dataclass(frozen=True)
-class ConstantsBeside:
-    """What a flight says of its constants, looked at while the flight is filtered and smoothed.
-
-    The pass of the evidence needs no solution, and that of most flights is the one of the problem
-    as it was posed.
-
-    Parameters
-    ----------
-    problem, start : EstimationProblem, InitialState
-        The problem and its initial state.
-    model : ErrorModel
-        The error model.
-    evidence : Beside
-        The evidence, as `ErrorModelSearch.constants` returns it.
-    """
-
-    problem: EstimationProblem
-    start: InitialState
-    model: ErrorModel
-    evidence: "Beside[ConstantsEvidence | None]"
-
-    def fits(self, problem: EstimationProblem, start: InitialState, model: ErrorModel) -> bool:
-        """Tell whether it is the evidence of this problem under this model."""
-        return problem is self.problem and start is self.start and model == self.model
 
 
 @dataclass(frozen=True)
@@ -175,7 +152,6 @@ def diagnose(
     search: ErrorModelSearch,
     start: InitialState,
     solution: Solution,
-    beside: ConstantsBeside | None = None,
 ) -> Diagnosis:
     """Look for the error model that explains the innovations of a solution.
 
@@ -192,9 +168,6 @@ def diagnose(
         The initial state of the solution's problem.
     solution : Solution
         The solution with the requested errors.
-    beside : ConstantsBeside, optional
-        The evidence of constants that was looked at beside; of another problem it is not taken.
-
     Returns
     -------
     Diagnosis
@@ -207,10 +180,8 @@ def diagnose(
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        if beside is not None and beside.fits(*posed, here.model):
-            constants = beside.evidence.result()
-        else:
-            constants = search.constants(*posed, here.model) or constants
+        settled = settled_evidence(here.solution, search.requested)
+        constants = settled or search.constants(*posed, here.model) or constants
         there = _next(search, posed, here, constants)
         if there is None:
             break

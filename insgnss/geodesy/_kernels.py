@@ -19,7 +19,7 @@ from ..base.compilation import njit
 from .earth import CENTRIFUGAL_M, E2, EP2, GRAVITY_EQUATOR, SOMIGLIANA_K, A, B, F
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def quat_to_matrix(q, out):
     """Write the rotation matrix of a unit quaternion.
 
@@ -42,7 +42,7 @@ def quat_to_matrix(q, out):
     out[2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def latitude_height(x, y, z):
     """Return geodetic latitude and ellipsoidal height of a position (K.1-K.3).
 
@@ -75,7 +75,7 @@ def latitude_height(x, y, z):
     return sl, cl, p, w, p * cl + z * sl - A * w  # (K.3)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def height_ecef(x, y, z, out):
     """Return the height above the ellipsoid at a position, and write its gradient.
 
@@ -96,7 +96,7 @@ def height_ecef(x, y, z, out):
     return h
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def gravity_ecef(x, y, z, out):
     """Write normal gravity at a position: `earth` (E.2) down the ellipsoidal normal.
 

@@ -51,6 +51,7 @@ from .kernels.backward import run_backward
 from .kernels.forward import run_forward
 from .kernels.records import Epochs, FilterHistory, FilterState, SmootherState
 from .problem import EstimationProblem, InitialState
+from .sensitivity import Constants, Sensitivity
 from .smoother import Smoothed, SmootherRoom, last_state
 
 BLOCK = 256  # epochs
@@ -227,7 +228,9 @@ class BlockwisePasses:
         history = _piece_of_history(self.history, front, last, row, self.outages)
         return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
 
-    def filter(self, closed_loop: bool = True) -> None:
+    def filter(
+        self, closed_loop: bool = True, constants: Constants | None = None
+    ) -> Sensitivity | None:
         """Run the forward pass.
 
         Parameters
@@ -235,6 +238,13 @@ class BlockwisePasses:
         closed_loop : bool
             Feed the error estimate back into the nominal state (K.5); else the nominal of the
             history stays and is linearised about.
+        constants : Constants, optional
+            What is followed beside it.
+
+        Returns
+        -------
+        Sensitivity or None
+            What the innovations say of them; None without.
 
         Raises
         ------
@@ -248,16 +258,23 @@ class BlockwisePasses:
         if problem.event_chain:
             size = history.cross.shape[0], problem.layout.size
             self.transitions = EventTransitions.before(*size)
+        sensitivity = None
+        if constants is not None:
+            sensitivity = Sensitivity.before(constants, problem.layout.size)
+        unread = self.transitions is None and sensitivity is None
         for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
             epochs, records, begin = self._of_block_views(b, first, last)
-            if b < self.kept_from and self.transitions is None:
+            if b < self.kept_from and unread:
                 records = _unread(records)
             _forward(inputs, epochs, state, records, begin)
             if self.transitions is not None:
                 self.transitions.through(epochs.event, records, begin)
+            if sensitivity is not None:
+                sensitivity.through(inputs[0], epochs, records, begin)
         self.fresh = True
         refuse_divergence(problem, history)
+        return sensitivity
 
     def smooth(self, full: bool = True) -> Smoothed:
         """Run the backward pass over what the last forward pass left.

@@ -10,7 +10,7 @@ from ..base.compilation import njit
 MEAN_RATE, INCREMENTS, INSTANT_RATE = 0, 1, 2
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def sample_rate(time, gyro, accel, quantity, i, nominal, bridge, out):
     """Mean rate (6,) over the interval from sample i to sample i + 1, in the sensor's axes."""
     h = time[i + 1] - time[i]
@@ -30,7 +30,7 @@ def sample_rate(time, gyro, accel, quantity, i, nominal, bridge, out):
             out[3 + c] = 0.5 * (out[3 + c] + k * accel[i, c])
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def interval_mean(a, i, c, long):
     """Mean of samples over [i, i + 1]: cubic through four samples (I.1), else the trapezoid.
 
@@ -41,7 +41,7 @@ def interval_mean(a, i, c, long):
     return (13.0 * (a[i, c] + a[i + 1, c]) - a[i - 1, c] - a[i + 2, c]) / 24.0
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def rotate(C, v, out):
     """Rotate rate and specific force v (6,) by C (3, 3) into out (6,)."""
     for r in range(3):
@@ -49,7 +49,7 @@ def rotate(C, v, out):
         out[3 + r] = C[r, 0] * v[3] + C[r, 1] * v[4] + C[r, 2] * v[5]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def even_spacing(time, i):
     """Whether the five intervals around interval i exist and differ by less than one percent."""
     if i < 2 or i + 3 >= time.size:
@@ -61,7 +61,7 @@ def even_spacing(time, i):
     return even
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def body_rate(time, gyro, accel, quantity, C, i, nominal, bridge, raw, out):
     """Mean rate (6,) over interval i in body axes; False where there is no such interval."""
     if i < 0 or i + 1 >= time.size:
@@ -71,7 +71,7 @@ def body_rate(time, gyro, accel, quantity, C, i, nominal, bridge, raw, out):
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def bracket(a, b, k, out):
     """out += k [a, b] of rates (omega, f): (a_w x b_w, a_w x b_f + a_f x b_w)."""
     for c in range(3):

@@ -29,6 +29,7 @@ from ..geodesy.frames import LocalFrame
 from ..navigation.codes import COVARIANCE_RESET, NAV, POSITION
 from ..navigation.filter import gate_from_sigma
 from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.sensitivity import Constants
 from ..navigation.solution import Solution, solve
 from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
@@ -247,7 +248,6 @@ def _solve(
     step("align")
     spells: tuple[Spell, ...] = ()
     noisy: tuple[Check, ...] = ()
-    beside = None
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
@@ -259,9 +259,9 @@ def _solve(
                 time_correlated=of_code is None,
             )
             how = how if of_code is None else f"{how}; {of_code}"
-        if flight.gnss.stationary is None:
-            beside = search.constants_beside(prepared.problem, start)
-        prepared, spells, solution = _filtered(flight, prepared, start, step)
+        moves = flight.gnss.stationary is None
+        followed = search.followed(prepared.problem) if moves else None
+        prepared, spells, solution = _filtered(flight, prepared, start, step, followed)
     except DataError as error:
         step("what would explain it")
         _refuse_what_explains(flight, recording, prepared, search, error)
@@ -284,7 +284,7 @@ def _solve(
     checks = (*checks, *noisy)
     constants: tuple[ConstantEstimate, ...] = ()
     if flight.gnss.stationary is None and not noisy:
-        diagnosis = diagnose(search, start, solution, beside)
+        diagnosis = diagnose(search, start, solution)
         drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
         solution, constants = diagnosis.solution, diagnosis.constants
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
@@ -364,12 +364,16 @@ def _with_code_errors(
 
 
 def _filtered(
-    flight: Flight, prepared: PreparedSegment, start: InitialState, step: Progress
+    flight: Flight,
+    prepared: PreparedSegment,
+    start: InitialState,
+    step: Progress,
+    followed: Constants | None,
 ) -> tuple[PreparedSegment, tuple[Spell, ...], Solution]:
     """Filter and smooth a segment, without the fixes of spells that stand apart from the rest."""
-    failure = None
+    failure, second_pass = None, flight.filter.second_pass
     try:
-        solution = solve(prepared.problem, start, flight.filter.second_pass, step)
+        solution = solve(prepared.problem, start, second_pass, step, constants=followed)
         if not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET):
             return prepared, (), solution
     except DataError as error:
@@ -378,7 +382,7 @@ def _filtered(
     problem, spells = withhold_incorrect_fixes(prepared.problem, start)
     if spells:
         try:
-            again = solve(problem, start, flight.filter.second_pass, step)
+            again = solve(problem, start, second_pass, step)
             return replace(prepared, problem=problem), spells, again
         except DataError:
             pass

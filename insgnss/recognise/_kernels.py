@@ -14,7 +14,7 @@ from ..base.compilation import njit
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def propagate(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
     """Propagate attitude C (n + 1, 3, 3) and integrals V, S (n + 1, 3) of the specific force (R.1).
 
@@ -53,7 +53,7 @@ def propagate(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Ar
             C[i + 1, r, 2] = a * r02 + b * r12 + c2 * r22
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def interpolate(instant: float, X: Array, dX: Array, step: float, out: Array) -> None:
     """Interpolate X (n, 3) with derivative dX by cubic Hermite polynomials, into out (3,).
 

@@ -40,7 +40,7 @@ _TEN, _TEN_LOW = _powers_of_ten()
 _TEN_ZERO = EXPONENT_LIMIT + 20
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _scaled(m, e):
     """m 10^e for 0 <= m < 10^18 and any e within the table."""
     if m < 9007199254740992 and -22 <= e <= 22:
@@ -61,7 +61,7 @@ def _scaled(m, e):
     return p + (err + h * L + l * H)  # (K.1)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _long_mantissa(buf, i, decimal):
     """Return the mantissa of up to 18 significant digits from i on, and the power of ten after it.
 
@@ -87,7 +87,7 @@ def _long_mantissa(buf, i, decimal):
         i += 1
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _exponent(buf, i):
     """Return the signed exponent at i behind its letter, the index after it, whether it was one."""
     negative = buf[i] == 45
@@ -103,7 +103,7 @@ def _exponent(buf, i):
     return (-e if negative else e), i, i > start
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _number(buf, i, decimal):
     """Return the number at i, the index after it, and whether it was one.
 
@@ -146,7 +146,7 @@ def _number(buf, i, decimal):
     return (-x if negative else x), i, True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, allocates=False)
 def count_newlines(buf):
     """Return the number of newlines in `buf`."""
     n = 0
@@ -155,7 +155,7 @@ def count_newlines(buf):
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _field_end(buf, i, delimiter):
     """Return the index of the delimiter or newline behind the field at i.
 
@@ -172,7 +172,7 @@ def _field_end(buf, i, delimiter):
     return i
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, allocates=False)
 def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
     """Parse data lines of `buf` into `values` and their `lines`.
 
@@ -316,7 +316,7 @@ def print_rows(table, row, decimals, before, after, out):
     return row, end
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def nmea_sentences(buf, starts, stars, lines):
     """Find the sentences: for every line of `buf` that is not blank its start, star and number.
 
@@ -346,7 +346,7 @@ def nmea_sentences(buf, starts, stars, lines):
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def _hex_digit(c):
     if 48 <= c <= 57:
         return np.int64(c) - 48
@@ -357,7 +357,7 @@ def _hex_digit(c):
     return -1000
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def dataflash_messages(buf, lengths, kinds, places):
     """Find the messages of an ArduPilot log: kind and index of each.
 
@@ -390,7 +390,7 @@ def dataflash_messages(buf, lengths, kinds, places):
     return n, n_lost + size - i, -1, -1
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def ulog_end(buf, i):
     """Return the index of the first message of a PX4 log, from i on, whose length exceeds the file.
 

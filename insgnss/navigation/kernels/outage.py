@@ -8,7 +8,7 @@ from .copies import copy_matrix
 from .update import cholesky
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def scaled_cholesky(P, scale, L):
     """Compute the lower Cholesky factor of a covariance scaled to a unit diagonal.
 
@@ -37,7 +37,7 @@ def scaled_cholesky(P, scale, L):
     return cholesky(L, L)
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def scaled_solve(scale, L, B):
     """Solve with a covariance that was factored by `scaled_cholesky`, in place: B <- P^-1 B.
 

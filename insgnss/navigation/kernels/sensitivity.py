@@ -1,0 +1,117 @@
+"""What constants that the filter takes as known do to its innovations (N.2)."""
+
+from ...base.compilation import njit
+from ..codes import ABSENT, ACCEL0, IMU0, N_NAV
+
+ELAPSED = -2  # as a factor: the time since the start, in place of a channel
+
+
+@njit(cache=True, nogil=True, allocates=False)
+def follow_constants(
+    dt,
+    dtheta,
+    dvel,
+    stop,
+    time,
+    rate,
+    F,
+    D,
+    H,
+    K,
+    S,
+    y,
+    used,
+    begin,
+    like,
+    factor,
+    U,
+    information,
+    vector,
+    top,
+    V,
+    value,
+):
+    """Follow the errors that constants leave in the filter over a block of
+
+    Parameters
+    ----------
+    dt, dtheta, dvel : ndarray
+        As in `IntegrationIntervals`.
+    stop, time, rate : ndarray
+        As in `Epochs`, of the m
+    F, D, H, K, S, y, used : ndarray
+        As in `FilterHistory`.
+    begin : int
+        The first epoch to be passed.
+    like : ndarray
+        (c,) the state, counted from the first of navigation, whose column each constant has, or
+        ABSENT for one that is a state itself.
+    factor : ndarray
+        (c,) what the column is multiplied with: ELAPSED, or the channel whose measured value it is.
+    U : ndarray
+        (n, c) errors of the states that a unit of each constant leaves, taken on in place.
+    information, vector : ndarray
+        (c, c) and (c,) added to in place (N.3).
+    top, V, value : ndarray
+        (9, c), (c,) and (6,) scratch.
+    """
+    n, count = U.shape
+    wide = H.shape[2]
+    for e in range(begin, stop.size):
+        if e > 0:
+            total = 0.0
+            value[:] = 0.0
+            for i in range(stop[e - 1], stop[e]):
+                total += dt[i]
+                for c in range(3):
+                    value[c] += dtheta[i, c]
+                    value[ACCEL0 + c] += dvel[i, c]
+            for r in range(N_NAV):
+                row = top[r]
+                for a in range(count):
+                    row[a] = 0.0
+                for k in range(n):
+                    t = F[e, r, k]
+                    if t != 0.0:
+                        for a in range(count):
+                            row[a] += t * U[k, a]
+            for a in range(count):
+                f = factor[a]
+                if like[a] != ABSENT and f != ELAPSED:
+                    mean = value[f] / total
+                    for r in range(N_NAV):
+                        top[r, a] += mean * F[e, r, like[a]]
+            for r in range(N_NAV):
+                for a in range(count):
+                    U[r, a] = top[r, a]
+            for r in range(IMU0, n):
+                d = D[e, r - IMU0]
+                if d != 1.0:
+                    for a in range(count):
+                        U[r, a] *= d
+        for i in range(S.shape[1]):
+            if S[e, i] <= 0.0:
+                continue
+            V[:] = 0.0
+            for k in range(used[i]):
+                h = H[e, i, k]
+                if h != 0.0:
+                    for a in range(count):
+                        V[a] += h * U[k, a]
+            for a in range(count):
+                if like[a] != ABSENT and like[a] < min(wide, used[i]):
+                    f = factor[a]
+                    if f == ELAPSED:
+                        V[a] += time[e] * H[e, i, like[a]]
+                    elif f < ACCEL0:
+                        V[a] += rate[e, f] * H[e, i, like[a]]
+            for r in range(n):
+                gain, row = K[e, i, r], U[r]
+                for a in range(count):
+                    row[a] -= gain * V[a]
+            t, inv = y[e, i] / S[e, i], 1.0 / S[e, i]
+            for b in range(count):
+                vector[b] += t * V[b]
+                s, row = inv * V[b], information[b]
+                for a in range(count):
+                    row[a] += s * V[a]
