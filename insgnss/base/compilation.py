@@ -14,7 +14,9 @@ replaces whole files only.
 
 What numba takes from the disk it needs no knowledge of Python's and numpy's functions for, and the
 half second in which it learns them (`refresh` of its contexts) is left to the first function that
-has to be compiled, which asks for it by itself.
+has to be compiled, which asks for it by itself. Beside the machine code of a kernel the disk holds
+the intermediate code that others are compiled with which call it, and reading that takes longer
+than all the rest: it is left, likewise, to the first that does.
 
 Every kernel of the package is defined with the decorator of this module;
 `tests/test_architecture.py` sees to it.
@@ -23,8 +25,8 @@ Every kernel of the package is defined with the decorator of this module;
 import hashlib
 import math
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -73,7 +75,7 @@ def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
             return uncached
         sources = digest(Path(function.__code__.co_filename))
         entry._source_stamp = (entry._source_stamp, np.__version__, sources)
-        _load_without_refresh(getattr(compiled, "_cache", None))
+        _load_what_runs(getattr(compiled, "_cache", None))
         return compiled
 
     return define
@@ -97,8 +99,8 @@ with suppress(ImportError, AttributeError):  # a numba without it: a first run s
     _tell_of_compiling()
 
 
-def _load_without_refresh(kept: Any) -> None:
-    """Have a function's cache take compiled code from the disk with numba's runtime alone set up.
+def _load_what_runs(kept: Any) -> None:
+    """Have a function's cache take from the disk what it needs to run, not what others need of it.
 
     Parameters
     ----------
@@ -112,10 +114,71 @@ def _load_without_refresh(kept: Any) -> None:
         from numba.core.runtime import rtsys
 
         rtsys.initialize(context)
-        with kept._guard_against_spurious_io_errors():
+        with kept._guard_against_spurious_io_errors(), _linked_later(context.codegen()):
             return kept._load_overload(signature, context)
 
     kept.load_overload = load_overload
+
+
+@contextmanager
+def _linked_later(codegen: Any) -> Iterator[None]:
+    """Have compiled code that is taken from the disk keep what only callers need unread."""
+    library = _linked_later_class()
+    if library is None or getattr(codegen, "_library_class", None) is not library.__base__:
+        yield
+        return
+    codegen._library_class = library
+    try:
+        yield
+    finally:
+        codegen._library_class = library.__base__
+
+
+@cache
+def _linked_later_class() -> Any:
+    """Return numba's class of compiled code, whose intermediate code is read when it is linked.
+
+    None with a numba of other inner names.
+    """
+    try:
+        from llvmlite import binding
+        from numba.core.codegen import JITCodeLibrary
+
+        names = ("enable_object_caching", "_set_compiled_object", "_finalize_final_module")
+        names += ("_get_module_for_linking", "get_pointer_to_function", "_unserialize")
+        if not all(hasattr(JITCodeLibrary, name) for name in names):
+            return None
+    except ImportError:
+        return None
+
+    class LinkedLater(JITCodeLibrary):  # type: ignore[misc]
+        _intermediate: bytes | None = None
+
+        @classmethod
+        def _unserialize(cls, codegen: Any, state: Any) -> Any:
+            name, kind, data = state
+            if kind != "object":
+                return super()._unserialize(codegen, state)
+            library = codegen.create_library(name)
+            machine_code, library._intermediate = data
+            library.enable_object_caching()
+            library._set_compiled_object(machine_code)
+            library._finalize_final_module()
+            return library
+
+        def _get_module_for_linking(self) -> Any:
+            if self._intermediate is not None:
+                self._shared_module = binding.parse_bitcode(self._intermediate)
+                self._codegen._engine._load_defined_symbols(self._shared_module)
+                self._intermediate = None
+            return super()._get_module_for_linking()
+
+        def get_pointer_to_function(self, name: str) -> Any:
+            if self._intermediate is None:
+                return super().get_pointer_to_function(name)
+            return self._codegen._engine.get_function_address(name)
+
+    return LinkedLater
 
 
 @cache

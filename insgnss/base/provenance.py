@@ -1,8 +1,12 @@
-"""What results in a directory were made from, before others take their place."""
+"""What results in a directory were made from, before others take their place, and by which run."""
 
 import json
 import os
+import platform
+import shlex
+import sys
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from pathlib import Path
 
 from .errors import UsageError
@@ -10,6 +14,18 @@ from .files import sha256
 
 KEY = "inputs_sha256"
 """In the JSON documents of results: the SHA-256 of each input by its path."""
+
+
+def circumstances() -> dict[str, str]:
+    """Return date, operating system, machine and command of this run, as text by name."""
+    name = Path(sys.argv[0]).name
+    command = ["insgnss" if name == "__main__.py" else name or "python", *sys.argv[1:]]
+    return {
+        "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
+        "operating system": platform.platform(),
+        "machine": f"{platform.machine()}, {os.cpu_count() or 1} processors",
+        "command": shlex.join(command),
+    }
 
 
 def hashes_of(files: Iterable[Path], start: Path) -> dict[str, str]:

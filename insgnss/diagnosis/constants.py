@@ -36,6 +36,7 @@ Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -124,15 +125,12 @@ class ConstantsEvidence:
     vector: Array
     requested: tuple[str, ...] = ()
 
-    def hypotheses(self) -> list[Hypothesis]:
-        """Return all hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
 
-        A constant that is requested, or has been given its wide sigma already, is not suspected.
-
-        Returns
-        -------
-        list of Hypothesis
-            Those whose estimates a sensor or a mounting may have.
+        Those whose estimates a sensor or a mounting may have; a constant that is requested, or has
+        been given its wide sigma already, is not suspected.
         """
         narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
         groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
@@ -154,7 +152,7 @@ class ConstantsEvidence:
                 hypotheses.append(
                     Hypothesis(suspected, cost - nothing, names, value, sigma, factor, wide)
                 )
-        return sorted(hypotheses, key=lambda one: -one.evidence)
+        return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
 
     def strongest(self) -> Hypothesis | None:
         """Return the strongest hypothesis beyond `TAKEN`, without groups that add little.
@@ -165,7 +163,7 @@ class ConstantsEvidence:
             The one of fewest groups within `OTHERS` of the strongest; None where nothing is
             suspected.
         """
-        every = self.hypotheses()
+        every = self.hypotheses
         if not every or every[0].evidence < TAKEN:
             return None
         close = [one for one in every if one.evidence > max(TAKEN, every[0].evidence - OTHERS)]
@@ -187,7 +185,7 @@ class ConstantsEvidence:
         """
         return [
             one
-            for one in self.hypotheses()
+            for one in self.hypotheses
             if one.groups != of.groups
             and len(one.groups) <= len(of.groups)
             and one.evidence > of.evidence - OTHERS
@@ -363,7 +361,7 @@ def settled_evidence(
     constants = sensitivity.constants
     data = sensitivity.of_the_data()
     evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested)
-    every = evidence.hypotheses()
+    every = evidence.hypotheses
     return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
 
 

@@ -62,9 +62,12 @@ before) - nominal), which makes filter and smoother one Gauss-Newton step of the
 (K.6).
 """
 
+import math
+
 import numpy as np
 
 from ..base.errors import DataError
+from ..base.quantiles import chi_square_quantile
 from ..records import Array
 from .codes import (
     ABSENT,
@@ -113,9 +116,7 @@ def gate_from_sigma(gate_sigma: float) -> float:
     float
         Quantile of chi-square with three degrees of freedom.
     """
-    from scipy.special import chdtri, ndtr
-
-    return float(chdtri(3, 2.0 * ndtr(-gate_sigma)))
+    return chi_square_quantile(3, math.erfc(gate_sigma / math.sqrt(2.0)))
 
 
 def make_history(

@@ -17,8 +17,8 @@ import numpy as np
 
 from .. import __version__
 from ..base.beside import Beside
-from ..base.circumstances import circumstances
 from ..base.files import json_ready, sha256
+from ..base.provenance import circumstances
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
 from ..records import (

@@ -29,6 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.quantiles import chi_square_quantile, normal_quantile
+
 Array = NDArray[np.float64]
 Selection = NDArray[np.bool_]
 
@@ -41,10 +43,8 @@ NIS_95_OF_ONE = 3.841458820694124  # with one
 
 def mean_bounds(dof: int) -> tuple[float, float]:
     """Return the two-sided 99 % bounds (T.1) of a chi-square variable divided by its `dof`."""
-    from scipy.special import chdtri
-
     tail = (1.0 - CONFIDENCE) / 2.0
-    return float(chdtri(dof, 1.0 - tail)) / dof, float(chdtri(dof, tail)) / dof
+    return chi_square_quantile(dof, 1.0 - tail) / dof, chi_square_quantile(dof, tail) / dof
 
 
 def consistency(nis: Array, used: Selection, dof: int = 3) -> dict[str, Any]:
@@ -146,9 +146,7 @@ def residual_limit(n: int) -> float:
     float
         The bound, in sigmas.
     """
-    from scipy.special import ndtri
-
-    return float(-ndtri(0.5 * BEYOND_BOUND / n))
+    return -normal_quantile(0.5 * BEYOND_BOUND / n)
 
 
 def rms_bound(x: Array, sigma: Array) -> Array:
@@ -164,8 +162,6 @@ def rms_bound(x: Array, sigma: Array) -> Array:
     Array
         (c,) the bound, with the degrees of freedom of (T.3); NaN where nothing is determined.
     """
-    from scipy.special import chdtri
-
     bound = np.full(x.shape[1], np.nan)
     for c in range(x.shape[1]):
         determined = np.isfinite(x[:, c]) & np.isfinite(sigma[:, c]) & (sigma[:, c] > 0.0)
@@ -173,7 +169,7 @@ def rms_bound(x: Array, sigma: Array) -> Array:
         if z.size == 0:
             continue
         dof = _degrees_of_freedom(z)
-        bound[c] = np.sqrt(chdtri(dof, BEYOND_BOUND) / dof)
+        bound[c] = math.sqrt(chi_square_quantile(dof, BEYOND_BOUND) / dof)
     return bound
 
 
@@ -195,15 +191,13 @@ def rms_floor(x: Array, sigma: Array) -> tuple[float, float]:
     tuple of float
         Root mean square and floor; NaN where nothing is determined.
     """
-    from scipy.special import chdtri
-
     determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
     columns = [x[of, c] / sigma[of, c] for c, of in enumerate(determined.T) if of.any()]
     if not columns:
         return math.nan, math.nan
     dof = 0.5 * sum(_degrees_of_freedom(z) for z in columns)
     rms = math.sqrt(float(np.mean(np.concatenate(columns) ** 2)))
-    return rms, math.sqrt(float(chdtri(dof, 1.0 - BEYOND_BOUND)) / dof)
+    return rms, math.sqrt(chi_square_quantile(dof, 1.0 - BEYOND_BOUND) / dof)
 
 
 def _degrees_of_freedom(z: Array) -> float:

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..base.circumstances import circumstances
 from ..base.files import sha256, text_sha256
+from ..base.provenance import circumstances
 from ..records import Check
 from .charts.chart import Chart
 from .markup import charted, document, escape, folded, sentence, table, with_contents

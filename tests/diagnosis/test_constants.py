@@ -73,7 +73,7 @@ def test_evidence_is_the_ratio_of_two_likelihoods(clean, lever):
     found = evidence(clean, lever)
     problem, start = posed(clean, lever)
     arms = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
-    (together,) = [one for one in found.hypotheses() if set(one.groups) == set(arms)]
+    (together,) = [one for one in found.hypotheses if set(one.groups) == set(arms)]
     model = with_constants(NOTHING, ["antenna lever arm"], together.factor)
     with_states = layout(model)
     wide = replace(problem, layout=with_states)
@@ -156,7 +156,7 @@ def test_the_right_constant_is_named_with_the_right_number(clean, plant, lever, 
     found = evidence(plant(clean), lever)
     suspected = found.strongest()
     assert suspected is not None
-    (planted,) = [one for one in found.hypotheses() if one.groups == groups]
+    (planted,) = [one for one in found.hypotheses if one.groups == groups]
     assert planted.evidence > max(5.0, suspected.evidence - 12.0)
     error = np.abs(planted.value - value)
     assert (error < 4.0 * planted.sigma + 0.03 * abs(value)).all()
@@ -184,7 +184,7 @@ def test_a_constant_that_is_estimated_already_is_not_suspected(clean):
     requested = ("antenna lever arm",)
     found = constants_evidence(*posed(clean, (0.0, 0.1, 0.0)), layout(own), wide, requested)
     assert found is not None
-    assert not any("lever arm" in g for one in found.hypotheses() for g in one.groups)
+    assert not any("lever arm" in g for one in found.hypotheses for g in one.groups)
     strongest = found.strongest()
     assert strongest is None or strongest.evidence < STRONG
 
@@ -194,7 +194,7 @@ def test_what_no_sensor_has_is_no_hypothesis(clean):
     radian.
     """
     turned = _with(clean, imu=lambda i: replace(i, gyro=1.2 * i.gyro))
-    for one in evidence(turned).hypotheses():
+    for one in evidence(turned).hypotheses:
         scale = [v for n, v in zip(one.names, one.value, strict=True) if "scale" in n]
         assert all(abs(v) <= 4.0 * ImuErrors(0.01).scale_factor + 1e-12 for v in scale)
 

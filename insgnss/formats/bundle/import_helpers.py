@@ -11,7 +11,6 @@ Systems" (eTC_RTL about a geocentric centre).
 
 import uuid
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -204,6 +203,8 @@ def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
     dict
         Text by path.
     """
+    from xml.sax.saxutils import escape, quoteattr
+
     fields = _header(path, "#name").lstrip("#").split(",")
     variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
     columns = "".join(

@@ -248,6 +248,24 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
     return row, OK, end, line
 
 
+@njit(cache=True, nogil=True, allocates=False)
+def take_columns(table, columns, to, factors, out):
+    """Write columns of a table, each times its factor, into columns of another array.
+
+    Parameters
+    ----------
+    table
+        (n, m).
+    columns, to, factors
+        (k,) columns of `table`, those of `out` and the factors.
+    out
+        (n, l).
+    """
+    for row in range(table.shape[0]):
+        for k in range(columns.size):
+            out[row, to[k]] = table[row, columns[k]] * factors[k]
+
+
 @njit(cache=True)
 def print_rows(table, row, decimals, before, after, out):
     """Print rows of numbers with fixed decimals into `out`, from `row` on, as printf does.

@@ -92,6 +92,7 @@ def read_columns(
     work.all(count)
     first = np.concatenate([[0], np.cumsum(newlines)])
     arrays = {name: np.empty((int(first[-1]), width)) for name, width in widths.items()}
+    columns = {name: _columns(targets, name) for name in widths}
     rows = np.zeros(ends.size, dtype=np.int64)
 
     def parse(k: int) -> None:
@@ -101,15 +102,25 @@ def read_columns(
             return
         rows[k] = len(table)
         block = slice(int(first[k]), int(first[k]) + len(table))
-        for column, target in targets.items():
-            np.multiply(
-                table[:, column], target.factor, out=arrays[target.array][block, target.index]
-            )
+        for name, taken in columns.items():
+            _kernels.take_columns(table, *taken, arrays[name][block])
 
     work.all(parse)
     if work.stopped.is_set():
         return None
     return {name: _without_holes(array, first, rows) for name, array in arrays.items()}
+
+
+def _columns(
+    targets: Mapping[int, Target], name: str
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Return columns of the table, their columns in an array of so many, and their factors."""
+    own = [(column, target) for column, target in targets.items() if target.array == name]
+    return (
+        np.array([column for column, _ in own], dtype=np.int64),
+        np.array([target.index for _, target in own], dtype=np.int64),
+        np.array([target.factor for _, target in own], dtype=np.float64),
+    )
 
 
 @dataclass

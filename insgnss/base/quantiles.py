@@ -1,0 +1,111 @@
+"""Quantiles of the normal and chi-square distributions, without loading a library for them.
+
+`scipy.special` gives the same; its import takes longer than all that a flight asks of it. With
+a = dof / 2, y = x / 2 and the incomplete gamma function
+
+    P(a, y) = y^a exp(-y) / Gamma(a + 1) (1 + y / (a + 1) + y^2 / ((a + 1) (a + 2)) + ...)     (Q.1)
+
+for y < a + 1, else 1 - P as the continued fraction
+
+    Q(a, y) = y^a exp(-y) / Gamma(a) / (y + 1 - a - 1 (1 - a) / (y + 3 - a - ...))             (Q.2)
+
+the quantile is found by Newton's method on the logarithm of the tail, from the cube of Wilson and
+Hilferty on.
+
+Abramowitz and Stegun (1964), 6.5.29, 6.5.31, 26.4.17; Lentz (1976) for (Q.2).
+"""
+
+import math
+from statistics import NormalDist
+
+STEPS = 100  # of Newton; some six are needed
+EXACT = 1e-15
+
+
+def normal_quantile(share: float) -> float:
+    """Return the value that a standard normal variable stays below with a probability.
+
+    Parameters
+    ----------
+    share : float
+        The probability, between 0 and 1.
+
+    Returns
+    -------
+    float
+        The quantile.
+    """
+    return NormalDist().inv_cdf(share)
+
+
+def chi_square_tails(dof: float, x: float) -> tuple[float, float]:
+    """Return the probabilities that a chi-square variable is below and above a value.
+
+    Parameters
+    ----------
+    dof : float
+        Degrees of freedom, positive.
+    x : float
+        The value, positive.
+
+    Returns
+    -------
+    below, above : float
+        The smaller one to a relative 1e-13 times the number of degrees of freedom.
+    """
+    a, y = 0.5 * dof, 0.5 * x
+    front = math.exp(a * math.log(y) - y - math.lgamma(a))
+    if y < a + 1.0:
+        term = total = 1.0 / a
+        k = a
+        while term > EXACT * total:
+            k += 1.0
+            term *= y / k
+            total += term
+        return front * total, 1.0 - front * total
+    b = y + 1.0 - a
+    c, d = math.inf, 1.0 / b
+    fraction, k, change = d, 0, 0.0
+    while abs(change - 1.0) > EXACT:
+        k += 1
+        numerator = -k * (k - a)
+        b += 2.0
+        d = 1.0 / (numerator * d + b)
+        c = b + numerator / c
+        change = c * d
+        fraction *= change
+    return 1.0 - front * fraction, front * fraction
+
+
+def chi_square_quantile(dof: float, above: float) -> float:
+    """Return the value that a chi-square variable exceeds with a probability.
+
+    Parameters
+    ----------
+    dof : float
+        Degrees of freedom, positive.
+    above : float
+        The probability, below 1; of 0 the value is infinite.
+
+    Returns
+    -------
+    float
+        The quantile.
+    """
+    if above == 0.0:
+        return math.inf
+    spread = 2.0 / (9.0 * dof)
+    x = dof * max(1.0 - spread - normal_quantile(above) * math.sqrt(spread), 1e-3) ** 3
+    upper = above < 0.5
+    wanted = math.log(above if upper else 1.0 - above)
+    for _ in range(STEPS):
+        a, y = 0.5 * dof, 0.5 * x
+        density = 0.5 * math.exp((a - 1.0) * math.log(y) - y - math.lgamma(a))
+        tail = chi_square_tails(dof, x)[upper]
+        step = (math.log(tail) - wanted) * tail / density
+        moved = x + step if upper else x - step
+        moved = max(moved, 0.1 * x)
+        if abs(moved - x) <= 4.0 * EXACT * x:
+            break
+        x = moved
+    return x
