@@ -38,8 +38,8 @@ def normal_quantile(share: float) -> float:
     return NormalDist().inv_cdf(share)
 
 
-def chi_square_tails(dof: float, x: float) -> tuple[float, float]:
-    """Return the probabilities that a chi-square variable is below and above a value.
+def chi_square_log_tails(dof: float, x: float) -> tuple[float, float]:
+    """Return the logarithms of the probabilities that a chi-square variable is below and above x.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ def chi_square_tails(dof: float, x: float) -> tuple[float, float]:
     Returns
     -------
     below, above : float
-        The smaller one to a relative 1e-13 times the number of degrees of freedom.
+        The logarithms.
     """
     a, y = 0.5 * dof, 0.5 * x
-    front = math.exp(a * math.log(y) - y - math.lgamma(a))
+    front = a * math.log(y) - y - math.lgamma(a)
     if y < a + 1.0:
         term = total = 1.0 / a
         k = a
@@ -62,7 +62,8 @@ def chi_square_tails(dof: float, x: float) -> tuple[float, float]:
             k += 1.0
             term *= y / k
             total += term
-        return front * total, 1.0 - front * total
+        below = front + math.log(total)
+        return below, _log_of_rest(below)
     b = y + 1.0 - a
     c, d = math.inf, 1.0 / b
     fraction, k, change = d, 0, 0.0
@@ -74,7 +75,13 @@ def chi_square_tails(dof: float, x: float) -> tuple[float, float]:
         c = b + numerator / c
         change = c * d
         fraction *= change
-    return 1.0 - front * fraction, front * fraction
+    above = front + math.log(fraction)
+    return _log_of_rest(above), above
+
+
+def _log_of_rest(log_share: float) -> float:
+    """Return log(1 - share) of the logarithm of a share."""
+    return math.log(-math.expm1(log_share)) if log_share < 0.0 else -math.inf
 
 
 def chi_square_quantile(dof: float, above: float) -> float:
@@ -98,13 +105,12 @@ def chi_square_quantile(dof: float, above: float) -> float:
     x = dof * max(1.0 - spread - normal_quantile(above) * math.sqrt(spread), 1e-3) ** 3
     upper = above < 0.5
     wanted = math.log(above if upper else 1.0 - above)
+    a = 0.5 * dof
     for _ in range(STEPS):
-        a, y = 0.5 * dof, 0.5 * x
-        density = 0.5 * math.exp((a - 1.0) * math.log(y) - y - math.lgamma(a))
-        tail = chi_square_tails(dof, x)[upper]
-        step = (math.log(tail) - wanted) * tail / density
-        moved = x + step if upper else x - step
-        moved = max(moved, 0.1 * x)
+        density = (a - 1.0) * math.log(0.5 * x) - 0.5 * x - math.lgamma(a) - math.log(2.0)
+        tail = chi_square_log_tails(dof, x)[upper]
+        step = (tail - wanted) * math.exp(tail - density)
+        moved = max(x + step if upper else x - step, 0.1 * x)
         if abs(moved - x) <= 4.0 * EXACT * x:
             break
         x = moved

@@ -32,7 +32,7 @@ from ..navigation.kernels.error_model import (
     propagate_mean,
 )
 from ..navigation.kernels.measurements import measured_triple
-from ..navigation.kernels.records import StateModel, make_interval_work, make_triple
+from ..navigation.kernels.records import make_interval_work, make_triple
 from ..navigation.kernels.update import (
     cholesky,
     forward_solve3,
@@ -126,18 +126,14 @@ class Linear(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
+def linearise_segment(intervals, ep, imu, earth, lever, nav, x, out):
     """Linearise a segment about its nominal, written into `out`.
 
     Parameters
     ----------
     intervals, ep, imu, earth, lever
         Integration intervals, epochs, state model, Earth and lever arm as the filter's kernels take
-        them.
-    white : ndarray, (q, 6)
-        White noise of each component of the noise, power spectral densities.
-    drive : ndarray, (q, ns)
-        Driving noise of each component, power spectral densities.
+        them; the noise of the state model in q components.
     nav : ndarray, (m, 10)
         Nominal navigation states.
     x : ndarray, (m, ns)
@@ -149,49 +145,36 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
     ns = n - N_NAV
     driven = out.Q_states.shape[1]
     work, triple, acceleration = make_interval_work(ns), make_triple(ns), np.zeros(3)
-    W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns)
+    q = len(imu.white)
+    W, Qbb = np.zeros((q, N_NAV, n)), np.zeros((q, ns))
     nav_e, x_e = np.zeros(N_NOMINAL), np.zeros(ns)
     for e in range(ep.stop.size):
         if e > 0:
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
-            for component in range(len(white)):
-                copy_vector(nav[e - 1], nav_e)
-                copy_vector(x[e - 1], x_e)
-                own = StateModel(
-                    imu.channel,
-                    imu.factor,
-                    imu.beta,
-                    drive[component],
-                    white[component],
-                    imu.block,
-                    imu.lever,
-                    imu.offset,
-                    imu.rate,
-                    imu.gm,
-                    imu.white_scale,
-                    imu.barometer,
-                )
-                linearise(
-                    intervals,
-                    first,
-                    last,
-                    begin,
-                    nav_e,
-                    x_e,
-                    own,
-                    earth,
-                    out.F[e],
-                    out.D[e],
-                    W,
-                    Qbb,
-                    work,
-                )
-                if component == 0 and ep.gap[e, 0] > 0.0:
-                    add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
-                copy_matrix(W[:, NAV], out.Q[e, component])
+            copy_vector(nav[e - 1], nav_e)
+            copy_vector(x[e - 1], x_e)
+            linearise(
+                intervals,
+                first,
+                last,
+                begin,
+                nav_e,
+                x_e,
+                imu,
+                earth,
+                out.F[e],
+                out.D[e],
+                W,
+                Qbb,
+                work,
+            )
+            if ep.gap[e, 0] > 0.0:
+                add_gap_noise(W[0], work.column, work.last_block[0], ep.gap[e])
+            for component in range(len(W)):
+                copy_matrix(W[component, :, NAV], out.Q[e, component])
                 if component < driven:
-                    copy_matrix(W[:, IMU], out.Q_cross[e, component])
-                    copy_vector(Qbb, out.Q_states[e, component])
+                    copy_matrix(W[component, :, IMU], out.Q_cross[e, component])
+                    copy_vector(Qbb[component], out.Q_states[e, component])
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
                 acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (

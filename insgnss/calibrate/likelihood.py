@@ -223,7 +223,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]
     parts = [*driven, *(name for name in names if name in WHITE)]
     imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
-    white, drive = np.tile(imu.white, (1 + len(parts), 1)), np.tile(imu.drive, (1 + len(parts), 1))
+    white, drive = (np.tile(density, (1 + len(parts), 1)) for density in (imu.white, imu.drive))
     white[1:], drive[1:] = 0.0, 0.0
     P0 = np.zeros((1 + len(driven), layout.size, layout.size))
     P0[0] = _start(solution)
@@ -243,9 +243,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     linearise_segment(
         kernel_intervals(problem.inc),
         ep,
-        imu,
-        white,
-        drive,
+        imu._replace(white=white, drive=drive),
         earth,
         lever,
         solution.nav,

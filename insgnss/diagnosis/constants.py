@@ -22,7 +22,7 @@ nothing is wrong: by some 3 over any single constant. All subsets of a few group
 matrices only.
 
 A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
-flight file follows the constants beside (`navigation.sensitivity`), which gives I and b where the
+flight file follows the constants beside (`diagnosis.sensitivity`), which gives I and b where the
 innovations depend on them linearly, as they do near the flight file's numbers. Where that evidence
 comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone counts.
 
@@ -46,11 +46,11 @@ from ..navigation.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_ME
 from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
-from ..navigation.sensitivity import LONGEST_S, Constants
 from ..navigation.solution import Solution
 from ..records import Array
 from ..records.verdicts import ConstantEstimate
 from .candidates import FAR, with_a_priori, with_layout
+from .sensitivity import LONGEST_S, Constants, Sensitivity
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
@@ -306,8 +306,8 @@ def _evidence(
     return ConstantsEvidence(names, groups, wide, stated, information, vector, requested)
 
 
-def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Constants | None:
-    """Return the candidates that the filter of a problem can follow beside.
+def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensitivity | None:
+    """Return what follows the candidates beside the filter of a problem.
 
     Parameters
     ----------
@@ -318,9 +318,10 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Constan
 
     Returns
     -------
-    Constants or None
-        None where it cannot: a candidate acts like no state of the problem, epochs are far apart,
-        or a barometer or non-holonomic constraints are measured, which have no say in the evidence.
+    Sensitivity or None
+        None where they cannot be followed: a candidate acts like no state of the problem, epochs
+        are far apart, or a barometer or non-holonomic constraints are measured, which have no say
+        in the evidence.
     """
     epochs = problem.epochs
     if np.diff(epochs.time).max(initial=0.0) > LONGEST_S:
@@ -328,18 +329,21 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Constan
     if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
         return None
     states = [s for s, name in enumerate(wide.names) if group_of(name)]
-    return Constants.of(problem.layout, wide, states)
+    constants = Constants.of(problem.layout, wide, states)
+    return None if constants is None else Sensitivity.before(problem, constants)
 
 
 def settled_evidence(
-    solution: Solution, requested: tuple[str, ...] = ()
+    solution: Solution, followed: Sensitivity | None, requested: tuple[str, ...] = ()
 ) -> ConstantsEvidence | None:
-    """Return the evidence that the first pass over a flight followed beside, where it settles it.
+    """Return the evidence that was followed beside the filter of a solution, where it settles it.
 
     Parameters
     ----------
     solution : Solution
         The solution of the flight as it is taken to be.
+    followed : Sensitivity or None
+        What went along with its first pass; that of another problem is not taken.
     requested : tuple of str
         Beginnings of the names of those that are estimated in any case and not suspected.
 
@@ -348,18 +352,15 @@ def settled_evidence(
     ConstantsEvidence or None
         The evidence, which suspects nothing; None where the pass of `constants_evidence` is needed.
     """
-    sensitivity = solution.sensitivity
-    if sensitivity is None:
+    problem = solution.problem
+    if followed is None or followed.problem is not problem:
         return None
-    verdict, nis = solution.verdict[:, POSITION], solution.nis[:, POSITION]
+    verdict, limit = solution.verdict[:, POSITION], min(problem.gate, problem.huber_threshold)
+    beyond = np.count_nonzero(solution.nis[:, POSITION] > limit)
     offered = np.count_nonzero(verdict != NOT_MEASURED)
-    weighed_down = np.count_nonzero(
-        nis > min(solution.problem.gate, solution.problem.huber_threshold)
-    )
-    if weighed_down > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
+    if beyond > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
         return None
-    constants = sensitivity.constants
-    data = sensitivity.of_the_data()
+    constants, data = followed.constants, followed.of_the_data()
     evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested)
     every = evidence.hypotheses
     return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence

@@ -14,7 +14,6 @@ from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
-from ..navigation.sensitivity import Constants
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
@@ -43,6 +42,7 @@ from .constants import (
 )
 from .estimated import constant
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
+from .sensitivity import Sensitivity
 from .time_correlated import time_correlated_error
 from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
@@ -110,11 +110,11 @@ class ErrorModelSearch:
         wide = self.layout(with_every_constant(model))
         return constants_evidence(problem, start, self.layout(model), wide, self.requested)
 
-    def followed(self, problem: EstimationProblem) -> Constants | None:
-        """Return the constants that the first pass over a flight is to follow.
+    def followed(self, problem: EstimationProblem) -> Sensitivity | None:
+        """Return what is to go along with the first pass over a flight.
 
-        What it finds of them may spare the pass of `constants`; None where there are too few fixes
-        for it, or where they cannot be followed.
+        What it finds of the constants may spare the pass of `constants`; None where there are too
+        few fixes for it, or where they cannot be followed.
         """
         if np.count_nonzero(problem.epochs.has_position) < FEWEST_FIXES:
             return None
@@ -152,6 +152,7 @@ def diagnose(
     search: ErrorModelSearch,
     start: InitialState,
     solution: Solution,
+    followed: Sensitivity | None = None,
 ) -> Diagnosis:
     """Look for the error model that explains the innovations of a solution.
 
@@ -180,7 +181,7 @@ def diagnose(
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        settled = settled_evidence(here.solution, search.requested)
+        settled = settled_evidence(here.solution, followed, search.requested)
         constants = settled or search.constants(*posed, here.model) or constants
         there = _next(search, posed, here, constants)
         if there is None:

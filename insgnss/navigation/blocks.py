@@ -25,7 +25,7 @@ What a flight needs of memory is forecast before it is filtered (`forecast`), wi
     trajectory    the output, and as much again while it is made
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -49,9 +49,14 @@ from .filter import (
 )
 from .kernels.backward import run_backward
 from .kernels.forward import run_forward
-from .kernels.records import Epochs, FilterHistory, FilterState, SmootherState
+from .kernels.records import (
+    Epochs,
+    FilterHistory,
+    FilterState,
+    IntegrationIntervals,
+    SmootherState,
+)
 from .problem import EstimationProblem, InitialState
-from .sensitivity import Constants, Sensitivity
 from .smoother import Smoothed, SmootherRoom, last_state
 
 BLOCK = 256  # epochs
@@ -66,6 +71,11 @@ SAMPLE_BYTES = 8 * 7  # of increments
 ADDED_STATES = 12  # that a search may try besides
 State = TypeVar("State", FilterState, SmootherState)
 RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
+
+Follower = Callable[[IntegrationIntervals, Epochs, FilterHistory, int], None]
+"""Called after each block of a forward pass with the increments of the flight, epochs and records
+of the block, and the first epoch of it that was passed.
+"""
 
 
 def record_bytes(n: int, rows_measured: int, outages: bool) -> int:
@@ -228,9 +238,7 @@ class BlockwisePasses:
         history = _piece_of_history(self.history, front, last, row, self.outages)
         return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
 
-    def filter(
-        self, closed_loop: bool = True, constants: Constants | None = None
-    ) -> Sensitivity | None:
+    def filter(self, closed_loop: bool = True, follower: Follower | None = None) -> None:
         """Run the forward pass.
 
         Parameters
@@ -238,13 +246,8 @@ class BlockwisePasses:
         closed_loop : bool
             Feed the error estimate back into the nominal state (K.5); else the nominal of the
             history stays and is linearised about.
-        constants : Constants, optional
-            What is followed beside it.
-
-        Returns
-        -------
-        Sensitivity or None
-            What the innovations say of them; None without.
+        follower : Follower, optional
+            What goes along with it, block by block.
 
         Raises
         ------
@@ -258,10 +261,7 @@ class BlockwisePasses:
         if problem.event_chain:
             size = history.cross.shape[0], problem.layout.size
             self.transitions = EventTransitions.before(*size)
-        sensitivity = None
-        if constants is not None:
-            sensitivity = Sensitivity.before(constants, problem.layout.size)
-        unread = self.transitions is None and sensitivity is None
+        unread = self.transitions is None and follower is None
         for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
             epochs, records, begin = self._of_block_views(b, first, last)
@@ -270,11 +270,10 @@ class BlockwisePasses:
             _forward(inputs, epochs, state, records, begin)
             if self.transitions is not None:
                 self.transitions.through(epochs.event, records, begin)
-            if sensitivity is not None:
-                sensitivity.through(inputs[0], epochs, records, begin)
+            if follower is not None:
+                follower(inputs[0], epochs, records, begin)
         self.fresh = True
         refuse_divergence(problem, history)
-        return sensitivity
 
     def smooth(self, full: bool = True) -> Smoothed:
         """Run the backward pass over what the last forward pass left.

@@ -104,14 +104,14 @@ def linearise_interval(
     ns = model.channel.size
     n = N_NAV + ns
     nav, x = nav.copy(), x.copy()
-    F, D, W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((N_NAV, n)), np.zeros(ns)
+    F, D, W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((1, N_NAV, n)), np.zeros((1, ns))
     linearise(
         intervals, first, last, elapsed, nav, x, model, earth, F, D, W, Qbb, make_interval_work(ns)
     )
     Phi, Q = np.zeros((n, n)), np.zeros((n, n))
     Phi[NAV] = F
     Phi[IMU, IMU] = np.diag(D)
-    Q[NAV] = W
-    Q[IMU, NAV] = W[:, IMU].T
-    Q[IMU, IMU] = np.diag(Qbb)
+    Q[NAV] = W[0]
+    Q[IMU, NAV] = W[0, :, IMU].T
+    Q[IMU, IMU] = np.diag(Qbb[0])
     return Interval(nav, x, Phi, Q)

@@ -177,13 +177,13 @@ class StateLayout:
         Returns
         -------
         StateModel
-            The model of these states.
+            The model of these states, with one component of noise.
         """
         white = self.white + 2.0 * self.quantization**2 / aiding_interval_s
         first_gm = np.array([self.gm, self.unfixed_gm, self.velocity_gm])
         of_fixes = self.lever, self.offset, self.rate, first_gm, self.white_scales
         return StateModel(
-            *(self.channel, self.factor, self.beta, self.drive, white, block_s),
+            *(self.channel, self.factor, self.beta, self.drive[None], white[None], block_s),
             *of_fixes,
             self.barometer,
         )

@@ -21,12 +21,11 @@ import numpy as np
 from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
-from .blocks import ROWS, BlockwisePasses
+from .blocks import ROWS, BlockwisePasses, Follower
 from .codes import AX, AY, AZ, IMU, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain
 from .problem import EstimationProblem, InitialState
-from .sensitivity import Constants, Sensitivity
 from .smoother import Smoothed
 from .triangles import diagonal
 
@@ -69,8 +68,6 @@ class Solution:
         Forward passes run.
     chain : EventChain or None
         What ties the events, for the covariance of several of them, where the problem asks for it.
-    sensitivity : Sensitivity or None
-        What the innovations of the first pass say of constants that were followed beside it.
     """
 
     problem: EstimationProblem
@@ -88,7 +85,6 @@ class Solution:
     separation_sigma: Array
     passes: int
     chain: EventChain | None
-    sensitivity: Sensitivity | None = None
 
     @property
     def time(self) -> Array:
@@ -200,7 +196,7 @@ def solve(
     separations: int = 100,
     about: Solution | None = None,
     rows: int = ROWS,
-    constants: Constants | None = None,
+    follower: Follower | None = None,
 ) -> Solution:
     """Filter and smooth a flight.
 
@@ -221,8 +217,8 @@ def solve(
     rows : int
         Number of regular epochs, at most, of which the whole covariance is kept, besides the first,
         the last and the camera events.
-    constants : Constants, optional
-        What is followed beside the first pass.
+    follower : Follower, optional
+        What goes along with the first pass.
 
     Returns
     -------
@@ -239,7 +235,7 @@ def solve(
     progress("filter")
     if about is not None:
         history.nav[:], history.x[:] = about.nav, about.x
-    sensitivity = passes.filter(about is None, constants)
+    passes.filter(about is None, follower)
     count = 1
     while True:
         another = second_pass == "on" and count == 1
@@ -255,7 +251,7 @@ def solve(
         progress(f"filter, pass {count}, linearised about the smoothed flight")
         passes.filter(closed_loop=False)
     refuse_negative_variances(problem, smoothed.nav_cov)
-    return _solution(passes, smoothed, count, sensitivity)
+    return _solution(passes, smoothed, count)
 
 
 def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:
@@ -294,9 +290,7 @@ def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> Non
         )
 
 
-def _solution(
-    passes: BlockwisePasses, smoothed: Smoothed, count: int, sensitivity: Sensitivity | None
-) -> Solution:
+def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Solution:
     """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
     history = passes.history
     covariances = SmoothedCovariances(
@@ -324,7 +318,6 @@ def _solution(
         smoothed.separation_sigma,
         count,
         passes.chain(smoothed),
-        sensitivity,
     )
 
 

@@ -23,13 +23,13 @@ from ..diagnosis.incorrect_fixes import (
     with_steps,
     withhold_incorrect_fixes,
 )
+from ..diagnosis.sensitivity import Sensitivity
 from ..diagnosis.time_offset import ROUNDS, offset_to_apply
 from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
 from ..geodesy.frames import LocalFrame
 from ..navigation.codes import COVARIANCE_RESET, NAV, POSITION
 from ..navigation.filter import gate_from_sigma
 from ..navigation.problem import EstimationProblem, InitialState
-from ..navigation.sensitivity import Constants
 from ..navigation.solution import Solution, solve
 from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
@@ -248,6 +248,7 @@ def _solve(
     step("align")
     spells: tuple[Spell, ...] = ()
     noisy: tuple[Check, ...] = ()
+    followed = None
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
@@ -259,8 +260,8 @@ def _solve(
                 time_correlated=of_code is None,
             )
             how = how if of_code is None else f"{how}; {of_code}"
-        moves = flight.gnss.stationary is None
-        followed = search.followed(prepared.problem) if moves else None
+        if flight.gnss.stationary is None:
+            followed = search.followed(prepared.problem)
         prepared, spells, solution = _filtered(flight, prepared, start, step, followed)
     except DataError as error:
         step("what would explain it")
@@ -284,7 +285,7 @@ def _solve(
     checks = (*checks, *noisy)
     constants: tuple[ConstantEstimate, ...] = ()
     if flight.gnss.stationary is None and not noisy:
-        diagnosis = diagnose(search, start, solution)
+        diagnosis = diagnose(search, start, solution, followed)
         drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
         solution, constants = diagnosis.solution, diagnosis.constants
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
@@ -368,12 +369,13 @@ def _filtered(
     prepared: PreparedSegment,
     start: InitialState,
     step: Progress,
-    followed: Constants | None,
+    followed: Sensitivity | None,
 ) -> tuple[PreparedSegment, tuple[Spell, ...], Solution]:
     """Filter and smooth a segment, without the fixes of spells that stand apart from the rest."""
     failure, second_pass = None, flight.filter.second_pass
     try:
-        solution = solve(prepared.problem, start, second_pass, step, constants=followed)
+        follower = None if followed is None else followed.through
+        solution = solve(prepared.problem, start, second_pass, step, follower=follower)
         if not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET):
             return prepared, (), solution
     except DataError as error:

@@ -8,7 +8,6 @@ import pytest
 from insgnss.base import beside
 from insgnss.base.beside import Beside
 from insgnss.base.errors import DataError
-from insgnss.diagnosis.decision import ConstantsBeside
 from insgnss.navigation import blocks
 
 
@@ -44,16 +43,6 @@ def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(processors):
         with pytest.raises(DataError) as caught:
             work.result()
         assert caught.value is error
-
-
-def test_evidence_of_another_problem_is_not_taken():
-    """Oracle: identity; a problem without some fixes is another one."""
-    problem, start, model = object(), object(), ("requested", 1.0)
-    evidence = ConstantsBeside(problem, start, model, Beside(lambda: None))
-    assert evidence.fits(problem, start, ("requested", 1.0))
-    assert not evidence.fits(object(), start, model)
-    assert not evidence.fits(problem, object(), model)
-    assert not evidence.fits(problem, start, ("requested", 2.0))
 
 
 def test_rows_of_neighbouring_blocks_are_apart():

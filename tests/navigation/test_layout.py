@@ -84,7 +84,7 @@ def test_quantization_enters_as_white_noise_of_the_same_variance():
     )
     T = 0.1
     expected = [1e-6 * T + 2.0 * 5e-5**2] * 3 + [2.0 * 2e-3**2] * 3
-    assert_allclose(layout.kernel_model(0.05, T).white * T, expected, rtol=1e-12)
+    assert_allclose(layout.kernel_model(0.05, T).white[0] * T, expected, rtol=1e-12)
 
 
 def test_a_model_without_states_leaves_navigation_alone():

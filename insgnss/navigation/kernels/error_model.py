@@ -172,7 +172,7 @@ def add_channel_sums(W, share, channel, group):
 
 
 @njit(cache=True, allocates=False)
-def step_covariance(W, Qbb, B, model, work, side, o, first):
+def step_covariance(W, Qbb, B, model, component, work, side, o, first):
     """Take the process noise W = [Q_nn Q_nb] and the diagonal Q_bb over one more block (E.6).
 
     Parameters
@@ -185,6 +185,8 @@ def step_covariance(W, Qbb, B, model, work, side, o, first):
         Length of the block, s.
     model : StateModel
         The error states behind those of navigation.
+    component : int
+        The component of the noise.
     work : IntervalWork
         Integrals, weights and columns of the block, and scratch.
     side : float
@@ -198,7 +200,7 @@ def step_covariance(W, Qbb, B, model, work, side, o, first):
     column, group, X, share = work.column, work.group, work.X, work.share
     weight, mean, decay, integrals = work.weight, work.mean, work.decay, work.integrals
     s1, s2, driven, v9 = integrals.s1, integrals.s2, work.driven, work.v9
-    channel, drive = model.channel, model.drive
+    channel, drive = model.channel, model.drive[component]
     for s in range(ns):
         share[s] = weight[s] * mean[s]
     if not first:
@@ -259,7 +261,7 @@ def step_covariance(W, Qbb, B, model, work, side, o, first):
             Qbb[s] = d * d * Qbb[s] + drive[s] * (1.0 - d * d) / (2.0 * model.beta[s])
         else:
             Qbb[s] += drive[s] * B
-    add_white_noise(W, integrals, B, model.white, v9)
+    add_white_noise(W, integrals, B, model.white[component], v9)
 
 
 @njit(cache=True, allocates=False)
@@ -363,9 +365,9 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
     D : ndarray
         (ns,) diagonal of the transition matrix behind them, filled in place.
     W : ndarray
-        (9, n) process noise [Q_nn Q_nb], filled in place.
+        (q, 9, n) process noise [Q_nn Q_nb] of each component of the noise, filled in place.
     Qbb : ndarray
-        (ns,) diagonal of the process noise behind them, filled in place.
+        (q, ns) its diagonal behind them, filled in place.
     work : IntervalWork
         Scratch.
     """
@@ -405,7 +407,8 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
             of = column[r]
             for s in range(ns):
                 F[r, IMU0 + s] += of[channel[s]] * work.share[s]
-        step_covariance(W, Qbb, B, model, work, side, o, first)
+        for k in range(len(W)):
+            step_covariance(W[k], Qbb[k], B, model, k, work, side, o, first)
         for s in range(ns):
             D[s] *= decay[s]
             x[s] *= decay[s]

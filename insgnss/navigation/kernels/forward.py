@@ -92,8 +92,8 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
     H, nu, R = triple.H, triple.nu, triple.R
     X, W, Qbb, nine = (
         np.zeros((N_NAV, n)),
-        np.zeros((N_NAV, n)),
-        np.zeros(ns),
+        np.zeros((1, N_NAV, n)),
+        np.zeros((1, ns)),
         np.zeros((N_NAV, N_NAV)),
     )
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
@@ -113,11 +113,11 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             for i in range(3):
                 acceleration[i] = (nav[VEL0 + i] - acceleration[i]) / (epochs.time[e] - begin)
             if epochs.gap[e, 0] > 0.0:
-                add_gap_noise(W, work.column, work.last_block[0], epochs.gap[e])
+                add_gap_noise(W[0], work.column, work.last_block[0], epochs.gap[e])
             if history.outage[e] != ABSENT:
-                copy_matrix(W, history.W[history.outage[e]])
-                copy_vector(Qbb, history.Qbb[history.outage[e]])
-            predict_covariance(P, F, D, W, Qbb, X, nine)
+                copy_matrix(W[0], history.W[history.outage[e]])
+                copy_vector(Qbb[0], history.Qbb[history.outage[e]])
+            predict_covariance(P, F, D, W[0], Qbb[0], X, nine)
             if closed_loop:
                 gap[:] = 0.0
             else:

@@ -56,9 +56,9 @@ class StateModel(NamedTuple):
     beta : ndarray
         (ns,) 1/s, inverse correlation time, 0 for none.
     drive : ndarray
-        (ns,) PSD of the driving noise.
+        (q, ns) PSD of the driving noise, of each of q components of the noise.
     white : ndarray
-        (6,) PSD of the white noise of each channel.
+        (q, 6) PSD of the white noise of each channel.
     block : float
         Length over which the transition is built as one step, s.
     lever : int

@@ -1,7 +1,7 @@
-"""What constants that the filter takes as known do to its innovations (N.2)."""
+"""What constants that the filter takes as known do to its innovations (Y.1)."""
 
-from ...base.compilation import njit
-from ..codes import ABSENT, ACCEL0, IMU0, N_NAV
+from ..base.compilation import njit
+from ..navigation.codes import ABSENT, ACCEL0, IMU0, N_NAV
 
 ELAPSED = -2  # as a factor: the time since the start, in place of a channel
 
@@ -51,7 +51,7 @@ def follow_constants(
     U : ndarray
         (n, c) errors of the states that a unit of each constant leaves, taken on in place.
     information, vector : ndarray
-        (c, c) and (c,) added to in place (N.3).
+        (c, c) and (c,) added to in place (Y.2).
     top, V, value : ndarray
         (9, c), (c,) and (6,) scratch.
     """

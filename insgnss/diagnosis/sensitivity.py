@@ -3,7 +3,7 @@
 A constant d that the filter knows nothing of (a scale factor, say) leaves errors e = U d in its
 states. From epoch to epoch, with the gains K that the filter has without it,
 
-    U <- Phi U + G,     V = H U + B,     U <- U - K V                                          (N.2)
+    U <- Phi U + G,     V = H U + B,     U <- U - K V                                          (Y.1)
 
 and the innovations y of variance S have the mean V d. G and B are what the constant adds to
 transition and measurement directly: the column of the state that acts in the same way, times a
@@ -12,12 +12,12 @@ c times what f measures, the rate of a time offset like the offset times the tim
 A constant that is a state already is followed from U = 1 at that state on: by how much it is off
 from the beginning, beyond what its a-priori sigma allows for. Over all innovations
 
-    J = sum V' V / S,     j = sum V' y / S                                                     (N.3)
+    J = sum V' V / S,     j = sum V' y / S                                                     (Y.2)
 
 are the information and the right-hand side of d. Of a state with the a-priori variance s^2 they are
 those beside it. Without it, with s^2 in the diagonal of s2 and zeros for what is no state,
 
-    I = J (1 - s2 J)^-1,     b = (1 + I s2) j                                                  (N.4)
+    I = J (1 - s2 J)^-1,     b = (1 + I s2) j                                                  (Y.3)
 
 Innovations that depend on d linearly give the same as a filter that has every constant as a state
 with a wide sigma (Friedland 1969), and cost a tenth of it: the covariance, which does not depend on
@@ -30,11 +30,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..navigation.codes import ABSENT, BIAS, N_CHANNELS, N_NAV
+from ..navigation.kernels.records import Epochs, FilterHistory, IntegrationIntervals
+from ..navigation.layout import StateLayout
+from ..navigation.problem import EstimationProblem
 from ..records import Array
-from .codes import ABSENT, BIAS, N_CHANNELS, N_NAV
-from .kernels.records import Epochs, FilterHistory, IntegrationIntervals
-from .kernels.sensitivity import ELAPSED, follow_constants
-from .layout import StateLayout
+from ._kernels import ELAPSED, follow_constants
 
 LONGEST_S = 0.21  # between epochs: over more the mean of a product is not the product of means
 
@@ -117,10 +118,12 @@ def _bias_of(layout: StateLayout, channel: int) -> int:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What the innovations of a pass say of constants (N.3).
+    """What the innovations of a pass say of constants (Y.2).
 
     Parameters
     ----------
+    problem : EstimationProblem
+        The flight.
     constants : Constants
         The c constants.
     errors : Array
@@ -129,24 +132,25 @@ class Sensitivity:
         (c, c) J and (c,) j up to it.
     """
 
+    problem: EstimationProblem
     constants: Constants
     errors: Array
     information: Array
     vector: Array
 
     @classmethod
-    def before(cls, constants: Constants, n: int) -> "Sensitivity":
-        """Return that before the first epoch, of a filter of n states."""
+    def before(cls, problem: EstimationProblem, constants: Constants) -> "Sensitivity":
+        """Return that before the first epoch."""
         count = len(constants.names)
-        errors = np.zeros((n, count))
+        errors = np.zeros((problem.layout.size, count))
         own = np.flatnonzero(constants.state != ABSENT)
         errors[constants.state[own], own] = 1.0
-        return cls(constants, errors, np.zeros((count, count)), np.zeros(count))
+        return cls(problem, constants, errors, np.zeros((count, count)), np.zeros(count))
 
     def through(
         self, intervals: IntegrationIntervals, epochs: Epochs, history: FilterHistory, begin: int
     ) -> None:
-        """Go on over the epochs of a block.
+        """Go on over the epochs of a block: a `navigation.blocks.Follower`.
 
         Parameters
         ----------
@@ -169,7 +173,7 @@ class Sensitivity:
         )
 
     def of_the_data(self) -> tuple[Array, Array]:
-        """Return what the data alone say of the constants (N.4).
+        """Return what the data alone say of the constants (Y.3).
 
         Returns
         -------
