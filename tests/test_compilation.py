@@ -106,6 +106,27 @@ def test_code_from_disk_is_run_without_what_numba_compiles_with(house, monkeypat
 
 
 @pytest.mark.slow
+def test_what_only_callers_need_is_read_when_one_is_compiled(house, monkeypatch):
+    """Oracle: the bytes that are left unread; sums by hand. With a numba of other inner names they
+    are read at once, and nothing else changes.
+    """
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    unread = "from house.inner import inner; x = inner(1.0); (one,) = inner.overloads.values(); "
+    unread += "before = getattr(one.library, '_intermediate', None) is not None; "
+    unread += "from house.outer import outer; y = outer(1.0); "
+    unread += "print(x, y, before, getattr(one.library, '_intermediate', None) is not None)"
+    assert _printed(house, unread) == "2.0 20.0 False False"
+    assert _printed(house, unread) == "2.0 20.0 True True"
+    (house / "outer.py").write_text((house / "outer.py").read_text().replace("10.0 *", "5.0 *"))
+    assert _printed(house, unread) == "2.0 10.0 True False"
+    text = (house / "compilation.py").read_text()
+    (house / "compilation.py").write_text(text.replace('"_unserialize"', '"_renamed"'))
+    for _ in range(2):
+        assert _printed(house, unread) == "2.0 10.0 False False"
+    assert _run(house) == (10.0, 1)
+
+
+@pytest.mark.slow
 def test_the_directory_that_the_user_names_is_taken(house, tmp_path):
     """Oracle: numba's variable; the file system."""
     assert _run(house, NUMBA_CACHE_DIR=str(tmp_path / "own")) == (20.0, 0)

@@ -62,7 +62,7 @@ from .smoother import Smoothed, SmootherRoom, last_state
 BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
 ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
-RECORDS_BYTES = 32_000_000  # of a longer one; what of it is kept saves the share of a forward pass
+RECORDS_BYTES = 80_000_000  # of a longer one; what of it is kept saves the share of a forward pass
 
 TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
 MEASUREMENT_BYTES = 450  # of an epoch: `navigation.kernels.records.Epochs`, and its stamp
