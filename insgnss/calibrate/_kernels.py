@@ -241,11 +241,13 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
     """
     n = P.shape[0]
     S, y = r, z
-    for a in range(n):
-        t = 0.0
-        for c in range(used):
-            t += P[a, c] * h[c]
-        gain[a] = t
+    gain[:] = 0.0
+    for c in range(used):  # P and its derivatives are symmetric, and most of h is zero
+        t = h[c]
+        if t != 0.0:
+            row = P[c]
+            for a in range(n):
+                gain[a] += t * row[a]
     for c in range(used):
         S += h[c] * gain[c]
         y -= h[c] * m[c]
@@ -258,11 +260,13 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
         gain[a] /= S
     for i in range(dr.size):
         slope[0, i], slope[1, i] = dr[i], 0.0
-        for a in range(n):
-            t = 0.0
-            for c in range(used):
-                t += dP[i, a, c] * h[c]
-            column[a] = t
+        column[:] = 0.0
+        for c in range(used):
+            t = h[c]
+            if t != 0.0:
+                row = dP[i, c]
+                for a in range(n):
+                    column[a] += t * row[a]
         for c in range(used):
             slope[0, i] += h[c] * column[c]
             slope[1, i] -= h[c] * dm[i, c]

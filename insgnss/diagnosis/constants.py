@@ -135,23 +135,30 @@ class ConstantsEvidence:
         narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
         groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
         groups = tuple(group for group in groups if not group.startswith(self.requested))
-        nothing = self._evaluate((), 1.0)[0]
+        sizes = range(1, MOST_TOGETHER + 1)
+        every = [suspected for size in sizes for suspected in combinations(groups, size)]
+        cases = [(suspected, factor) for suspected in every for factor in FACTORS]
+        cost, estimate, cov = self._evaluate([((), 1.0), *cases])
+        evidence = (cost[1:] - cost[0]).reshape(-1, len(FACTORS))
+        wide_evidence = evidence[:, [factor >= 1.0 for factor in FACTORS]].max(axis=1)
         hypotheses = []
-        for size in range(1, MOST_TOGETHER + 1):
-            for suspected in combinations(groups, size):
-                own = np.flatnonzero([group in suspected for group in self.group])
-                evaluated = [(self._evaluate(suspected, f), f) for f in FACTORS]
-                (cost, estimate, cov), factor = max(evaluated, key=lambda one: one[0][0])
-                wide = max(one[0] for one, f in evaluated if f >= 1.0) - nothing
-                of_imu = own[~self.of_fixes[own]]
-                if np.abs(estimate[of_imu]).max(initial=0.0) > PLAUSIBLE:
-                    continue
-                names = tuple(self.names[k] for k in own)
-                sigma = np.sqrt(np.diag(cov))[own] * self.wide[own]
-                value = estimate[own] * self.wide[own]
-                hypotheses.append(
-                    Hypothesis(suspected, cost - nothing, names, value, sigma, factor, wide)
+        for k, (suspected, factor) in enumerate(zip(every, evidence.argmax(axis=1), strict=True)):
+            case = 1 + k * len(FACTORS) + int(factor)
+            own = np.flatnonzero([group in suspected for group in self.group])
+            of_imu = own[~self.of_fixes[own]]
+            if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
+                continue
+            hypotheses.append(
+                Hypothesis(
+                    suspected,
+                    float(evidence[k, factor]),
+                    tuple(self.names[state] for state in own),
+                    estimate[case, own] * self.wide[own],
+                    np.sqrt(cov[case, own, own]) * self.wide[own],
+                    FACTORS[factor],
+                    float(wide_evidence[k]),
                 )
+            )
         return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
 
     def strongest(self) -> Hypothesis | None:
@@ -219,7 +226,7 @@ class ConstantsEvidence:
             groups = tuple(g for g in dict.fromkeys(self.group) if g.startswith(beginning))
             if not groups:
                 continue
-            _, estimate, cov = self._evaluate(groups, FAR)
+            _, (estimate,), (cov,) = self._evaluate([(groups, FAR)])
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING:
@@ -232,20 +239,20 @@ class ConstantsEvidence:
         """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
         return np.array([group.startswith(OF_FIXES) for group in self.group])
 
-    def _evaluate(self, suspected: tuple[str, ...], factor: float) -> tuple[float, Array, Array]:
-        """Return F, e and cov e of (D.2), in units of `wide`."""
-        is_suspected = np.array([group in suspected for group in self.group])
-        own = np.where(self.of_fixes, factor / FAR, 1.0)
+    def _evaluate(
+        self, cases: Sequence[tuple[tuple[str, ...], float]]
+    ) -> tuple[Array, Array, Array]:
+        """Return F, e and cov e of (D.2) of groups and factors, in units of `wide`."""
         stated = self.stated / self.wide
+        is_suspected = np.array([[g in suspected for g in self.group] for suspected, _ in cases])
+        factors = np.array([factor for _, factor in cases])
+        own = np.where(self.of_fixes, factors[:, None] / FAR, 1.0)
         W = np.where(is_suspected, np.maximum(own, stated), stated)
-        A = np.eye(W.size) + W[:, None] * self.information * W
-        cov = W[:, None] * np.linalg.inv(A) * W
+        A = np.eye(stated.size) + W[:, :, None] * self.information * W[:, None, :]
+        cov = W[:, :, None] * np.linalg.inv(A) * W[:, None, :]
         estimate = cov @ self.vector
-        return (
-            float(0.5 * self.vector @ estimate - 0.5 * np.linalg.slogdet(A)[1]),
-            estimate,
-            cov,
-        )
+        cost = 0.5 * estimate @ self.vector - 0.5 * np.linalg.slogdet(A)[1]
+        return cost, estimate, cov
 
 
 def constants_evidence(
