@@ -8,6 +8,7 @@ import argparse
 import math
 import os
 import re
+import shutil
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
@@ -63,9 +64,11 @@ class Progress:
         now = time.monotonic()
         if math.isnan(done):
             self._compiled += 1
-            if self._compiling != self._step or self._terminal:
+            first, long_ago = self._compiling != self._step, now - self._written >= REPEATED_S
+            if first or self._terminal or long_ago:
                 self._compiling = self._step
-                count = f" ({self._compiled})" if self._compiled > 1 and self._terminal else ""
+                counted = self._compiled > 1 and (self._terminal or not first)
+                count = f" ({self._compiled})" if counted else ""
                 step = f"{self._step}: " if self._step else ""
                 self._write(f"{step}compiling, once after an installation{count}")
             self._since = None
@@ -84,7 +87,8 @@ class Progress:
         self._written = time.monotonic()
         line = f"[{self._written - self._start:6.1f} s] {text}"
         if self._terminal:
-            self._terminal.write(f"\r\x1b[K{line}")
+            # a line that wraps would not be renewed, but repeated
+            self._terminal.write(f"\r\x1b[K{line[: shutil.get_terminal_size().columns - 1]}")
             self._terminal.flush()
         elif self._lines:
             print(line, file=self._lines, flush=True)

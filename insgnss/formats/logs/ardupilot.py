@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...base.advance import through
 from ...base.errors import InputError, UsageError
 from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
@@ -192,7 +193,7 @@ def _text(path: Source) -> Log:
     labels: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
     odd, lines = 0, decode(bytes(buf[:-1])).split("\n")
-    for text in lines:
+    for text in through(lines):
         name, *fields = (field.strip() for field in text.split(","))
         if name == "FMT" and len(fields) > 4 and fields[2] not in rows:
             labels[fields[2]] = [printable(field) for field in fields[4:]]
