@@ -142,6 +142,28 @@ class Parser(argparse.ArgumentParser):
         if later is not None:
             later(self)
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        parsed, left = self.parse_known_args(args, namespace)
+        if left:
+            import difflib
+
+            parser = self._of(parsed)
+            word, options = left[0].partition("=")[0], list(parser._option_string_actions)
+            close = difflib.get_close_matches(word, options, 1, 0.75) if word[:1] == "-" else []
+            hint = f" (is it {close[0]}?)" if close else ""
+            parser.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+        return parsed
+
+    def _of(self, parsed: Any) -> argparse.ArgumentParser:
+        """The parser of the verb that was asked for, where there is one."""
+        parser: argparse.ArgumentParser = self
+        while True:
+            below = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+            name = getattr(parsed, str(below[0].dest), None) if below else None
+            if not below or not isinstance(name, str):
+                return parser
+            parser = below[0].choices[name]
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         self.complete()
         if self.rearranged is not None:
