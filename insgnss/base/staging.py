@@ -21,6 +21,7 @@ from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo
 
 NEW, OLD = "new", "old"
 MOST_FLUSHED = 100
+ELSEWHERE, FREE = "give another directory", "check permission and free space"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 Move = tuple[Path | None, Path]
@@ -140,9 +141,9 @@ class Staging:
             if source is None:
                 continue
             if goal.is_dir() and not source.is_dir():
-                raise UsageError(f"{goal}: is a directory and in the way of a file")
+                raise UsageError(f"{goal}: is a directory and in the way of a file; {ELSEWHERE}")
             if source.is_dir() and os.path.lexists(goal):
-                raise UsageError(f"{goal}: is a file and in the way of a directory")
+                raise UsageError(f"{goal}: is a file and in the way of a directory; {ELSEWHERE}")
         return made, moves
 
     def changed(self) -> list[tuple[Path, Path]]:
@@ -280,7 +281,7 @@ def _done(source: Path | None, goal: Path) -> None:
         else:
             os.replace(source, goal)
     except OSError as error:
-        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
+        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}; {FREE}") from None
 
 
 _OPEN: ContextVar[Staging | None] = ContextVar("open staging", default=None)

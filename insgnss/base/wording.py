@@ -24,6 +24,8 @@ from contextvars import ContextVar
 from types import MappingProxyType
 from typing import Any
 
+DOCTOR = "`insgnss doctor` shows what is installed"
+"""The end of a message that only an installation can mend."""
 _OPTIONS: ContextVar[Mapping[str, str]] = ContextVar("options", default=MappingProxyType({}))
 
 

@@ -145,7 +145,8 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     documents, orphans = _listed(directory)
     if not documents and not orphans:
         names = ", ".join(DOCUMENTS)
-        raise UsageError(f"archive: {directory} holds no results of insgnss (none of {names})")
+        problem = f"holds no results of insgnss (none of {names}); give the directory of a season"
+        raise UsageError(f"archive: {directory} {problem}")
     runs = []
     for number, document in enumerate(documents, 1):
         progress(f"{number} of {len(documents)}: {os.path.relpath(document, directory)}")

@@ -58,7 +58,8 @@ def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
         if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
             raise lines.error_at(
-                int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
+                int(np.argmax(bad)),
+                f"{name} is {column[int(np.argmax(bad))]}; it must be finite; leave the row out",
             )
 
 

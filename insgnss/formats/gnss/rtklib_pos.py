@@ -230,7 +230,8 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
         raise InputError.at_line(
             table.path,
             None,
-            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}",
+            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}; let"
+            " RTKLIB write the header",
         )
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
@@ -252,7 +253,9 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
                 for day in days
             ]
         except ValueError as error:
-            raise InputError.at_line(table.path, None, f"a date is none: {error}") from None
+            raise InputError.at_line(
+                table.path, None, f"holds no date: {error}; correct it"
+            ) from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
         _refuse(

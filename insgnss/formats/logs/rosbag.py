@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...base.advance import share
 from ...base.errors import InputError, InsgnssError, UsageError
+from ...base.wording import DOCTOR
 from ...records import ImuSamples, Quantity
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
@@ -25,7 +26,7 @@ from ..text.text import Source
 Array = NDArray[np.float64]
 
 MESSAGE = "sensor_msgs/msg/Imu"
-MISSING = "is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'"
+MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
 ENDINGS = (".db3", ".mcap")
 SHARED = 1000  # messages between two shares that are said
 EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
