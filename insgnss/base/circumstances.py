@@ -2,10 +2,11 @@
 
 import os
 import platform
-import shlex
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+
+from .wording import command_line
 
 
 def circumstances() -> dict[str, str]:
@@ -16,5 +17,5 @@ def circumstances() -> dict[str, str]:
         "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
         "operating system": platform.platform(),
         "machine": f"{platform.machine()}, {os.cpu_count() or 1} processors",
-        "command": shlex.join(command),
+        "command": command_line(command),
     }

@@ -1,12 +1,12 @@
 """What results in a directory were made from, before others take their place."""
 
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from .errors import UsageError
 from .files import sha256
+from .wording import relative
 
 KEY = "inputs_sha256"
 """In the JSON documents of results: the SHA-256 of each input by its path."""
@@ -14,7 +14,7 @@ KEY = "inputs_sha256"
 
 def hashes_of(files: Iterable[Path], start: Path) -> dict[str, str]:
     """Return the hash of each file by its path relative to the directory `start`."""
-    return {os.path.relpath(file, start): sha256(file) for file in files if file.is_file()}
+    return {relative(file, start): sha256(file) for file in files if file.is_file()}
 
 
 def other_results(

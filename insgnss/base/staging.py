@@ -18,6 +18,7 @@ from pathlib import Path
 from .errors import UsageError
 from .interrupts import deferred
 from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
+from .wording import relative
 
 NEW, OLD = "new", "old"
 MOST_FLUSHED = 100
@@ -194,7 +195,7 @@ class Staging:
         real = cache(os.path.realpath)
 
         def seen_from(base: Path, path: Path) -> str:  # so that both may be moved together
-            return os.path.join(os.path.relpath(real(path.parent), real(base)), path.name)
+            return os.path.join(relative(real(path.parent), real(base)), path.name)
 
         owners = {own: own.parent for own in self._trees.values()}
         owners |= {file: file.parent.parent for file in self._files.values()}
