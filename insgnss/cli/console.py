@@ -17,6 +17,7 @@ from ..base.errors import UsageError
 
 LONG_S = 5.0  # a step of which more is to be expected says how far it is
 RENEWED_S = 0.2  # between two renewals of the line on a terminal
+MEASURED_S = 1.0  # that a speed is taken from
 REPEATED_S = 20.0  # between two plain lines about one step
 
 
@@ -76,7 +77,10 @@ class Progress:
         if self._since is None:  # what was compiled says nothing of the speed
             self._since = now, done
         began, before = self._since
-        if done <= before or now - began < RENEWED_S:
+        if done <= before:  # a loop begins, perhaps long after the step
+            self._since = now, done
+            return
+        if now - began < MEASURED_S:
             return
         left = (now - began) * (1.0 - done) / (done - before)
         long = now - began + left > LONG_S

@@ -108,6 +108,7 @@ def read_columns(
                 table[:, column], target.factor, out=arrays[target.array][block, target.index]
             )
 
+    share(0.0)
     work.all(parse)
     if work.stopped.is_set():
         return None
