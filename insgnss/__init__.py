@@ -85,6 +85,7 @@ if _TYPE_CHECKING:
     from .config.flight_file import Flight
     from .config.load import load_flight
     from .formats import read_barometer, read_events, read_gnss, read_imu
+    from .geodesy.gpstime import gps_from_dates
     from .gnss.options import EngineOptions
     from .orient.mounting import Mounting, boresight_from_angles
     from .processing.pipeline import ProcessResult
@@ -136,6 +137,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
+    "geodesy.gpstime": ("gps_from_dates",),
     "gnss.options": ("EngineOptions",),
     "orient.mounting": ("Mounting", "boresight_from_angles"),
     "processing.pipeline": ("ProcessResult",),
@@ -202,6 +204,7 @@ __all__ = [
     "estimate",
     "export",
     "figures",
+    "gps_from_dates",
     "haar_variance",
     "inspect",
     "load_block",

@@ -3,11 +3,12 @@
 import io
 import math
 import re
+import threading
 import time
 
 import pytest
 
-from insgnss.base.advance import listening, share, through
+from insgnss.base.advance import converged, listening, share, through, within
 from insgnss.cli.console import LONG_S, REPEATED_S, Progress
 
 
@@ -41,6 +42,61 @@ def test_a_loop_says_the_share_before_each_item():
         assert list(through("abcd")) == list("abcd")
     share(0.9)
     assert heard == [0.0, 0.25, 0.5, 0.75]
+
+
+def test_a_part_scales_what_is_said_within():
+    """Oracle: halves of the third quarter by hand; compiling has no scale."""
+    heard = []
+    with listening(heard.append), within(0.0, 0.5), within(0.5, 1.0):
+        list(through("ab"))
+        share(math.nan)
+    with listening(heard.append):
+        share(0.5)
+    assert heard[:4] == [0.0, 0.25, 0.25, 0.375]
+    assert math.isnan(heard[4])
+    assert heard[5:] == [0.5]
+
+
+def test_a_long_loop_of_quick_items_says_a_thousand_shares():
+    """Oracle: a million items; the listener would cost more than they do."""
+    heard = []
+    with listening(heard.append):
+        assert sum(1 for _ in through(range(1_000_000))) == 1_000_000
+    assert 900 < len(heard) <= 1000
+
+
+def test_another_thread_says_nothing_but_that_it_compiles():
+    """Oracle: which thread says it; the main line may wait for a kernel of the other one."""
+    heard = []
+
+    def beside():
+        with within(0.5, 1.0):
+            share(0.5)
+            share(math.nan)
+
+    with listening(heard.append):
+        thread = threading.Thread(target=beside)
+        thread.start()
+        thread.join()
+    assert len(heard) == 1
+    assert math.isnan(heard[0])
+
+
+@pytest.mark.parametrize(
+    ("step", "longest", "last", "done"), [(1e-2, 1.0, 1e-4, 0.5), (1e-5, 1.0, 1e-4, 1.0)]
+)
+def test_an_iteration_has_come_as_far_as_its_steps_have_fallen(step, longest, last, done):
+    """Oracle: two of four orders of magnitude; no further than its end."""
+    assert converged(step, longest, last) == pytest.approx(done)
+    assert converged(last, last, last) == 1.0
+
+
+def test_the_line_is_no_longer_than_the_terminal(clock, monkeypatch):
+    """Oracle: 40 columns; a line that wraps is not taken away by a carriage return."""
+    monkeypatch.setenv("COLUMNS", "40")
+    terminal = Terminal()
+    Progress(terminal, None)("x" * 100)
+    assert len(terminal.getvalue().removeprefix("\r\x1b[K")) == 39
 
 
 def test_time_left_is_that_of_a_constant_speed(clock):
@@ -107,7 +163,17 @@ def test_a_log_gets_a_line_now_and_then(clock):
     assert [text.split(" %")[0] for text in texts[2:]] == [f"filter: {n}" for n in (20, 40, 60, 80)]
     progress("smoother")
     progress.share(math.nan)
-    assert lines.getvalue().endswith("smoother: compiling, once after an installation\n")
+    first = lines.getvalue()
+    for seconds in (0.9, 0.2):
+        clock.now += seconds * REPEATED_S
+        progress.share(math.nan)
+    assert (
+        lines.getvalue()
+        .removeprefix(first)
+        .endswith(" smoother: compiling, once after an installation (8)\n")
+    )
+    assert lines.getvalue().count("\n") == first.count("\n") + 1
+    assert first.endswith("smoother: compiling, once after an installation\n")
 
 
 def test_a_quiet_run_says_nothing_of_its_steps(clock):

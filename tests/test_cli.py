@@ -541,7 +541,12 @@ def test_export_help_lists_the_formats(capsys):
         ([], "required: VERB"),
         (["proces", "f"], "invalid choice: 'proces'"),
         (["process"], "required: FLIGHT"),
-        (["process", "f", "--outt", "d"], "unrecognized arguments: --outt"),
+        (["process", "f", "--outt", "d"], "unrecognized arguments: --outt d (is it --out?); see"),
+        (
+            ["calibrate", "imu", "f", "--heigth", "1"],
+            "(is it --height?); see insgnss calibrate imu",
+        ),
+        (["demo", "--out", "d"], "unrecognized arguments: --out; see insgnss demo --help"),
         (["demo", "--minutes", "0"], "'0' is not greater than zero"),
         (["demo", "--minutes", "nan"], "'nan' is not greater than zero"),
         (["demo", "--minutes", "two"], "--minutes"),

@@ -184,6 +184,17 @@ def test_fixes_of_unknown_names_are_told_by_their_values(tmp_path):
     assert source.keys["columns"] == {"tow": "uhr", "lat": "fi", "lon": "la", "h": "ho"}
 
 
+@pytest.mark.parametrize(("name", "above_geoid"), [("alt_msl", True), ("h", False)])
+def test_heights_above_the_geoid_are_looked_at_and_left_open(name, above_geoid, tmp_path):
+    """Oracle: what the reader refuses; the draft names it with the key that is to be filled in."""
+    t = np.arange(N)
+    columns = {"time": 2e5 + 0.2 * t, "lat": 46.5 + 2e-6 * t, "lon": 6.5 + 1e-6 * t}
+    columns[name] = 510.0 + 0.1 * np.sin(t)
+    (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
+    assert ("undulation_m" in source.keys) == above_geoid
+    assert ("above the geoid" in source.why.get("undulation_m", "")) == above_geoid
+
+
 def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):
     """Oracle: fixes of 100 s, and a clock whose 100 us would be taken for ms by its step alone."""
     (source,) = sources_of_table(tmp_path / "x.csv", table(Time=100.0 * np.arange(N), **SIX))

@@ -17,6 +17,7 @@ from insgnss.records import (
     Increments,
     Trajectory,
 )
+from insgnss.records.from_tables import camera_events
 
 N = 5
 TIME = np.arange(N) + 100.0
@@ -131,6 +132,21 @@ def test_time_that_stands_still_or_steps_back_is_refused_with_row_and_values(mak
         InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase: sort"
     ):
         replace(make(), time=time)
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [("M8[ns]", "insgnss.gps_from_dates"), ("M8[s]", "time scale"), ("m8[ns]", "give seconds")],
+)
+@pytest.mark.parametrize("as_objects", [False, True])
+def test_dates_are_no_seconds(unit, said, as_objects):
+    """Oracle: numpy, which makes counts of the unit since 1970 of them (1.5e18 of nanoseconds)."""
+    time = np.array([1, 2]).astype(unit)
+    given = list(time) if as_objects else time
+    for make in (lambda: CameraEvents(("a", "b"), given), lambda: camera_events(given)):
+        with pytest.raises(InputError, match=said) as refusal:
+            make()
+        assert "\n" not in str(refusal.value)
 
 
 def test_marks_must_increase():

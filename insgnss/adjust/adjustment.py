@@ -1,13 +1,12 @@
 """The iteration: Levenberg-Marquardt on the normal equations of a block."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.advance import share
+from ..base.advance import converged, share
 from ..base.errors import DataError
 from ..records.block import Array
 from .kernels import collinearity
@@ -157,7 +156,7 @@ def _iterated(
         negligible = predicted < ends
         gain = (now - new) / predicted if predicted > 0.0 else 0.0
         longest = max(longest, predicted)
-        share(_come(predicted, longest, ends))
+        share(converged(predicted, longest, ends))
         if accepted:
             values, now, groups = trial, new, ahead
         if progress is not None:
@@ -178,13 +177,6 @@ def _iterated(
         factorised(problem, assembled(problem, values, groups=groups))
     point = np.where(missing[:, None], np.nan, values.point)
     return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
-
-
-def _come(step: float, longest: float, last: float) -> float:
-    """Return the share of an iteration that is done, by the orders of magnitude of its steps."""
-    if not longest > last:
-        return 1.0
-    return min(max(math.log(longest / max(step, last)) / math.log(longest / last), 0.0), 1.0)
 
 
 def _step(

@@ -6,6 +6,7 @@ share belongs to the step that was announced last. `insgnss.base.compilation` sa
 what a first run compiles.
 """
 
+import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,10 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 Listener = Callable[[float], None]
+MOST_SHARES = 1000  # of a loop, so that quick items stay quick
 _listeners: list[Listener] = []
+_range = [(0.0, 1.0)]
+"""What of the step the shares that are said are of: the last is that of the innermost part."""
 
 
 @contextmanager
@@ -36,12 +40,57 @@ def listening(listener: Listener) -> Iterator[None]:
 def share(done: float) -> None:
     """Say that the share `done` of the step that runs is done, 0 to 1; NaN: compiling.
 
-    What runs beside it, in another thread, says nothing.
+    What runs beside it, in another thread, says nothing but that it compiles, which the main line
+    may be waiting for.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if not _listeners or not (math.isnan(done) or _in_main_thread()):
         return
+    first, last = _range[-1]
     for listener in _listeners:
-        listener(done)
+        listener(first + (last - first) * done)
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextmanager
+def within(first: float, last: float) -> Iterator[None]:
+    """Have the shares that are said within mean a part of the step, or of the part around it.
+
+    Parameters
+    ----------
+    first, last : float
+        What of it is done before and after, 0 to 1.
+    """
+    if not _in_main_thread():
+        yield
+        return
+    begin, end = _range[-1]
+    _range.append((begin + (end - begin) * first, begin + (end - begin) * last))
+    try:
+        share(0.0)
+        yield
+    finally:
+        _range.pop()
+
+
+def converged(step: float, longest: float, last: float) -> float:
+    """Return the share of an iteration that is done, by the orders of magnitude of its steps.
+
+    Parameters
+    ----------
+    step, longest, last : float
+        Size of the latest step, of the longest so far, and of the one that ends it.
+
+    Returns
+    -------
+    float
+        0 to 1.
+    """
+    if not longest > last:
+        return 1.0
+    return min(max(math.log(longest / max(step, last)) / math.log(longest / last), 0.0), 1.0)
 
 
 def through(items: Sequence[Item]) -> Iterator[Item]:
@@ -55,8 +104,10 @@ def through(items: Sequence[Item]) -> Iterator[Item]:
     Yields
     ------
     Item
-        Each item in its turn; the share before it is said first.
+        Each item in its turn; the share before it is said first, of many items now and then.
     """
+    every = len(items) // MOST_SHARES + 1
     for count, item in enumerate(items):
-        share(count / len(items))
+        if count % every == 0:
+            share(count / len(items))
         yield item

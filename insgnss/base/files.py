@@ -96,7 +96,8 @@ def _write_all(staging: Staging, contents: Mapping[Path, Content]) -> None:
         except FileNotFoundError:
             raise UsageError(f"{goal}: the directory does not exist; create it first") from None
         except OSError as error:
-            raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
+            reason = f"cannot be written: {error.strerror or error}"
+            raise UsageError(f"{goal}: {reason}; check permission and free space") from None
         except UnicodeEncodeError as error:  # a name of the file system that is in the text
             around = error.object[max(error.start - 40, 0) : error.end + 40].split("\n")
             word = next(text for text in around if any("\ud800" <= c <= "\udfff" for c in text))

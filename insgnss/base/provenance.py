@@ -3,7 +3,6 @@
 import json
 import os
 import platform
-import shlex
 import sys
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from .errors import UsageError
 from .files import sha256
+from .wording import command_line, relative
 
 KEY = "inputs_sha256"
 """In the JSON documents of results: the SHA-256 of each input by its path."""
@@ -24,13 +24,13 @@ def circumstances() -> dict[str, str]:
         "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
         "operating system": platform.platform(),
         "machine": f"{platform.machine()}, {os.cpu_count() or 1} processors",
-        "command": shlex.join(command),
+        "command": command_line(command),
     }
 
 
 def hashes_of(files: Iterable[Path], start: Path) -> dict[str, str]:
     """Return the hash of each file by its path relative to the directory `start`."""
-    return {os.path.relpath(file, start): sha256(file) for file in files if file.is_file()}
+    return {relative(file, start): sha256(file) for file in files if file.is_file()}
 
 
 def other_results(

@@ -18,9 +18,11 @@ from pathlib import Path
 from .errors import UsageError
 from .interrupts import deferred
 from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
+from .wording import relative
 
 NEW, OLD = "new", "old"
 MOST_FLUSHED = 100
+ELSEWHERE, FREE = "give another directory", "check permission and free space"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 Move = tuple[Path | None, Path]
@@ -140,9 +142,9 @@ class Staging:
             if source is None:
                 continue
             if goal.is_dir() and not source.is_dir():
-                raise UsageError(f"{goal}: is a directory and in the way of a file")
+                raise UsageError(f"{goal}: is a directory and in the way of a file; {ELSEWHERE}")
             if source.is_dir() and os.path.lexists(goal):
-                raise UsageError(f"{goal}: is a file and in the way of a directory")
+                raise UsageError(f"{goal}: is a file and in the way of a directory; {ELSEWHERE}")
         return made, moves
 
     def changed(self) -> list[tuple[Path, Path]]:
@@ -193,7 +195,7 @@ class Staging:
         real = cache(os.path.realpath)
 
         def seen_from(base: Path, path: Path) -> str:  # so that both may be moved together
-            return os.path.join(os.path.relpath(real(path.parent), real(base)), path.name)
+            return os.path.join(relative(real(path.parent), real(base)), path.name)
 
         owners = {own: own.parent for own in self._trees.values()}
         owners |= {file: file.parent.parent for file in self._files.values()}
@@ -280,7 +282,7 @@ def _done(source: Path | None, goal: Path) -> None:
         else:
             os.replace(source, goal)
     except OSError as error:
-        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}") from None
+        raise UsageError(f"{goal}: cannot be written: {error.strerror or error}; {FREE}") from None
 
 
 _OPEN: ContextVar[Staging | None] = ContextVar("open staging", default=None)

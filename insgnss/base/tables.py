@@ -223,7 +223,7 @@ class Table:
         longest = max(len(step) for step in re.split(r"[/\\]", text))
         if longest > LONGEST_NAME or len(text) > LONGEST_PATH or "\0" in text:
             shown = f"{text[:40]!r}..., {len(text)} characters"
-            raise InputError.at_line(self.path, None, f"{shown}, is no path of a file")
+            raise InputError.at_line(self.path, None, f"{shown}, is no path of a file; correct it")
         return self.source(key).path.parent / name
 
     def file(self, key: str) -> Path:

@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Callable
 from functools import partial
 
+from ..base.wording import DOCTOR
 from .errors import DataError, InputError, UsageError
 from .memory import available
 
@@ -224,6 +225,6 @@ def _of_compress(path: object, data: bytes) -> bytes:
     try:
         import ncompress
     except ImportError:
-        problem = "is packed by compress; install the package hatanaka (extra [ppk]), or unpack it"
+        problem = f"is packed by compress; pip install 'insgnss[ppk]', or unpack it; {DOCTOR}"
         raise InputError.at_line(path, None, problem) from None
     return _gathered(path, data, partial(ncompress.decompress, data))

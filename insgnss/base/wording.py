@@ -16,14 +16,19 @@ An argument of a Python function, such as `imu_axes`, is written as a key is.
 The words belong to the current context (`contextvars`); a thread takes them over where it is
 started through `contextvars.copy_context`. Which key is which option stands in the schema
 (`config.command_line`).
+
+Paths and commands are written as the system's shell takes them (`relative`, `command_line`).
 """
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
 from typing import Any
 
+DOCTOR = "`insgnss doctor` shows what is installed"
+"""The end of a message that only an installation can mend."""
 _OPTIONS: ContextVar[Mapping[str, str]] = ContextVar("options", default=MappingProxyType({}))
 
 
@@ -55,10 +60,27 @@ def setting(key: str, value: Any) -> str:
         return f"{option} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
     if isinstance(value, bool):
         return option
+    parts = value if isinstance(value, list | tuple) else [value]
+    return f"{option} {command_line(list(map(str, parts)))}"
+
+
+def relative(path: str | os.PathLike[str], start: str | os.PathLike[str]) -> str:
+    """Return a path relative to a directory; in full where it is on another drive (Windows)."""
+    try:
+        return os.path.relpath(path, start)
+    except ValueError:
+        return os.path.abspath(path)
+
+
+def command_line(words: Sequence[str]) -> str:
+    """Return words as one types them: in the quotation marks of this system's shell."""
+    if os.name == "nt":
+        import subprocess
+
+        return subprocess.list2cmdline(words)
     import shlex
 
-    parts = value if isinstance(value, list | tuple) else [value]
-    return " ".join([option, *(shlex.quote(str(word)) for word in parts)])
+    return shlex.join(words)
 
 
 def listed(words: Sequence[object]) -> str:

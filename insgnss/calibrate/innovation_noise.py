@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.advance import converged, share, through, within
 from ..base.errors import DataError
 from ..navigation.codes import IMU0
 from ..navigation.layout import StateLayout
@@ -58,6 +59,7 @@ SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
 # of the information: standard deviations of a logarithm of 1400 and 45 000
 LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
+STARTED = 0.3  # of the search: by then the best of the starts is known
 STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
 LAGS = 20
 SHORTEST_S, FEWEST = 20.0, 60  # of a segment in motion, and its fixes
@@ -368,6 +370,7 @@ def in_flight_noise(
     count = int(np.count_nonzero(free & imu))
     gain = max(static.evaluated.cost - best.evaluated.cost, 0.0)
     only_imu = np.where(imu, best.theta, 0.0)
+    progress("innovations before and after")
     return InFlightNoise(
         names,
         np.exp(best.theta),
@@ -454,15 +457,18 @@ class Search:
         """
         moved = np.array([name in IMU for name in self.names]) & free
         thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
-        first = [Maximum(theta, evaluate(self.segments, theta)) for theta in thetas]
-        return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
+        count = int(np.count_nonzero(free))
+        self.progress(f"likelihood of the innovations, {count} factor{'s' if count > 1 else ''}")
+        with within(0.0, STARTED):
+            first = [Maximum(theta, evaluate(self.segments, theta)) for theta in through(thetas)]
+        with within(STARTED, 1.0):
+            return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
     def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
         """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
-        damping = 0.0
-        for k in range(STEPS):
-            self.progress(f"likelihood of the innovations, step {k + 1}")
+        damping, longest = 0.0, 0.0
+        for _ in range(STEPS):
             theta, g = here.theta, here.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():
@@ -473,15 +479,15 @@ class Search:
             moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
             there = Maximum(moved, evaluate(self.segments, moved))
+            size = float(np.abs(moved - theta).max())
+            longest = max(longest, size)
+            share(converged(size, longest, DONE))
             if there.evaluated.cost <= here.evaluated.cost:
-                small = (
-                    here.evaluated.cost - there.evaluated.cost < DONE
-                    or np.abs(moved - theta).max() < DONE
-                )
+                small = here.evaluated.cost - there.evaluated.cost < DONE or size < DONE
                 here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
                 if small:
                     break
-            elif np.abs(moved - theta).max() < DONE or damping > 1e6:
+            elif size < DONE or damping > 1e6:
                 break
             else:
                 damping = max(10.0 * damping, 1e-2)

@@ -360,7 +360,7 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
     from scipy.stats import chi2
 
     if not sessions:
-        raise DataError("no session of the receiver")
+        raise DataError("no session of the receiver; give one file a session (--receiver)")
     first = sessions[0]
     n = len(first.targets.position)
     points, covs = [first.targets.position], [first.targets.cov]

@@ -8,6 +8,7 @@ import argparse
 import math
 import os
 import re
+import shutil
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
@@ -16,6 +17,7 @@ from ..base.errors import UsageError
 
 LONG_S = 5.0  # a step of which more is to be expected says how far it is
 RENEWED_S = 0.2  # between two renewals of the line on a terminal
+MEASURED_S = 1.0  # that a speed is taken from
 REPEATED_S = 20.0  # between two plain lines about one step
 
 
@@ -63,9 +65,11 @@ class Progress:
         now = time.monotonic()
         if math.isnan(done):
             self._compiled += 1
-            if self._compiling != self._step or self._terminal:
+            first, long_ago = self._compiling != self._step, now - self._written >= REPEATED_S
+            if first or self._terminal or long_ago:
                 self._compiling = self._step
-                count = f" ({self._compiled})" if self._compiled > 1 and self._terminal else ""
+                counted = self._compiled > 1 and (self._terminal or not first)
+                count = f" ({self._compiled})" if counted else ""
                 step = f"{self._step}: " if self._step else ""
                 self._write(f"{step}compiling, once after an installation{count}")
             self._since = None
@@ -73,7 +77,10 @@ class Progress:
         if self._since is None:  # what was compiled says nothing of the speed
             self._since = now, done
         began, before = self._since
-        if done <= before or now - began < RENEWED_S:
+        if done <= before:  # a loop begins, perhaps long after the step
+            self._since = now, done
+            return
+        if now - began < MEASURED_S:
             return
         left = (now - began) * (1.0 - done) / (done - before)
         long = now - began + left > LONG_S
@@ -84,7 +91,8 @@ class Progress:
         self._written = time.monotonic()
         line = f"[{self._written - self._start:6.1f} s] {text}"
         if self._terminal:
-            self._terminal.write(f"\r\x1b[K{line}")
+            # a line that wraps would not be renewed, but repeated
+            self._terminal.write(f"\r\x1b[K{line[: shutil.get_terminal_size().columns - 1]}")
             self._terminal.flush()
         elif self._lines:
             print(line, file=self._lines, flush=True)
@@ -137,6 +145,28 @@ class Parser(argparse.ArgumentParser):
         later, self._later = self._later, None
         if later is not None:
             later(self)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        parsed, left = self.parse_known_args(args, namespace)
+        if left:
+            import difflib
+
+            parser = self._of(parsed)
+            word, options = left[0].partition("=")[0], list(parser._option_string_actions)
+            close = difflib.get_close_matches(word, options, 1, 0.75) if word[:1] == "-" else []
+            hint = f" (is it {close[0]}?)" if close else ""
+            parser.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+        return parsed
+
+    def _of(self, parsed: Any) -> argparse.ArgumentParser:
+        """The parser of the verb that was asked for, where there is one."""
+        parser: argparse.ArgumentParser = self
+        while True:
+            below = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+            name = getattr(parsed, str(below[0].dest), None) if below else None
+            if not below or not isinstance(name, str):
+                return parser
+            parser = below[0].choices[name]
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         self.complete()

@@ -15,6 +15,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from glob import glob
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -49,10 +50,19 @@ def run() -> NoReturn:
     )  # the matrices are 30 x 30: more threads only spin
     raise_on_termination()
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
-    code = main()
+    code = main(expanded(sys.argv[1:]) if os.name == "nt" else None)
     gc.freeze()  # nor is there anything to look for at the end
     ignore_endings()
     sys.exit(code)
+
+
+def expanded(words: Sequence[str]) -> list[str]:
+    """Return the words of a command with patterns of files (flight*.csv) replaced by the files.
+
+    The shells of Windows leave that to the program. A pattern that fits nothing stays.
+    """
+    files = ((word, [] if word.startswith("-") else sorted(glob(word))) for word in words)
+    return [each for word, match in files for each in (match if "*" in word and match else [word])]
 
 
 def _run_verb(argv: Sequence[str], progress: Progress) -> int:

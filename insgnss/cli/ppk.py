@@ -123,7 +123,7 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     )
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
-        raise UsageError(f"ppk: --out {given.out} is a file, a directory is expected")
+        raise UsageError(f"ppk: --out {given.out} is a file; give a directory, which is made")
     from ..formats.positions.camera_positions import PRODUCT, write_camera_positions
     from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
     from ..gnss.exposures.camera_positions import camera_positions

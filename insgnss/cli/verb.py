@@ -37,8 +37,9 @@ class Verb:
         Commands that work, one a line.
     add_arguments : callable
         Adds the verb's options to its parser.
-    run : callable
-        Does what the parsed command line asks for; returns the exit code.
+    run : callable, or None
+        Does what the parsed command line asks for; returns the exit code. None where only the verbs
+        below it do something.
     more_help : callable, optional
         Gives the text behind the help, only when help is asked for.
     """
@@ -47,7 +48,7 @@ class Verb:
     what: str
     example: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace, Progress], int]
+    run: Callable[[argparse.Namespace, Progress], int] | None
     more_help: Callable[[], str] | None = None
 
     def add_to(self, verbs: Any, below: bool = False) -> None:
@@ -70,7 +71,8 @@ class Verb:
             (("--debug",), "print the traceback of an error"),
         ):
             parser.add_argument(*names, action="store_true", default=default, help=meaning)
-        parser.set_defaults(run=self.run)
+        if self.run is not None:
+            parser.set_defaults(run=self.run)
 
 
 def show(

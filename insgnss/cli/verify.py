@@ -34,7 +34,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..reference.verify import verify
 
     if options.start is not None and not math.isfinite(options.start):
-        raise UsageError(f"verify: --start {options.start} is no time of week in seconds")
+        raise UsageError(
+            f"verify: --start {options.start} is no time of week in seconds; give one of"
+            " the flight's"
+        )
     result = verify(load_flight(options.flight), options.minutes, options.start, progress)
     return show_judged(options, progress, result, options.flight)
 

@@ -308,7 +308,9 @@ class CameraInput:
             problem = f"{twice[0]} names two cameras of the rig; give each a name of its own"
             raise OptionError("camera.name", problem)
         if any(camera.further for camera in self.further):
-            raise OptionError(OF_FURTHER, "a further camera has no further ones of its own")
+            raise OptionError(
+                OF_FURTHER, "a further camera has no further ones; list all beside it"
+            )
 
     @property
     def all_of_rig(self) -> "tuple[CameraInput, ...]":

@@ -373,7 +373,9 @@ def with_engine(flight: Flight, engine: str) -> Flight:
     """
     raw = flight.gnss.raw
     if raw is None:
-        raise UsageError(f"--engine {engine} solves gnss.rover, which {flight.path} has not")
+        raise UsageError(
+            f"--engine {engine} solves gnss.rover, which {flight.path} has not; leave it out"
+        )
     return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
 
 

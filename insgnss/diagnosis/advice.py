@@ -40,6 +40,10 @@ STAMPED = (
     "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
     " other one they are off by as much"
 )
+# of the IMU's interval: samples taken for its mean are late by half of it where they are
+# instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
+LATE_SAMPLES = (0.25, 0.5)
+LATE_SIGMAS = 2.0
 LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
 
@@ -89,7 +93,9 @@ def advice(
         add(LEVER_ARM, _lever_arm(mounting, lever, by, _shown(LEVER_ARM, suspected, rivals)))
     if OFFSET in values:
         strong = _shown(OFFSET, suspected, rivals)
-        add(OFFSET, _time_offset(*values[OFFSET], speed, by, strong))
+        check = _time_offset(*values[OFFSET], speed, by, strong)
+        of_samples = _late_samples(*values[OFFSET], solution.problem.inc.nominal_s)
+        add(OFFSET, replace(check, advice=f"{check.advice}{of_samples}"))
     if RATE in values:
         strong = _shown(RATE, suspected, rivals)
         add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
@@ -306,6 +312,20 @@ def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: boo
         "contradiction" if contradicts else "note",
         f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
         f"estimated; {STAMPED}",
+    )
+
+
+def _late_samples(offset: float, sigma: float, interval_s: float) -> str:
+    """Say that samples which are no means over their intervals would look like this offset."""
+    least, most = (share * interval_s for share in LATE_SAMPLES)
+    slack = LATE_SIGMAS * sigma
+    if not least - slack <= -offset <= most + slack or slack > most:
+        return ""
+    return (
+        f"; or is each IMU sample no mean over its {1e3 * interval_s:.3g} ms: instantaneous"
+        ' (imu.quantity = "instant_rate"), or every k-th kept of more (give all of them, or their'
+        f" means)? then the IMU's stamps are late: add {-offset:+.4f} to imu.time_offset_s instead,"
+        " which keeps the exposures right"
     )
 
 

@@ -1,6 +1,7 @@
 """What a file holds, for whoever has to find out: tables, the names of their columns, rows."""
 
 from collections import Counter
+from functools import lru_cache
 from pathlib import Path
 
 from ..base.errors import InputError
@@ -49,6 +50,13 @@ def _sentence_kinds(path: str | Path) -> list[TableInfo]:
 
 
 def _text(path: str | Path) -> TableInfo:
+    """The table of a text file, which is parsed once as long as its size and date stay."""
+    stat = Path(path).stat() if Path(path).is_file() else None
+    return _text_as_of(str(path), stat and (stat.st_size, stat.st_mtime_ns))
+
+
+@lru_cache(maxsize=16)
+def _text_as_of(path: str, _: tuple[int, int] | None) -> TableInfo:
     try:
         numbers = read_table(path)
         layout, rows = numbers.layout, len(numbers.values)

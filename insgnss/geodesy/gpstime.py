@@ -10,18 +10,20 @@ Leap seconds: IERS Bulletin C up to number 72 (no leap second announced after 20
 """
 
 from datetime import UTC, datetime, timedelta
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.errors import InputError
+from ..base.errors import InputError, UsageError
 
 Array = NDArray[np.float64]
 
 WEEK_S = 604800.0
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 GPS_EPOCH_UNIX_S = 315964800.0
+SCALES = ("utc", "gpst")
+NS = 1_000_000_000
 
 # first UTC day with GPST - UTC = 1, 2, ... 18 s
 LEAP_DAYS = (
@@ -83,6 +85,67 @@ def gps_from_unix_utc(unix_utc_s: ArrayLike) -> tuple[int, Array]:
     gps = unix - GPS_EPOCH_UNIX_S + leap_seconds(unix)
     week = int(gps.flat[0] // WEEK_S)
     return week, gps - week * WEEK_S
+
+
+def gps_from_dates(
+    dates: Any, scale: Literal["utc", "gpst"], gps_week: int | None = None
+) -> tuple[int, Array]:
+    """Convert the dates of numpy or pandas to GPS week and time of week.
+
+    Whole nanoseconds are counted, so that nothing is lost but what float64 cannot hold, 0.1 ns.
+
+    Parameters
+    ----------
+    dates : array_like, (n,)
+        Of datetime64, `pandas.Timestamp` or `datetime`; one with a time zone is taken at UTC.
+    scale : {"utc", "gpst"}
+        Time scale of the dates, which no array of dates says. UTC lags by 18 s since 2017.
+    gps_week : int, optional
+        The week whose seconds are wanted, for arrays of one flight on both sides of a week's end;
+        None: that of the first date.
+
+    Returns
+    -------
+    week : int
+        GPS week of the first date, or `gps_week`.
+    tow : ndarray, (n,)
+        Seconds of that week, GPST, which go on counting past its end.
+
+    Raises
+    ------
+    InputError
+        For no date, one that is missing (NaT), and one before 1980-01-06.
+    UsageError
+        For another scale.
+
+    Examples
+    --------
+    >>> week, tow = gps_from_dates(np.array(["2018-07-03T09:00:00.25"], dtype="M8[ns]"), "utc")
+    >>> week, tow.tolist()
+    (2008, [205218.25])
+    """
+    if scale not in SCALES:
+        raise UsageError(f"gps_from_dates: scale {scale!r} is none of {', '.join(SCALES)}")
+    try:
+        stamps = np.atleast_1d(np.asarray(dates, dtype="datetime64[ns]"))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"gps_from_dates: not all are dates: {error}") from None
+    missing = np.isnat(stamps)
+    if not stamps.size or missing.any():
+        problem = f"date {int(np.argmax(missing))} is missing (NaT)" if stamps.size else "no date"
+        raise InputError(f"gps_from_dates: {problem}; leave out the rows without one")
+    ns = stamps.astype(np.int64)
+    if ns.min() < int(GPS_EPOCH_UNIX_S) * NS:
+        raise InputError(
+            f"gps_from_dates: {stamps[np.argmin(ns)]} lies before the start of GPS time,"
+            " 1980-01-06; check the unit from which the dates were made"
+        )
+    leap = leap_seconds(ns // NS) if scale == "utc" else 0
+    gps = ns + (leap - int(GPS_EPOCH_UNIX_S)) * NS
+    week_ns = int(WEEK_S) * NS
+    week = int(gps.flat[0] // week_ns) if gps_week is None else gps_week
+    since = gps - week * week_ns
+    return week, since // NS + (since % NS) / NS
 
 
 def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> tuple[int, float]:

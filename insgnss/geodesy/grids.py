@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
+from ..base.wording import DOCTOR
 
 Array = NDArray[np.float64]
 
@@ -151,7 +152,8 @@ def lacking_plan(name: str, grids: Sequence[str], best_m: float, used_m: float, 
     return (
         f"CRS {name}: its datum is reached to {best_m:g} m by the grid {' and '.join(grids)}, which"
         f" is not installed, and to {used} without; get it by {sync_commands(grids)}, or name"
-        f" another CRS, or the datum of the base's coordinates where it is {datum} (gnss.datum)"
+        f" another CRS, or the datum of the base's coordinates where it is {datum} (gnss.datum);"
+        f" {DOCTOR}"
     )
 
 
@@ -186,5 +188,5 @@ def lacking_heights(name: str, source: Any, target: Any, lat: Array, lon: Array)
     return (
         f"CRS {name}: its heights need {need}: {' and '.join(grids)}"
         f" {'is' if count == 1 else 'are'} not installed; get {them} by {sync_commands(grids)}, or"
-        " name a geoid file and a horizontal CRS instead"
+        f" name a geoid file and a horizontal CRS instead; {DOCTOR}"
     )

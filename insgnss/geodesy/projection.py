@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
 from ..base.units import METRE, LengthUnit
+from ..base.wording import DOCTOR
 from .earth import curvature_radii
 from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operations
 
@@ -629,7 +630,7 @@ def _transformer(source: Any, target: Any) -> Any:
         grid = why.rpartition("Grid ")[2].partition(" is not")[0]
         advice = (
             "name a geoid file and a horizontal CRS instead, or get the grid by"
-            f" `pyproj sync --file {grid}`"
+            f" `pyproj sync --file {grid}`; {DOCTOR}"
         )
         raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
 

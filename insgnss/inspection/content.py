@@ -486,7 +486,7 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
             "heights may be above the geoid; the geoid's height above the ellipsoid would then go"
             " here"
         )
-        draft.add("gnss", "undulation_m", 0.0, why, sure=False)
+        draft.add("gnss", "undulation_m", 0.0, source.why.get("undulation_m", why), sure=False)
     if recognition is None or not np.isfinite(recognition.time_offset_sigma_s):
         why = (
             "the data do not determine the latency"

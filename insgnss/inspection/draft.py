@@ -13,6 +13,7 @@ from typing import Any
 from ..base.errors import UsageError
 from ..base.files import atomic_write
 from ..base.staging import together
+from ..base.wording import relative
 from ..stochastic.model import NoiseModel, write_noise_model
 from ..stochastic.noise_file import comment_lines
 
@@ -143,7 +144,7 @@ def _relative(path: Path, folder: Path) -> str:
     full = Path(os.path.abspath(path))
     if full.is_relative_to(folder):
         return full.relative_to(folder).as_posix()
-    near = os.path.relpath(full, folder)
+    near = relative(full, folder)
     return Path(near).as_posix() if near.count("..") == 1 else full.as_posix()
 
 

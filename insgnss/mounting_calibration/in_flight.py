@@ -5,7 +5,6 @@ to the poses of the block, and the flight processed once more with what came out
 are small beside their standard deviations: what is written was tried.
 """
 
-import os
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..base.errors import InputError, UsageError
 from ..base.files import sha256
+from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
 from ..geodesy.gpstime import calendar_from_gps
@@ -376,4 +376,4 @@ def _inputs(
     if isinstance(poses, BlockPoses):
         return tuple(own)
     files = sorted(p for p in poses.rglob("*") if p.is_file()) if poses.is_dir() else [poses]
-    return (*own, *((os.path.relpath(p, flight.path.parent), sha256(p)) for p in files[:50]))
+    return (*own, *((relative(p, flight.path.parent), sha256(p)) for p in files[:50]))

@@ -184,7 +184,9 @@ def _points(path: Path) -> _Points:
             position.append(target[0])
             cov.append(target[1])
     if not names:
-        raise InputError.at_line(path, None, "no target is measured in two images")
+        raise InputError.at_line(
+            path, None, "no target is measured in two images; measure more of them"
+        )
     return _Points(path, tuple(names), np.array(position), np.array(cov), poses)
 
 
@@ -198,7 +200,9 @@ def _intersected(
     if use.sum() < 2:
         return None
     if not block.cameras:
-        raise InputError.at_line(path, None, "has no interior orientation of its camera")
+        raise InputError.at_line(
+            path, None, "has no interior orientation of its camera; give a project that has one"
+        )
     sensor = block.cameras[int(block.camera[seen.image[use][0]])]
     sigma = float(np.median(seen.sigma_px[use])) / sensor.of("f")
     k = pose[use]

@@ -226,7 +226,11 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         )
     poses = read_poses(path)
     if poses.C_Ex is None or poses.x != "camera" or not poses.images:
-        raise InputError.at_line(path, None, f"{poses.form} has no attitudes of named images")
+        raise InputError.at_line(
+            path,
+            None,
+            f"{poses.form} has no attitudes of named images; give poses of an adjustment",
+        )
     plane = poses.plane or TangentPlane(
         *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
     )

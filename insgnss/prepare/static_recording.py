@@ -26,16 +26,26 @@ from numpy.typing import NDArray
 
 from ..base.errors import DataError
 from ..base.units import STANDARD_GRAVITY
+from ..geodesy.earth import EARTH_RATE
 from ..records import Array, Check, ImuSamples, Verdict
 from ..records.variances import MAD_TO_SIGMA
 from .gaps import LACKING, find_gaps, nominal_interval
-from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, StationaryPeriods, stationary_periods
+from .stationarity import (
+    MAX_ACCEL,
+    MAX_BIAS,
+    MAX_GYRO,
+    NORM_HIGH,
+    NORM_LOW,
+    StationaryPeriods,
+    stationary_periods,
+)
 from .stuck_channels import CHANNELS, LONGER, constant_runs
 
 LEAST_S = 60.0
 STUCK_S, STUCK_SAMPLES = 5.0, 10
 BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
 SIGMAS, STRONG = 8.0, 20.0
+LEAST_EARTH = 0.5  # of the Earth's rate, below which the mean rate is not that of a sensor at rest
 NEAR = 0.1  # of the mean force to gravity, to suggest a unit
 LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
 REST_SHARE = 0.9
@@ -163,6 +173,7 @@ def static_span(
     ]
     checks += _channels(named, rate)
     checks.append(_units(gyro, accel, all(channels[3:])))
+    checks += _earth_rate(gyro) if all(channels[:3]) else []
     disturbances: tuple[Disturbance, ...] = ()
     if all(check.verdict != "contradiction" for check in checks):
         disturbances, rest = _at_rest(
@@ -353,6 +364,30 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Check:
     return Check(name, finding, expected)
 
 
+def _earth_rate(gyro: Array) -> list[Check]:
+    """Note that the rates are too small for a sensor on the turning Earth.
+
+    At rest the three read the Earth's rate and their biases, whose sum is so small by chance only.
+    """
+    mean = float(np.linalg.norm(gyro.mean(axis=0)))
+    if mean >= LEAST_EARTH * EARTH_RATE:
+        return []
+    per_hour = 3600.0 * np.degrees([mean, EARTH_RATE, np.degrees(mean)])
+    advice = (
+        "fine where the sensor takes its mean off at the start; else the values are of a larger"
+        f" unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
+    )
+    return [
+        Check(
+            "Earth's rate",
+            f"|mean rate| {per_hour[0]:.3g} deg/h",
+            f"{LEAST_EARTH * per_hour[1]:.3g} deg/h and more: the Earth turns by {per_hour[1]:.4g}",
+            "note",
+            advice,
+        )
+    ]
+
+
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:
     """Scatter of the samples in steps of their resolution, and the step, where that is coarse."""
     probed = column[: min(PROBED, len(column) // size * size) // size * size]
@@ -393,10 +428,15 @@ def _at_rest(
         scatter = ", ".join(
             f"{x.std(axis=0).max():.2g} {unit}" for x, unit in ((gyro, "rad/s"), (accel, "m/s^2"))
         )
+        unit = (
+            ", and the rates look like deg/s: --gyro-unit deg/s"
+            if gyro.std(axis=0).max() > MAX_GYRO and accel.std(axis=0).max() < MAX_ACCEL
+            else ""
+        )
         advice = (
             "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one"
             " out with --skip and --keep; if it was at rest, check the units: it scatters by"
-            f" {scatter}"
+            f" {scatter}{unit}"
         )
         return (), Check(
             name,

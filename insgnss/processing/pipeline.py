@@ -6,7 +6,6 @@
 `processing.demo` runs it on a flight that it simulates.
 """
 
-import os
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,6 +18,7 @@ from .. import __version__
 from ..base.beside import Beside
 from ..base.files import json_ready, sha256
 from ..base.provenance import circumstances
+from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
 from ..records import (
@@ -234,7 +234,7 @@ def _solve(
 
 def _digests(flight: Flight) -> dict[str, str]:
     """Return the SHA-256 of every input by its path from the flight file."""
-    return {os.path.relpath(f, flight.path.parent): sha256(f) for f in input_files(flight)}
+    return {relative(f, flight.path.parent): sha256(f) for f in input_files(flight)}
 
 
 def _report(

@@ -17,6 +17,7 @@ from ..base.files import sha256
 from ..base.provenance import other_results
 from ..base.scratch import scratch_directory
 from ..base.staging import together
+from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
@@ -210,7 +211,7 @@ def write_products(
         if ppk is not None:
             target = ppk_directory(Path(out))
             notes = _write_solution(flight, recording, ppk, eo, staging.tree(target))
-            report["ppk"] |= {"directory": os.path.relpath(target, out), "notes": notes}
+            report["ppk"] |= {"directory": relative(target, out), "notes": notes}
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
@@ -228,7 +229,7 @@ def _provenance(flight: Flight, out: Path, written: Path) -> dict[str, Any]:
     """Return where the flight file lies, seen from the products, and the hash of each of these."""
     files = sorted(path for path in written.rglob("*") if path.is_file())
     return {
-        "flight_directory": os.path.relpath(flight.path.parent, out),
+        "flight_directory": relative(flight.path.parent, out),
         "products_sha256": {path.relative_to(written).as_posix(): sha256(path) for path in files},
     }
 

@@ -474,4 +474,7 @@ def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
     time = recording.gnss.time[(recording.gnss.time >= span[0]) & (recording.gnss.time <= span[1])]
     length = float(time[-1] - time[0]) if time.size else 0.0
     if time.size < 2 or length < SHORTEST_S:
-        raise DataError(f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_S:.0f} s")
+        raise DataError(
+            f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_S:.0f} s; see gaps"
+            " and clocks of both sensors with `insgnss inspect`, or record longer without gaps"
+        )

@@ -1,5 +1,6 @@
 """What every record checks at its birth."""
 
+from datetime import date, timedelta
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,34 @@ Array = NDArray[np.float64]
 def float_array(who: str, value: Any) -> Array:
     """Return `value` as an array of float64; InputError where it holds other things than numbers.
 
+    Dates are refused: numpy would turn them into counts of their unit since 1970, of a scale that
+    nobody states.
+
     who : what the message calls it.
     """
     try:
+        given = value if hasattr(value, "dtype") else np.asarray(value)
+        _refuse_times(who, given)
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        shown = f"{value!r}"[:60]
+        shown = " ".join(f"{value!r}".split())[:60]
         raise InputError(f"{who}: {shown} is no array of numbers") from None
+
+
+def _refuse_times(who: str, values: Any) -> None:
+    """Refuse dates and durations, in an array or a column of pandas, as such or as objects."""
+    kind = getattr(values.dtype, "kind", "")
+    objects = values.dtype == object and np.size(values) > 0
+    first = np.asarray(values).flat[0] if objects else None
+    if kind == "M" or isinstance(first, date | np.datetime64):
+        raise InputError(
+            f"{who}: dates ({values.dtype}), which do not say their time scale; convert them: week,"
+            ' tow = insgnss.gps_from_dates(dates, "utc" or "gpst")'
+        )
+    if kind == "m" or isinstance(first, timedelta | np.timedelta64):
+        raise InputError(
+            f"{who}: durations ({values.dtype}); give seconds: divide by np.timedelta64(1, 's')"
+        )
 
 
 def frozen(record: Any, name: str, shape: tuple[int | None, ...], finite: bool = True) -> Array:

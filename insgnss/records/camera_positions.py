@@ -61,4 +61,6 @@ class CameraPositions(Rows):
         frozen(self, "cov_ned", (n, 3, 3))
         increasing(self, self.time)
         if len(set(self.images)) != n:
-            raise InputError(f"{self.source or 'CameraPositions'}: an image occurs twice")
+            twice = next(name for name in self.images if self.images.count(name) > 1)
+            problem = f"image {twice[:80]!r} occurs twice; leave one of both out"
+            raise InputError(f"{self.source or 'CameraPositions'}: {problem}")

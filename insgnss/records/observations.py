@@ -236,7 +236,7 @@ class GnssFixes(Rows):
             if getattr(self, name) is not None:
                 frozen(self, name, (n,), finite=False)
         if n < 1:
-            raise InputError(f"{self.source or 'GnssFixes'}: no fix")
+            raise InputError(f"{self.source or 'GnssFixes'}: no fix; give one at least")
         increasing(self, self.time)
 
     @classmethod
@@ -423,7 +423,7 @@ class BarometerHeights(Rows):
         n = frozen(self, "time", (None,)).size
         frozen(self, "height", (n,))
         if n < 1:
-            raise InputError(f"{self.source or 'BarometerHeights'}: no height")
+            raise InputError(f"{self.source or 'BarometerHeights'}: no height; give one at least")
         increasing(self, self.time)
 
     def _details(self) -> list[str]:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import DataError, UsageError
+from ..base.wording import DOCTOR
 from ._checked import Array
 
 if TYPE_CHECKING:
@@ -271,6 +272,7 @@ def _imported(library: str) -> Any:
         return import_module(library)
     except ImportError:
         message = (
-            f"{library} is not installed; pip install {library}, or use the arrays of the record"
+            f"{library} is not installed; pip install {library}, or use the arrays of the record;"
+            f" {DOCTOR}"
         )
         raise UsageError(message) from None

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.advance import through
 from ..navigation.codes import (
     COVARIANCE_RESET,
     N_KINDS,
@@ -142,7 +143,7 @@ def run_forward(
     states: list[State] = []
     Phi, Q, gap = np.tile(np.eye(n), (m, 1, 1)), np.zeros((m, n, n)), np.zeros((m, n))
     means, covariances, measured = np.zeros((m, n)), np.zeros((m, n, n)), []
-    for k in range(m):
+    for k in through(range(m)):
         if k:
             interval = propagate(problem, k, states[-1])
             state, Phi[k], Q[k] = interval.state, interval.Phi, interval.Q

@@ -22,6 +22,7 @@ from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import sha256
 from ..base.provenance import KEY
 from ..base.scratch import PREFIXES
+from ..base.wording import relative
 
 DOCUMENTS = ("report.json", "adjust.json", "ppk.json", "targets.json")
 PRODUCTS_KEY, BASE_KEY = "products_sha256", "flight_directory"
@@ -88,14 +89,14 @@ class ArchiveResult:
         """Return a line for each problem, and the count."""
         lines = []
         for run in self.runs:
-            where = os.path.relpath(run.document.parent, self.directory)
+            where = relative(run.document.parent, self.directory)
             if run.problems:
                 lines += [f"{where}: {problem}" for problem in run.problems]
             elif run.remade:
                 lines.append(f"{where}: made again, the same byte for byte")
             lines += [f"{where}: note: {note}" for note in run.notes]
         lines += [
-            f"{os.path.relpath(path, self.directory)}: nothing says what it was made from"
+            f"{relative(path, self.directory)}: nothing says what it was made from"
             for path in self.orphans
         ]
         good = sum(not run.problems for run in self.runs)
@@ -145,10 +146,11 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     documents, orphans = _listed(directory)
     if not documents and not orphans:
         names = ", ".join(DOCUMENTS)
-        raise UsageError(f"archive: {directory} holds no results of insgnss (none of {names})")
+        problem = f"holds no results of insgnss (none of {names}); give the directory of a season"
+        raise UsageError(f"archive: {directory} {problem}")
     runs = []
     for number, document in enumerate(documents, 1):
-        progress(f"{number} of {len(documents)}: {os.path.relpath(document, directory)}")
+        progress(f"{number} of {len(documents)}: {relative(document, directory)}")
         runs.append(_examined(document, remake))
     return ArchiveResult(directory, tuple(runs), tuple(orphans))
 

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from ..base.errors import DataError, UsageError
 from ..base.memory import available
+from ..base.wording import DOCTOR
 from .work import INTERNAL, Outcome, Task, failed, process_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-MISSING = "needs Dask, which is not installed: pip install 'insgnss[batch]'"
+MISSING = f"needs Dask, which is not installed: pip install 'insgnss[batch]'; {DOCTOR}"
 RETRIES = 2  # times that a flight is started again because its worker died
 REACH_S = 10.0  # until a scheduler that does not answer counts as not there
 WORKER_WAIT_S = 30.0  # for a first worker

@@ -68,7 +68,9 @@ def _of_word(source: str) -> list[SeasonFlight]:
     if path.is_dir():
         files = _below(path)
         if not files:
-            raise UsageError(f"{source}: no {FLIGHT_FILE} in this directory or below it")
+            raise UsageError(
+                f"{source}: no {FLIGHT_FILE} in this directory or below it; give that of the season"
+            )
         return [SeasonFlight(file) for file in files]
     if path.is_file():
         return _table(path) if path.suffix.lower() == ".csv" else [SeasonFlight(path.absolute())]
@@ -142,7 +144,9 @@ def _of_rows(path: Path, rows: list[list[str]]) -> list[SeasonFlight]:
         out = path.absolute().parent / of["out"] if of.get("out") else None
         flights.append(SeasonFlight(file, of.get("name", ""), out))
     if not flights:
-        raise InputError.at_line(path, None, "names no flight")
+        raise InputError.at_line(
+            path, None, "names no flight; give a flight file or a directory a line"
+        )
     return flights
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.staging import together
+from ..base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
 from .page import SeasonPage, is_ours
@@ -341,8 +342,5 @@ def _relative(row: Row, directory: Path) -> Row:
         out["reason"] = str(out["reason"]).replace(f"{directory.resolve()}{os.sep}", "")
     for column in ("flight", "report"):
         if out[column]:
-            try:
-                out[column] = Path(os.path.relpath(str(out[column]), directory)).as_posix()
-            except ValueError:  # another drive
-                out[column] = str(out[column])
+            out[column] = Path(relative(str(out[column]), directory)).as_posix()
     return out

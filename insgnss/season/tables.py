@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import InputError, UsageError
+from ..base.wording import DOCTOR
 from .row import COLUMNS, TEXTS, Row, is_number
 
 HEAD = "# insgnss season 1: one row a flight, columns and units in data_specs/season.md"
@@ -81,7 +82,7 @@ def refuse_without_parquet() -> None:
     from importlib.util import find_spec
 
     if find_spec("pyarrow") is None:
-        raise UsageError("--parquet needs pyarrow: pip install 'insgnss[parquet]'")
+        raise UsageError(f"--parquet needs pyarrow: pip install 'insgnss[parquet]'; {DOCTOR}")
 
 
 def parquet_bytes(rows: Sequence[Row]) -> bytes:

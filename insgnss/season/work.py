@@ -6,7 +6,6 @@ that was killed anywhere goes on where it was, and nothing of its own has to be 
 """
 
 import contextlib
-import os
 import time
 import traceback
 import warnings
@@ -17,6 +16,7 @@ from typing import Any
 from .. import __version__
 from ..base.errors import DataError, InsgnssError
 from ..base.files import sha256
+from ..base.wording import relative
 from ..config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of
 
@@ -193,7 +193,7 @@ def report_in_force(flight: Flight, directory: Path) -> dict[str, Any] | None:
         return None
     start = flight.path.parent
     hashes = report["inputs_sha256"]
-    files = {os.path.relpath(file, start): file for file in input_files(flight)}
+    files = {relative(file, start): file for file in input_files(flight)}
     if set(files) != set(hashes):
         return None
     changed = any(sha256(file) != hashes[name] for name, file in files.items())

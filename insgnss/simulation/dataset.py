@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.advance import through, within
 from ..base.errors import UsageError
 from ..base.staging import is_vacant, together
 from ..formats.blocks.camera_toml import write_camera_toml
@@ -65,6 +66,8 @@ from .sensors import ImuOptions, Rig, SecondImu, antenna_states
 Array = NDArray[np.float64]
 
 TARGETS = "01_Observations/Camera/GCPs"
+CHUNK = 50_000  # rows of the IMU that are written at once
+SIMULATED = 0.7  # of the time that a data set takes; the rest writes it
 _TARGETS = 40
 _RELIEF_M = 2.0
 
@@ -133,27 +136,29 @@ def write_dataset(
     imu = ImuOptions(
         imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration
     )
-    simulated = simulate_flight(
-        *(flight, minutes),
-        seed=seed,
-        imu=imu,
-        gnss=gnss,
-        raw_gnss=raw_gnss,
-        rig=rig,
-        second_imu=second_imu,
-        missing_events=missing_events,
-        **changes,
-    )
-    return write_simulated(
-        target,
-        simulated,
-        seed=seed,
-        units=units,
-        imu_rows=imu_rows,
-        gnss_rows=gnss_rows,
-        flight_file=flight_file,
-        block=block,
-    )
+    with within(0.0, SIMULATED):
+        simulated = simulate_flight(
+            *(flight, minutes),
+            seed=seed,
+            imu=imu,
+            gnss=gnss,
+            raw_gnss=raw_gnss,
+            rig=rig,
+            second_imu=second_imu,
+            missing_events=missing_events,
+            **changes,
+        )
+    with within(SIMULATED, 1.0):
+        return write_simulated(
+            target,
+            simulated,
+            seed=seed,
+            units=units,
+            imu_rows=imu_rows,
+            gnss_rows=gnss_rows,
+            flight_file=flight_file,
+            block=block,
+        )
 
 
 def write_simulated(
@@ -255,7 +260,8 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
     yield ",".join(["tow[s]", *columns]) + "\n"
     row = units.row()
     table = np.column_stack([imu.time, imu.gyro / units.gyro_si, imu.accel / units.accel_si])
-    yield from format_rows(row, table)
+    for first in through(range(0, len(table), CHUNK)):
+        yield from format_rows(row, table[first : first + CHUNK])
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:

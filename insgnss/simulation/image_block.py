@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..adjust.camera import pixels_of
+from ..base.advance import through
 from ..base.errors import UsageError, near
 from ..formats.blocks.ground_points import GroundTable
 from ..formats.blocks.image_points import ImagePoints
@@ -346,7 +347,8 @@ def seen_points(eo: ExteriorOrientation, position: Array, camera: BrownCamera) -
     """Return where points appear within the format."""
     images, points, pixels = [], [], []
     high = np.array([camera.width, camera.height]) - _BORDER_PX
-    for i, (centre, C_mc) in enumerate(zip(eo.position_m, eo.C_mc, strict=True)):
+    each = enumerate(zip(eo.position_m, eo.C_mc, strict=True))
+    for i, (centre, C_mc) in through(list(each)):
         q = (position - centre) @ C_mc
         ahead = np.flatnonzero(q[:, 2] > np.abs(q[:, :2]).max(axis=1))
         uv = pixels_of(camera, q[ahead, :2] / q[ahead, 2:])

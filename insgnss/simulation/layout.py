@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.advance import share as share_done
+from ..base.advance import through, within
 from ..base.errors import UsageError
 from .path import Path, Pose, Route, advance
 
@@ -30,6 +32,7 @@ _STEP_M = 0.5  # of the speed profile
 _ACCELERATION = 5.0  # m/s^2 along the path
 _GROUND_RUN_M, _APPROACH_M, _LEAD_IN_M = 12.0, 220.0, 120.0
 # of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
+_COUNTED = 0.6  # of the time of a layout: by then the number of lines is found
 _MARGIN_S = 5.0
 _FEWEST_LINES, _SHORTEST = (
     4,
@@ -219,18 +222,20 @@ def _fitted(plan: FlightPlan, every: int, wanted: float) -> Layout:
     """
     count = min(_FEWEST_LINES, every)
     while (full := _grounded(plan, count, 1.0)).duration_s < wanted:
+        share_done(_COUNTED * (full.duration_s / wanted) ** 2)  # each takes as long as it is
         count += 1
     low, high = _SHORTEST, 1.0
     best = _grounded(plan, count, low)
     if best.duration_s > wanted:
         return replace(full, duration_s=wanted)
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        trial = _grounded(plan, count, middle)
-        if trial.duration_s > wanted:
-            high = middle
-        else:
-            low, best = middle, trial
+    with within(_COUNTED, 1.0):
+        for _ in through(range(12)):
+            middle = 0.5 * (low + high)
+            trial = _grounded(plan, count, middle)
+            if trial.duration_s > wanted:
+                high = middle
+            else:
+                low, best = middle, trial
     return replace(best, duration_s=wanted)
 
 

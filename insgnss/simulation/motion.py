@@ -31,15 +31,20 @@ Groves (2013) 2.3, 5.4; de Boor, A Practical Guide to Splines, chapter X.
 """
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.advance import through
 from ..base.errors import UsageError
 from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import rotation_from_rpy
 from ..records import QUANTITIES, ImuSamples, Quantity
 from ._kernels import integrate_signals, sample_signals
+
+PIECE = 100_000  # intervals that are integrated at once
+MARGIN = 0.1  # of a piece of the path: from its ends, where rounding decides
 
 Array = NDArray[np.float64]
 
@@ -230,19 +235,45 @@ class Motion:
             )
             turned = self.acceleration_ib_b(stamps[1:]) if lever.any() else np.zeros((n, 3))
         else:
-            x, w = np.polynomial.legendre.leggauss(nodes)
-            integrate_signals(
-                self._coefficients,
-                self.spacing,
-                stamps - self.start,
-                x,
-                w,
-                *self._earth,
-                lever,
-                out,
-            )
+            elapsed, rule = stamps - self.start, np.polynomial.legendre.leggauss(nodes)
+            for first, last in through(pieces(elapsed, self.spacing)):
+                integrate_signals(
+                    self._coefficients,
+                    self.spacing,
+                    elapsed[first : last + 1],
+                    *rule,
+                    *self._earth,
+                    lever,
+                    out[first:last],
+                )
             turned = np.diff(self.inertial(stamps)[0], axis=0) if lever.any() else np.zeros((n, 3))
         out[:, 3:] += np.cross(turned, lever)  # (M.6)
         if quantity == "mean_rate":
             out /= np.diff(stamps)[:, None]
         return ImuSamples(stamps[1:], out[:, :3], out[:, 3:], quantity, source="simulated motion")
+
+
+def pieces(elapsed: Array, spacing: float) -> list[tuple[int, int]]:
+    """Return first and end of the intervals between instants in pieces of some `PIECE` each.
+
+    A piece begins well within a piece of the path, where rounding leaves no doubt which of its
+    polynomials holds: so the integrals are those of one piece, to the last bit.
+
+    Parameters
+    ----------
+    elapsed : ndarray
+        (n + 1,) instants, s.
+    spacing : float
+        Length of the pieces of the path, s.
+
+    Returns
+    -------
+    list of (int, int)
+        They follow each other from 0 to n; one where instants lie between no two ends.
+    """
+    n, within = elapsed.size - 1, elapsed / spacing % 1.0
+    safe = np.flatnonzero((within[:n] > MARGIN) & (within[:n] < 1.0 - MARGIN))
+    index = np.searchsorted(safe, np.arange(PIECE, n, PIECE))
+    cuts = np.unique(safe[index[index < safe.size]])
+    edges = [0, *cuts.tolist(), n]
+    return list(pairwise(edges)) if n else []

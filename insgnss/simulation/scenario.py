@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.advance import within
 from ..base.errors import UsageError, near
 from ..geodesy.frames import TangentPlane
 from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 JOURNEYS = {"car": drive, "walk": walk}
 JOURNEY_MIN = 5.0
+PATH_SHARE = 0.25  # of the time that a simulation takes
 EXACT_M, EXACT_S = 1e-3, 5e-5  # what flight files state of a lever arm and stamps that are exact
 FLIGHTS = (*PLANS, *JOURNEYS)
 
@@ -131,17 +133,19 @@ def simulate_flight(
         plan = PLANS[flight] if isinstance(flight, str) else flight
         if minutes is not None:
             changes["minutes"] = minutes
-        path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
-    return observe(
-        *(path, sensor_seed),
-        imu=imu,
-        gnss=gnss,
-        raw_gnss=raw_gnss,
-        rig=rig,
-        second_imu=second_imu,
-        missing_events=missing_events,
-        truth_hz=truth_hz,
-    )
+        with within(0.0, PATH_SHARE):
+            path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    with within(PATH_SHARE, 1.0):
+        return observe(
+            *(path, sensor_seed),
+            imu=imu,
+            gnss=gnss,
+            raw_gnss=raw_gnss,
+            rig=rig,
+            second_imu=second_imu,
+            missing_events=missing_events,
+            truth_hz=truth_hz,
+        )
 
 
 def observe(
@@ -171,10 +175,14 @@ def observe(
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
     inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
-    recorded = simulate_imu(flight, imu, inertial)
+    with within(0.0, 1.0 if raw_gnss is None else 0.3):
+        recorded = simulate_imu(flight, imu, inertial)
     fixes, outlier = simulate_gnss(flight, rig, gnss, receiver)
     events = simulate_events(flight, missing_events, camera)
-    observed = None if raw_gnss is None else simulate_raw_gnss(flight, rig, events, raw_gnss, raw)
+    observed = None
+    if raw_gnss is not None:
+        with within(0.3, 1.0):
+            observed = simulate_raw_gnss(flight, rig, events, raw_gnss, raw)
     second = None
     if second_imu is not None:
         lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))

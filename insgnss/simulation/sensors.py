@@ -28,6 +28,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.advance import through, within
 from ..base.errors import UsageError
 from ..geodesy.rotation import nearest_rotation
 from ..records import CameraEvents, ImuSamples, Quantity
@@ -185,9 +186,10 @@ def simulate_imu(
     The IMU is at `lever_b` (3,) m in body axes from the motion's point.
     """
     C_bs = axes_matrix(options.axes)
-    ideal = flight.motion.imu(
-        options.rate_hz, options.quantity, phase_s=options.phase_s, lever_b=lever_b
-    )
+    with within(0.0, 0.5):
+        ideal = flight.motion.imu(
+            options.rate_hz, options.quantity, phase_s=options.phase_s, lever_b=lever_b
+        )
     model = load_noise_model(options.noise) if isinstance(options.noise, str) else options.noise
     dt = 1.0 / options.rate_hz
     readings, slow = [], []
@@ -195,10 +197,12 @@ def simulate_imu(
     shaken = _shaken(flight.motion, ideal.time, options.vibration)
     shakes = rng.spawn(2)
     triads = (model.gyro, model.accel) if model else ((), ())
-    for truth, axes, stream, shake in zip(
-        (ideal.gyro, ideal.accel), triads, streams, shakes, strict=True
+    both = (ideal.gyro, ideal.accel)
+    for k, (truth, axes, stream, shake) in enumerate(
+        zip(both, triads, streams, shakes, strict=True)
     ):
-        reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
+        with within(0.5 + 0.25 * k, 0.75 + 0.25 * k):
+            reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
         if options.vibration > 1.0:
             white = np.array([axis.white_noise for axis in axes])
             unit = np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
@@ -244,7 +248,7 @@ def _erroneous(
             for i, axis in enumerate(axes)
         ]
     )
-    for i, axis in enumerate(axes):
+    for i, axis in through(list(enumerate(axes))):
         fast = AxisNoise(white_noise=axis.white_noise, quantization=axis.quantization)
         bias[:, i] = simulate_noise(
             replace(axis, white_noise=0.0, quantization=0.0), len(truth), dt, rng

@@ -31,7 +31,8 @@ def make_directory(target: Path) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{target.parent}: cannot be made: {error.strerror or error}") from None
+        reason = f"cannot be made: {error.strerror or error}"
+        raise UsageError(f"{target.parent}: {reason}; give another --out FILE") from None
 
 
 def refuse_others(files: Sequence[Path], measured: Iterable[Path]) -> None:

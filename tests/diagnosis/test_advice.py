@@ -25,7 +25,9 @@ LEVEL = Mounting(antenna_m=[0.31, -0.12, 0.55], imu_m=[0.03, 0.0, 0.01], camera_
 LEVER = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
 # ten minutes at 10 m/s
 SOLUTION: Any = SimpleNamespace(
-    nav=np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), time=np.array([0.0, 600.0])
+    nav=np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]]),
+    time=np.array([0.0, 600.0]),
+    problem=SimpleNamespace(inc=SimpleNamespace(nominal_s=0.02)),
 )
 
 
@@ -99,6 +101,19 @@ def test_the_most_significant_comes_first_and_rivals_are_named():
     assert check.verdict == "contradiction"
     assert "camera.clock" in check.advice
     assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
+
+
+@pytest.mark.parametrize(
+    ("offset", "named"), [(-0.010, True), (-0.005, True), (-0.0021, False), (0.01, False)]
+)
+def test_samples_that_are_no_means_are_named_with_the_key_that_mends_them(offset, named):
+    """Oracle: the middle of the sample's interval by hand. At 50 Hz an instantaneous rate is 10 ms
+    after the middle of the interval that it is taken for, the second of two halves 5 ms; both have
+    the fixes look early. Following the advice about the fixes instead moved images by 16 sigmas.
+    """
+    (check,) = told({"GNSS time offset": (offset, 1e-4)})
+    assert ("imu.quantity" in check.advice) == named
+    assert (f"add {-offset:+.4f} to imu.time_offset_s" in check.advice) == named
 
 
 def test_scale_factors_in_percent_the_most_significant_first():

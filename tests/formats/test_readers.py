@@ -361,7 +361,7 @@ def test_pos_ecef_and_sexagesimal_agree_with_degrees(tmp_path: Path) -> None:
             "time scale 'GLO'",
         ),
         (HEADER + "2008 1 46 6 500 1 9 .1 .1 .1 0 0 0 0\n", "14 fields, but the header names 15"),
-        (HEADER + "2018/13/03 1:2:3 46 6 500 1 9 .1 .1 .1 0 0 0 0 9\n", "a date is none"),
+        (HEADER + "2018/13/03 1:2:3 46 6 500 1 9 .1 .1 .1 0 0 0 0 9\n", "holds no date"),
         (
             HEADER + "2008 1 46 6 500 1 9 .1 .1 .1 .2 0 0 0 9\n",
             "x.pos:2: 1 of 1 covariances .* not positive definite",

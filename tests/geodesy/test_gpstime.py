@@ -3,10 +3,11 @@
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
+import pandas
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.base.errors import InputError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.geodesy import gpstime
 
 
@@ -120,6 +121,40 @@ def test_week_end_is_unwrapped_and_a_clock_error_is_not():
     assert_allclose(gpstime.unwrap_week(folded), counting, rtol=0, atol=1e-9)
     assert_allclose(gpstime.unwrap_week([10.0, 7.0, 8.0]), [10.0, 7.0, 8.0], rtol=0, atol=0)
     assert gpstime.unwrap_week([]).size == 0
+
+
+@pytest.mark.parametrize("scale", ["utc", "gpst"])
+def test_arrays_of_dates_are_those_of_the_calendar(scale):
+    """Oracle: `gps_from_calendar` date by date (of published weeks), over a leap second and the end
+    of a week; nanoseconds by hand.
+    """
+    start = np.datetime64("2016-12-31T23:59:58", "ns")
+    for dates in (start + np.arange(4) * np.timedelta64(1, "s"), np.array(["2018-07-07T23:59:50"])):
+        week, tow = gpstime.gps_from_dates(dates, scale)
+        for date, second in zip(np.atleast_1d(dates).astype("M8[us]"), tow, strict=True):
+            own, expected = gpstime.gps_from_calendar(date.astype(datetime), scale)
+            assert second + week * gpstime.WEEK_S == expected + own * gpstime.WEEK_S
+    fine = np.datetime64("2018-07-03T09:00:00.123456789", "ns")
+    assert gpstime.gps_from_dates([fine], "gpst")[1][0] == 205200.123456789
+    assert gpstime.gps_from_dates([fine], "gpst", gps_week=2007)[1][0] > gpstime.WEEK_S
+    aware = [datetime(2018, 7, 3, 11, tzinfo=timezone(timedelta(hours=2)))]
+    assert gpstime.gps_from_dates(pandas.DatetimeIndex(aware), "gpst")[1].tolist() == [205200.0]
+
+
+@pytest.mark.parametrize(
+    ("dates", "scale", "said"),
+    [
+        ([np.datetime64("NaT")], "utc", "date 0 is missing"),
+        (np.array([], dtype="M8[ns]"), "utc", "no date"),
+        ([np.datetime64("1970-01-01")], "utc", "1980-01-06"),
+        (["noon"], "utc", "not all are dates"),
+        ([np.datetime64("2018-07-03")], "local", "none of utc, gpst"),
+    ],
+)
+def test_what_is_no_date_of_gps_is_refused(dates, scale, said):
+    """Oracle: by contract."""
+    with pytest.raises((InputError, UsageError), match=said):
+        gpstime.gps_from_dates(dates, scale)
 
 
 def test_times_before_gps_are_refused():

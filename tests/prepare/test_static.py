@@ -196,6 +196,21 @@ def test_unfit_recordings_are_refused(still, name, change, said):
     assert said in f"{check.found} {check.advice}"
 
 
+def test_rates_that_are_too_small_for_the_turning_earth_are_noted(still):
+    """Oracle: rad/s taken for deg/s, which makes 1/57.3 of the noise and passed in silence; the
+    Earth's 15.04 deg/h by hand. Deg/s taken for rad/s are refused, with the unit.
+    """
+    smaller = changed(still, gyro=lambda a: np.radians(a - a.mean(axis=0) + 1e-3, out=a))
+    check = found(static_span(smaller), "Earth's rate")
+    assert check.verdict == "note"
+    assert check.found == "|mean rate| 6.24 deg/h"
+    assert "the Earth turns by 15.04" in check.expected
+    assert "(then 357 deg/h)" in check.advice
+    assert "Earth's rate" not in verdicts(static_span(still))
+    larger = changed(still, gyro=lambda a: np.degrees(a - a.mean(axis=0), out=a))
+    assert "--gyro-unit deg/s" in found(static_span(larger), "motion").advice
+
+
 def test_rounding_is_told_by_its_share(still):
     """Oracle: s^2/12 over the variance of the rounded samples; of 1 sigma a step that is 1/13."""
     sigma = float(np.diff(still.accel[:, 2]).std() / np.sqrt(2.0))

@@ -12,6 +12,7 @@ from surveys import block_flight
 from insgnss.base.errors import UsageError
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
+from insgnss.simulation import motion as motion_module
 from insgnss.simulation.motion import Motion
 
 START = 205200.0
@@ -292,3 +293,16 @@ def test_what_has_no_answer_is_refused(motion, call, words):
     """Oracle: the contract; UsageError that says why."""
     with pytest.raises(UsageError, match=words):
         call(motion)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 333.0])
+def test_integrals_in_pieces_are_those_of_one_piece_to_the_last_bit(rate_hz, monkeypatch):
+    """Oracle: the same motion integrated in one call of the kernel."""
+    flown = lively(spacing=0.1, pieces=300)
+    whole = flown.imu(rate_hz, lever_b=(0.1, 0.2, 0.3))
+    monkeypatch.setattr(motion_module, "PIECE", 700)
+    elapsed = np.arange(whole.time.size + 1) / rate_hz
+    assert len(motion_module.pieces(elapsed, flown.spacing)) > 3
+    again = flown.imu(rate_hz, lever_b=(0.1, 0.2, 0.3))
+    assert (again.gyro == whole.gyro).all()
+    assert (again.accel == whole.accel).all()

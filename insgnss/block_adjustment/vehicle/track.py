@@ -241,7 +241,9 @@ def _is_trajectory(path: Path) -> bool:
                         f.strip() for f in line.split(",")
                     }
     except OSError as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
     return False
 
 

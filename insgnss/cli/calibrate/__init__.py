@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
-from ..console import Parser, Progress
+from ..console import Parser
 from ..verb import Verb
 from . import imu, materialise, mounting, similarity, tripod
 
@@ -44,11 +44,6 @@ def _with_kind(parse: Any, words: Any, namespace: Any) -> Any:
     return parse(words, namespace)
 
 
-def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Not reached: each kind has its own."""
-    raise NotImplementedError(options.what)
-
-
 VERB = Verb(
     "calibrate",
     "estimate constants of the mounting (lever arm, each component with a verdict) and of the IMU",
@@ -58,5 +53,5 @@ VERB = Verb(
     "  insgnss calibrate materialise camera.csv before.csv --pose poses.csv --image s.jpg"
     " --receiver r0.csv r90.csv",
     add_arguments,
-    run,
+    None,  # each kind has its own
 )

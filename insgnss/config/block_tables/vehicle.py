@@ -110,7 +110,9 @@ class VehicleTable:
         check(self, "vehicle")
         if (self.sizes is None) != (self.size_m is None):
             missing, other = ("size_m", "sizes") if self.size_m is None else ("sizes", "size_m")
-            raise OptionError(f"vehicle.{other}", f"has no meaning without vehicle.{missing}")
+            raise OptionError(
+                f"vehicle.{other}", f"has no meaning without vehicle.{missing}; give both"
+            )
         if self.geoid is not None and self.crs is None:
             raise OptionError("vehicle.geoid", "has no meaning without vehicle.crs; give both")
         if not self.target.strip():
@@ -118,4 +120,6 @@ class VehicleTable:
         if self.file is None:
             for name in ("target_m", "target_sigma_m", "shift_sigma_m", "sizes"):
                 if getattr(self, name) is not None:
-                    raise OptionError(f"vehicle.{name}", "has no meaning without vehicle.file")
+                    raise OptionError(
+                        f"vehicle.{name}", "has no meaning without vehicle.file; give both"
+                    )

@@ -16,6 +16,7 @@ from ...records.observations import OF_THE_SOLUTION
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
 from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
 from ..imu.imu_csv import ALIASES as IMU_ALIASES
 from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
@@ -57,7 +58,8 @@ def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
         if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
             raise lines.error_at(
-                int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
+                int(np.argmax(bad)),
+                f"{name} is {column[int(np.argmax(bad))]}; it must be finite; leave the row out",
             )
 
 
@@ -115,7 +117,7 @@ def gnss_of_content(
     sigma_velocity: ArrayLike | None = None,
     units: Mapping[str, str] | None = None,
     gps_week: int | None = None,
-    undulation_m: float = 0.0,
+    undulation_m: float | None = None,
 ) -> GnssFixes:
     """Read fixes from content by a column map.
 
@@ -132,8 +134,8 @@ def gnss_of_content(
         As in `gnss_text`; fields' names may end in a unit as well.
     gps_week : int, optional
         The week, where no column holds it.
-    undulation_m : float
-        Geoid above the ellipsoid, m, added to heights that are above the geoid.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
 
     Returns
     -------
@@ -148,6 +150,7 @@ def gnss_of_content(
     units = check_units(units, GNSS_UNIT_KEYS)
     fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
     scales, notes = fix_scales(str(path), None, fields, units)
+    geoid_m, more = settled_undulation(path, None, _fields(columns, ("h",)), undulation_m)
     table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
@@ -178,5 +181,5 @@ def gnss_of_content(
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(
-        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
+        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, geoid_m, (*notes, *more)
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError
 from ...base.unpacking import check_unpacked
+from ...base.wording import DOCTOR
 from ..text.layout import printable
 from ..text.text import Source, load_bytes
 from .content import Content, Matrix, matrix_of
@@ -71,7 +72,8 @@ def _hdf5(path: Source) -> dict[str, Any]:
         import h5py
     except ImportError:
         message = (
-            "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7"
+            "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7;"
+            f" {DOCTOR}"
         )
         raise InputError.at_line(path, None, message) from None
 

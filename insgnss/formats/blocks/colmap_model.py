@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, UsageError
+from ...base.wording import DOCTOR
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import BROWN_NAMES
 from ..text.text import Source
@@ -118,7 +119,7 @@ def _model(path: Path) -> Any:
     except ImportError:
         raise UsageError(
             "a COLMAP model is read through pycolmap, which is not installed; pip install"
-            " 'insgnss[colmap]', or write the image points as a table"
+            f" 'insgnss[colmap]', or write the image points as a table; {DOCTOR}"
         ) from None
     directory = path if path.is_dir() else path.parent
     kinds = [

@@ -244,7 +244,9 @@ def _image_points(
         try:
             sigma = np.full((len(images), 2), float(both))
         except ValueError:
-            raise InputError.at_line(path, None, f"sxy={both!r} is no number of pixels") from None
+            raise InputError.at_line(
+                path, None, f"sxy={both!r} is no number of pixels; correct it"
+            ) from None
         for k, name in enumerate(("sx", "sy")):
             if name in value:
                 sigma[:, k] = value[name]
@@ -331,7 +333,9 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     except ValueError:
         size = np.zeros(0)
     if size.size != 2 or not size.max() > 0.0:
-        raise InputError.at_line(path, None, f"camera {name}: <sensor> is not width,height in mm")
+        raise InputError.at_line(
+            path, None, f"camera {name}: <sensor> is not width,height in mm; correct it"
+        )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
         apart = np.abs(size * per_mm - (width, height))
@@ -406,7 +410,9 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
         )
     if base != "longest":
         if not base.isdecimal() or not 0 < int(base) <= len(position):
-            raise InputError.at_line(path, None, f"set_datum: ref_base {base!r} is no image")
+            raise InputError.at_line(
+                path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
+            )
         apart[np.arange(len(apart)) != int(base) - 1] = -1.0
     held[reference] = True
     held[np.unravel_index(int(np.argmax(apart)), apart.shape)] = True

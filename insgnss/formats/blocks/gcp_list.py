@@ -183,7 +183,9 @@ def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: S
         The file cannot be written.
     """
     if not re.fullmatch(r"EPSG:\d+", crs):
-        raise InputError(f"gcp_list: CRS {crs!r} is no EPSG code, which the file asks for")
+        raise InputError(
+            f"gcp_list: CRS {crs!r} is no EPSG code, which the file asks for; give --crs"
+        )
     check_names(measured.images, None)
     check_names(measured.points, None, "point")
     row_by_name = {name: k for k, name in enumerate(ground.points) if not ground.check[k]}
@@ -202,5 +204,8 @@ def write_gcp_list(measured: ImagePoints, ground: GroundTable, crs: str, path: S
                 f" {measured.points[p]}\n"
             )
     if not rows:
-        raise InputError("gcp_list: all points are check points, which the file does not know")
+        raise InputError(
+            "gcp_list: all points are check points, which the file does not know; give control"
+            " points as well"
+        )
     atomic_write(path, "".join([f"{code}\n", *rows]))

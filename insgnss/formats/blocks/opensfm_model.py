@@ -237,7 +237,7 @@ def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane 
         try:
             given = json.loads(decode(load_bytes(beside).tobytes()))
         except (ValueError, RecursionError) as error:
-            raise InputError.at_line(beside, None, f"is no JSON: {error}") from None
+            raise InputError.at_line(beside, None, f"is no JSON: {error}; copy it again") from None
     if given is None:
         return None
     lat, lon, height = (

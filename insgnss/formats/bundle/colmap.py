@@ -22,6 +22,7 @@ import numpy as np
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...base.staging import staged, together
+from ...base.wording import DOCTOR
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
@@ -301,7 +302,7 @@ def _pycolmap() -> Any:
     except ImportError:
         raise UsageError(
             "colmap_priors needs pycolmap, which is not installed; pip install pycolmap, or export"
-            " colmap"
+            f" colmap; {DOCTOR}"
         ) from None
     return pycolmap
 
@@ -311,7 +312,7 @@ def _copy(database: Source, work: Path) -> None:
         shutil.copyfile(database, work)
     except OSError as error:
         raise InputError.at_line(
-            database, None, f"cannot be read: {error.strerror or error}"
+            database, None, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 

@@ -218,7 +218,11 @@ def _camera(path: Source, number: int, row: tuple[int, int, int, bytes] | None) 
         )
     parameters = np.frombuffer(blob or b"", dtype="<f8")
     if not np.isfinite(parameters).all():
-        raise InputError.at_line(path, None, f"camera {number} has parameters that are no numbers")
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {number} has parameters that are no numbers; make the database anew",
+        )
     return Camera(MODELS[model], int(width), int(height), tuple(parameters.tolist()))
 
 

@@ -180,7 +180,9 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         try:
             root = ElementTree.parse(file).getroot()
         except ElementTree.ParseError as error:
-            raise InputError.at_line(file, error.position[0], "is damaged XML") from None
+            raise InputError.at_line(
+                file, error.position[0], "is damaged XML; copy it again"
+            ) from None
         outer = root.find(".//Externe")
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):
@@ -192,7 +194,9 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         except ValueError:
             values = np.zeros(0)
         if values.shape != (4, 3) or not np.isfinite(values).all():
-            raise InputError.at_line(file, None, "Centre and L1 to L3 are not three numbers each")
+            raise InputError.at_line(
+                file, None, "Centre and L1 to L3 are not three numbers each; copy it again"
+            )
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(values[0])
         matrices.append(values[1:])

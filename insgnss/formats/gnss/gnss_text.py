@@ -31,6 +31,7 @@ from ..text.order import open_end
 from ..text.text import Source, Table, format_rows, read_table
 from ..text.units import check_units
 from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from .heights import settled_undulation
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ def read_gnss_text(
     gps_week: int | None = None,
     sigma_velocity: ArrayLike | None = None,
     units: Mapping[str, str] | None = None,
-    undulation_m: float = 0.0,
+    undulation_m: float | None = None,
 ) -> GnssFixes:
     """Read antenna positions, and velocities where the file has them.
 
@@ -144,8 +145,8 @@ def read_gnss_text(
     units : mapping, optional
         Units of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course"
         (deg, rad) and "quality" (rtklib, nmea). A note reports a header's own unit that is another.
-    undulation_m : float
-        Geoid above the ellipsoid, m, added to heights that are above the geoid.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
 
     Returns
     -------
@@ -163,11 +164,15 @@ def read_gnss_text(
     units, date_notes = clock_of_dates(table, index, units, "GNSS rows")
     fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
     scales, unit_notes = fix_scales(str(path), table.layout.header_line, fields, units)
+    header_line, of_height = table.layout.header_line, fields_of(table.layout, index, ("h",))
+    geoid_m, height_notes = settled_undulation(
+        path, header_line, of_height, undulation_m, commented=True
+    )
     index = {**_described(table, index), **index}
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    notes = (*open_end("GNSS rows", table.complete), *unit_notes, *date_notes)
+    notes = (*open_end("GNSS rows", table.complete), *unit_notes, *date_notes, *height_notes)
     return fixes_from_columns(
-        cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
+        cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, geoid_m, notes
     )
 
 

@@ -27,6 +27,7 @@ from .fixes import NMEA_QUALITY, FixScales, fixes_from_columns
 Array = NDArray[np.float64]
 Epoch = tuple[int, float]
 
+CORRECT = "correct or delete the sentence"
 DAY_S = 86400.0
 KNOT = 1852.0 / 3600.0
 KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA", b"GSA")
@@ -265,11 +266,11 @@ def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
     minutes = number(field, path, line)
     if side not in tuple(sides):
         raise InputError.at_line(
-            path, line, f"hemisphere {shown(side)} is neither {sides[0]} nor {sides[1]}"
+            path, line, f"hemisphere {shown(side)} is neither {sides[0]} nor {sides[1]}; {CORRECT}"
         )
     whole = minutes // 100.0
     if minutes < 0.0 or minutes - 100.0 * whole >= 60.0:
-        raise InputError.at_line(path, line, f"angle {shown(field)} is not dddmm.mmmm")
+        raise InputError.at_line(path, line, f"angle {shown(field)} is not dddmm.mmmm; {CORRECT}")
     value = whole + (minutes - 100.0 * whole) / 60.0
     return value if side == sides[0] else -value
 
@@ -281,7 +282,7 @@ def _time_of_day(field: str, path: str, line: int) -> float:
         else [np.inf]
     )
     if hms[0] > 23.0 or hms[1] > 59.0 or hms[2] >= 61.0 or min(hms) < 0.0:
-        raise InputError.at_line(path, line, f"time {shown(field)} is not hhmmss")
+        raise InputError.at_line(path, line, f"time {shown(field)} is not hhmmss; {CORRECT}")
     return hms[0] * 3600.0 + hms[1] * 60.0 + hms[2]
 
 
@@ -292,7 +293,9 @@ def _date(text: str, path: str, line: int) -> datetime:
         full = year if len(text) == 8 else year + (2000 if year < 80 else 1900)
         return datetime(full, int(text[2:4]), int(text[:2]), tzinfo=UTC)
     except (ValueError, OverflowError):
-        raise InputError.at_line(path, line, f"date {shown(text)} is not ddmmyy") from None
+        raise InputError.at_line(
+            path, line, f"date {shown(text)} is not ddmmyy; {CORRECT}"
+        ) from None
 
 
 def _first_day(path: Source, log: _Log) -> float:

@@ -27,6 +27,7 @@ from ..text.order import note, open_end, put_in_order
 from ..text.sentences import BAD_SHARE_LIMIT
 from ..text.text import Source, Table, format_rows, load, parse
 from .fixes import of_the_solution
+from .heights import GIVE, above_already
 from .pos_header import (
     DATE,
     POSITION,
@@ -166,9 +167,10 @@ def read_rtklib_pos(
         else [
             note(
                 "GNSS rows",
-                f"no header; read as {header.scale}, heights above the ellipsoid",
+                f"no header; read as {header.scale}, heights above the"
+                f" {'geoid' if undulation_m else 'ellipsoid'}",
                 "RTKLIB's header",
-                "check both",
+                "check both; gnss.undulation_m is the geoid's height, where they are above it",
             )
         ]
     )
@@ -228,7 +230,8 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
         raise InputError.at_line(
             table.path,
             None,
-            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}",
+            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}; let"
+            " RTKLIB write the header",
         )
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
@@ -250,7 +253,9 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
                 for day in days
             ]
         except ValueError as error:
-            raise InputError.at_line(table.path, None, f"a date is none: {error}") from None
+            raise InputError.at_line(
+                table.path, None, f"holds no date: {error}; correct it"
+            ) from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
         _refuse(
@@ -293,6 +298,9 @@ def _position(
 
     The rotations are of the axes in which the file gives vectors.
     """
+    if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
+        message = above_already("heights, by the header,", undulation_m)
+        raise InputError.at_line(table.path, None, message)
     given = _stack(cols, POSITION[header.kind])
     if header.kind == "latitude":
         n = len(given)
@@ -328,16 +336,12 @@ def _above_ellipsoid(
     table: Table, header: Header, height: Array, undulation_m: float | None
 ) -> Array:
     _refuse(table, np.abs(height) > 1e7, height, "{:g} m is no height")
-    if header.ellipsoidal:
+    if header.ellipsoidal and header.given:
         return height
-    if undulation_m is None:
-        message = (
-            "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or"
-            " give the geoid's height above it"
-        )
-        message += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
+    if undulation_m is None and header.given:
+        message = f"heights are above the geoid (geodetic, by the header); {GIVE}"
         raise InputError.at_line(table.path, None, message)
-    return height + undulation_m
+    return height + (undulation_m or 0.0)
 
 
 def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:

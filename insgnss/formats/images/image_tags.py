@@ -357,7 +357,7 @@ def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
             atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
     except OSError as error:
         raise InputError.at_line(
-            source, None, f"cannot be read: {error.strerror or error}"
+            source, None, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
 
 

@@ -153,7 +153,10 @@ def read_imu_csv(
         required = required_columns(rate_hz)
         return _read(path, columns, units, quantity, gps_week, rate_hz, required)
     if rate_hz is not None:
-        raise UsageError(f"{path}: rate_hz: gyros and accelerometers in two files need stamps")
+        raise UsageError(
+            f"{path}: rate_hz: gyros and accelerometers in two files need stamps;"
+            " leave it out, and name the column of time tow in both"
+        )
     gyro, accel = (
         _read(file, _of_one(columns, triad), units, quantity, gps_week, None, ("tow", *triad))
         for file, triad in ((path, GYRO), (accel_file, ACCEL))
@@ -325,7 +328,9 @@ def scales_of(
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:
     """Return what a table of samples must hold, with or without a column of time."""
     if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
-        raise UsageError(f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}")
+        raise UsageError(
+            f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}; give samples a second"
+        )
     return COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
 
 

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...base.advance import through
 from ...base.errors import InputError, UsageError
+from ...base.wording import DOCTOR
 from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
@@ -35,7 +37,8 @@ Array = NDArray[np.float64]
 Tables = dict[str, dict[str, Array]]
 
 MISSING = (
-    "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]'"
+    "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install 'insgnss[logs]';"
+    f" {DOCTOR}"
 )
 FMT = 128
 LOST_LIMIT = 0.01
@@ -192,7 +195,7 @@ def _text(path: Source) -> Log:
     labels: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
     odd, lines = 0, decode(bytes(buf[:-1])).split("\n")
-    for text in lines:
+    for text in through(lines):
         name, *fields = (field.strip() for field in text.split(","))
         if name == "FMT" and len(fields) > 4 and fields[2] not in rows:
             labels[fields[2]] = [printable(field) for field in fields[4:]]
@@ -251,7 +254,9 @@ def _boot(table: dict[str, Array], path: str, name: str) -> Array:
     for label, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3), ("T", 1e-3)):
         if label in table and not (label == "TimeMS" and "T" in table):
             return table[label] * unit
-    raise InputError(f"{path}: {name} has no TimeUS or TimeMS")
+    raise InputError(
+        f"{path}: {name} has no TimeUS or TimeMS; give the log itself, with all its fields"
+    )
 
 
 def _gps(
@@ -264,7 +269,10 @@ def _gps(
     name, table = log.table(("GPS", "GPS2"), variable, ("Status", "Lat", "Lng", "Alt"))
     week, ms = ("GWk", "GMS") if "GWk" in table else ("Week", "TimeMS")
     if week not in table or ms not in table:
-        raise InputError(f"{log.path}: {name} has no GPS week and time; it has {' '.join(table)}")
+        raise InputError(
+            f"{log.path}: {name} has no GPS week and time; it has {' '.join(table)};"
+            " give the log of the autopilot itself"
+        )
     boot = _boot(table, log.path, name)
     fixed = (
         (table["Status"] >= LEAST_STATUS)
@@ -274,7 +282,10 @@ def _gps(
     )
     fixed &= (table[ms] >= 0.0) & (table[ms] < 1e9) & (boot >= 0.0) & (boot < LONGEST_S)
     if not fixed.any():
-        raise InputError(f"{log.path}: none of {fixed.size} {name} messages has a fix")
+        raise InputError(
+            f"{log.path}: none of {fixed.size} {name} messages has a fix; give"
+            " positions of their own, gnss.file"
+        )
     kept = {label: column[fixed] for label, column in table.items()}
     return name, kept, boot[fixed], kept[week], 1e-3 * kept[ms]
 
@@ -356,7 +367,9 @@ def _raw_pair(
     """
     other, accel = log.table((name.replace("GYR", "ACC"),), None, ("SampleUS", *IMU_FIELDS[3:]))
     if "SampleUS" not in gyro:
-        raise InputError(f"{log.path}: {name} has no SampleUS; it has {' '.join(gyro)}")
+        raise InputError(
+            f"{log.path}: {name} has no SampleUS; it has {' '.join(gyro)}; set variable to IMU"
+        )
     for message, table, fields in ((name, gyro, IMU_FIELDS[:3]), (other, accel, IMU_FIELDS[3:])):
         _finite(log, message, {field: table[field] for field in ("SampleUS", *fields)})
     stamp, first = np.unique(accel["SampleUS"], return_index=True)
@@ -499,7 +512,8 @@ def _finite(log: Log, name: str, cols: dict[str, Array]) -> None:
         if not np.isfinite(column).all():
             row = int(np.argmin(np.isfinite(column)))
             raise InputError(
-                f"{log.path}: {name} {row + 1}: {label} is {column[row]}; it must be finite"
+                f"{log.path}: {name} {row + 1}: {label} is {column[row]}; it must be finite:"
+                " set variable to another of its messages, or export the rows without it as a table"
             )
 
 

@@ -96,7 +96,8 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
     """
     if boot_s.size == 0:
         raise InputError(
-            f"{path}: no GNSS fix with a GPS time, so the autopilot's clock cannot be tied to it"
+            f"{path}: no GNSS fix with a GPS time, so the autopilot's clock cannot be tied to it;"
+            " give IMU, positions and events as tables with stamps of one clock"
         )
     first = int(week[0])
     difference = (week - first) * WEEK_S + tow - boot_s

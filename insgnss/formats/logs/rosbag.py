@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.advance import share
 from ...base.errors import InputError, InsgnssError, UsageError
+from ...base.wording import DOCTOR
 from ...records import ImuSamples, Quantity
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
@@ -24,8 +26,9 @@ from ..text.text import Source
 Array = NDArray[np.float64]
 
 MESSAGE = "sensor_msgs/msg/Imu"
-MISSING = "is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'"
+MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
 ENDINGS = (".db3", ".mcap")
+SHARED = 1000  # messages between two shares that are said
 EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
 COLUMNS = ("tow", *GYRO, *ACCEL)
 
@@ -151,8 +154,11 @@ def read_imu_rosbag(
 
 def _samples(reader: Any, connections: list[Any]) -> Array:
     """Stamps, s, rates and forces (n, 7) of the messages, by stamp."""
-    rows = []
+    rows: list[tuple[float, ...]] = []
+    count = max(sum(connection.msgcount for connection in connections), 1)
     for connection, _, raw in reader.messages(connections=connections):
+        if len(rows) % SHARED == 0:
+            share(len(rows) / count)
         message = reader.deserialize(raw, connection.msgtype)
         stamp, w, f = message.header.stamp, message.angular_velocity, message.linear_acceleration
         rows.append((stamp.sec + 1e-9 * stamp.nanosec, w.x, w.y, w.z, f.x, f.y, f.z))

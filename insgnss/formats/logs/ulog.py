@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
+from ...base.wording import DOCTOR
 from ...geodesy.gpstime import gps_from_unix_utc
 from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
@@ -32,7 +33,10 @@ from .boot_clock import LONGEST_S, BootClock, fit_clock
 Array = NDArray[np.float64]
 Tables = dict[str, dict[str, Array]]
 
-MISSING = "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]'"
+MISSING = (
+    "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
+    f" {DOCTOR}"
+)
 HEADER_BYTES = 16
 LEAST_FIX = 3
 READ_AGAIN = 8  # times the size of a file that may be read
@@ -136,7 +140,8 @@ def _fields(
         if not np.isfinite(table[label]).all():
             row = int(np.argmin(np.isfinite(table[label])))
             raise InputError(
-                f"{path}: {name} {row + 1}: {label} is {table[label][row]}; it must be finite"
+                f"{path}: {name} {row + 1}: {label} is {table[label][row]}; it must be finite:"
+                " set variable to another topic, or export the rows without it as a table"
             )
     return [table[label] for label in labels]
 
@@ -152,7 +157,10 @@ def _gnss(
     stamp, utc, fix = _fields(path, name, table, ("timestamp", "time_utc_usec", "fix_type"))
     fixed = (fix >= LEAST_FIX) & (utc > 0.0) & (MICRO * stamp < LONGEST_S)
     if not fixed.any():
-        raise InputError(f"{path}: none of {fixed.size} messages {name} has a fix and a time")
+        raise InputError(
+            f"{path}: none of {fixed.size} messages {name} has a fix and a time; give"
+            " positions of their own, gnss.file"
+        )
     kept = {label: column[fixed] for label, column in table.items()}
     try:
         week, seconds = gps_from_unix_utc(MICRO * utc[fixed])
@@ -221,7 +229,9 @@ def read_imu_ulog(
         )
         stamp = table.get("timestamp_sample", stamp)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
-            raise InputError(f"{path}: {name}: an interval of zero")
+            raise InputError(
+                f"{path}: {name}: an interval of zero; set variable to sensor_combined"
+            )
         columns = [
             value / (MICRO * (dt_gyro if k < 3 else dt_accel)) for k, value in enumerate(values)
         ]

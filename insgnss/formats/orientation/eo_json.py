@@ -429,7 +429,9 @@ def _content(path: Source) -> dict[str, Any]:
         text = Path(path).read_bytes()
         content = orjson.loads(text)
     except OSError as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
             raise InputError.at_line(path, None, "is no UTF-8 text; is it an eo.json?") from None

@@ -143,7 +143,11 @@ def _rotation(pose: Element, name: str, path: Source) -> Array:
     """Return the matrix (3, 3) of the frame to the camera, from itself or from its angles."""
     rotation = pose.find("Rotation")
     if rotation is None:
-        raise InputError.at_line(path, None, f"photograph {shown(name)} has no rotation")
+        raise InputError.at_line(
+            path,
+            None,
+            f"photograph {shown(name)} has no rotation; export the project after its adjustment",
+        )
     if rotation.find("M_00") is not None:
         return np.array(
             [[_number(rotation, f"M_{i}{j}", name, path) for j in range(3)] for i in range(3)]

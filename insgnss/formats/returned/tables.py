@@ -132,7 +132,9 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         f"{name}_est" if estimated else name for group in ("x", angles) for name in FIRST[group]
     ]
     if missing := [name for name in wanted if name not in fields]:
-        raise InputError.at_line(path, head + 1, f"the header has no {missing[0]}")
+        raise InputError.at_line(
+            path, head + 1, f"the header has no {missing[0]}; export the table with it"
+        )
     columns = [fields.index(name) for name in wanted]
     names, rows, left_out = [], [], 0
     for line, text in enumerate(lines[head + 1 :], start=head + 2):
@@ -235,7 +237,9 @@ def read_pix4d_camera(path: Source) -> ReturnedPoses:
         names.append(" ".join(section[0][1][:-2]))
         values = [numbers(words, path, line) for line, words in section[6:]]
         if [len(v) for v in values] != [3, 3, 3, 3]:
-            raise InputError.at_line(path, section[6][0], "position and rotation are not 4 x 3")
+            raise InputError.at_line(
+                path, section[6][0], "position and rotation are not 4 x 3; copy it again"
+            )
         centre.append(values[0])
         matrices.append(values[1:])
     images = image_names(names, path)
@@ -260,7 +264,9 @@ def _beside_pix4d(
     if project and beside.is_file():
         words = " ".join(lines_of(beside)).split()
         if len(words) != len(offset):
-            raise InputError.at_line(beside, 1, f"{len(words)} numbers, 3 must stand there")
+            raise InputError.at_line(
+                beside, 1, f"{len(words)} numbers, 3 must stand there; copy it again"
+            )
         offset = np.array(numbers(words, beside, 1))
     elif float(np.abs(position).max(initial=0.0)) < FAR_M:
         notes.append(

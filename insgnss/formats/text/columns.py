@@ -101,7 +101,8 @@ def columns_of(
             raise InputError.at_line(
                 table.path,
                 layout.first_line,
-                f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}",
+                f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}; name"
+                " each field, '-' for what is to be left out",
             )
         assigned = [name if name in aliases else None for name in columns]
         source = f"columns = {list(columns)}"
@@ -186,7 +187,8 @@ def _from_mapping(
             index = names.index(normalised(field)[0])
         if assigned[index] is not None:
             raise UsageError(
-                f"{path}: columns: {field!r} is both {assigned[index]} and {canonical}"
+                f"{path}: columns: {field!r} is both {assigned[index]} and {canonical};"
+                " give each a field of its own"
             )
         assigned[index] = canonical
     return assigned

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.advance import share
 from ...base.errors import InputError
 from .layout import Layout, decode, is_comment
 from .pieces import FileBytes
@@ -96,6 +97,7 @@ def read_columns(
     rows = np.zeros(ends.size, dtype=np.int64)
 
     def parse(k: int) -> None:
+        share(k / ends.size)
         table = work.parsed(k, int(newlines[k]))
         if table is None:
             work.stopped.set()
@@ -105,6 +107,7 @@ def read_columns(
         for name, taken in columns.items():
             _kernels.take_columns(table, *taken, arrays[name][block])
 
+    share(0.0)
     work.all(parse)
     if work.stopped.is_set():
         return None

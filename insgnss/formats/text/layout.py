@@ -29,6 +29,13 @@ LONGEST_HEADER = 1 << 14
 LONGEST_FIELD = 4096
 MOST_FIELDS = 1000
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
+SAVED = "not text; save the table as CSV, or its columns as .npz or .mat"
+CONTAINERS = {  # by their first characters
+    "PAR1": f"is a Parquet file, {SAVED}",
+    "ARROW1": f"is a Feather (Arrow) file, {SAVED}",
+    "PK\x03\x04": f"is a zip archive (unpack it) or a spreadsheet, {SAVED}",
+    "\x1f\x8b": "is a gzip archive; unpack it",
+}
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 NUMBER = re.compile(
@@ -144,6 +151,12 @@ def is_comment(text: str) -> bool:
     return text.lstrip().startswith(COMMENTS)
 
 
+def _no_text(first_line: str) -> str:
+    """Say what a binary file is that tables are often kept in, and what to do."""
+    message = (text for start, text in CONTAINERS.items() if first_line.startswith(start))
+    return next(message, f"is no text; {BINARY}")
+
+
 def is_binary(text: str) -> bool:
     """Tell whether a line holds a character that no text has."""
     return _CONTROL.search(text) is not None
@@ -212,7 +225,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> L
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
     if head is not None and is_binary(head[2]):
-        raise InputError.at_line(path, head[0], f"is no text; {BINARY}")
+        raise InputError.at_line(path, head[0], _no_text(head[2]))
     if not data:
         raise InputError.at_line(
             path, None, "holds no data line; check that the recording was copied whole"

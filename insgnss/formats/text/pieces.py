@@ -46,7 +46,7 @@ class FileBytes:
         try:
             self._stream = Path(self.path).open("rb", buffering=0)
         except OSError as error:
-            reason = f"cannot be read: {error.strerror or error}"
+            reason = f"cannot be read: {error.strerror or error}; check permission and medium"
             raise InputError.at_line(self.path, None, reason) from None
         self.size = os.fstat(self._stream.fileno()).st_size
         return self
@@ -85,5 +85,5 @@ class FileBytes:
                 self._stream.seek(offset)
                 return self._stream.readinto(out.data) or 0
         except OSError as error:
-            reason = f"cannot be read: {error.strerror or error}"
+            reason = f"cannot be read: {error.strerror or error}; check permission and medium"
             raise InputError.at_line(self.path, None, reason) from None

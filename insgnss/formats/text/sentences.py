@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.advance import through
 from ...base.errors import InputError
 from .layout import decode
 from .text import Source, load
@@ -31,9 +32,8 @@ class Sentences:
         The first field stands without its '$'.
         """
         data = self.buf.tobytes()
-        for start, star, line in zip(
-            self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True
-        ):
+        all_of_them = (self.starts.tolist(), self.stars.tolist(), self.lines.tolist())
+        for start, star, line in through(list(zip(*all_of_them, strict=True))):
             if data[start + 3 : start + 6] in kinds:
                 yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
 

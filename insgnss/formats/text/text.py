@@ -165,7 +165,9 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
             path, None, "no such file; check the path in the flight file"
         ) from None
     except OSError as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
     if size == 0:
         raise InputError.at_line(path, None, "is empty; copy it again from its source")
     if count < size:

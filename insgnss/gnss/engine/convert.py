@@ -16,6 +16,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...base.files import first_bytes
+from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
 from ...records import Check
 from ..rinex.navigation_message import TOE, read_navigation
@@ -23,6 +24,7 @@ from ..rinex.observations import read_observations
 
 MODULE = "pyrtklib5"
 NAMES = {"UBX": "u-blox", "SEPT": "Septentrio", "RTCM3": "RTCM 3"}
+BY_HAND = "convert it to RINEX by hand, and give that"
 HEAD, FRAMES, LONGEST_S = 1 << 14, 3, 600.0
 RTCM_PREAMBLE, RTCM_AROUND = 0xD3, 6
 UBX_SYNC, SBF_SYNC = b"\xb5\x62", b"$@"
@@ -92,7 +94,7 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
             path,
             None,
             f"is a log of {NAMES[form]}; its converter comes with pip install 'insgnss[ppk]'"
-            f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name})",
+            f" ({MODULE}), or give RINEX (convbin -v 3.04 {path.name}); {DOCTOR}",
         )
     directory.mkdir(parents=True, exist_ok=True)
     observations = directory / f"{path.stem}.obs"
@@ -106,7 +108,10 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
         week = ", its week by the navigation files"
     _run([sys.executable, "-m", "insgnss.gnss.engine.convert_worker", *words], path)
     if not observations.is_file():
-        raise DataError(f"{path}: {NAMES[form]}: the converter found no raw observations in it")
+        raise DataError(
+            f"{path}: {NAMES[form]}: the converter found no raw observations in it; let the"
+            " receiver log them (UBX-RXM-RAWX, RTCM 1074 to 1127), or give RINEX"
+        )
     epochs = read_observations(observations).time.size
     finding = f"{path.name} is of {NAMES[form]}: {epochs} epochs as RINEX 3.04{week}"
     check = Check("receiver log", finding, "RINEX, or a log that the converter reads")
@@ -120,7 +125,9 @@ def _run(command: list[str], path: Path) -> None:
             command, capture_output=True, text=True, timeout=LONGEST_S, check=False
         )
     except subprocess.TimeoutExpired:
-        raise DataError(f"{path}: the converter did not finish in {LONGEST_S:g} s") from None
+        raise DataError(
+            f"{path}: the converter did not finish in {LONGEST_S:g} s; {BY_HAND}"
+        ) from None
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["nothing"])[-1]
-        raise DataError(f"{path}: the converter stopped; it said: {last[:200]}")
+        raise DataError(f"{path}: the converter stopped; it said: {last[:200]}; {BY_HAND}")

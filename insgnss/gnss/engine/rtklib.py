@@ -35,7 +35,7 @@ from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
 from ...base.scratch import ENGINE, scratch_directory
-from ...base.wording import named
+from ...base.wording import DOCTOR, named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes
 from ..options import (
@@ -69,7 +69,7 @@ MODULE = "pyrtklib5"
 PROGRAM = "rnx2rtkp"
 INSTALL = (
     "no GNSS engine: pip install 'insgnss[ppk]' (pyrtklib5), or put RTKLIB's rnx2rtkp (EX 2.5.0 or"
-    " later) on PATH"
+    f" later) on PATH; {DOCTOR}"
 )
 HOLDS = (2, 5, 0)
 PROGRAM_LINE = re.compile(r"%\s*program\s*:.*?ver\.\s*(\S.*)")
@@ -586,7 +586,7 @@ def _check_version(engine: str) -> tuple[Check, ...]:
         return ()
     advice = (
         "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"
-        " which EX 2.5.0 fixed 98 %"
+        f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
     )
     return (
         Check(

@@ -173,7 +173,7 @@ def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
     if week is None:
         raise InputError(
             f"{source or 'navigation'}: no message of a healthy satellite (GPS, Galileo, GLONASS,"
-            " BeiDou, QZSS)"
+            " BeiDou, QZSS); give the broadcast ephemerides of the day"
         )
     rows.sort(key=lambda row: row[1][TOE])
     satellite, table, channel = (list(column) for column in zip(*rows, strict=True))
@@ -248,7 +248,9 @@ def _text(path: Source) -> str:
             path, None, "no such file; check the path of the navigation file"
         ) from None
     except OSError as error:
-        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
 
 
 def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:

@@ -1,6 +1,5 @@
 """The inspection of a directory with RINEX and no IMU: what there is, and the PPK it allows."""
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InsgnssError
+from ...base.wording import command_line
 from ...geodesy.frames import ecef_to_geodetic
 from ..draft import Draft, write_draft
 from .survey import SYSTEMS, Receiver, Survey
@@ -57,7 +57,7 @@ class RinexInspection:
         assert s.base is not None
         words = ["insgnss", "ppk", *map(str, s.rover.files), "--base", *map(str, s.base.files)]
         words += ["--navigation", *map(str, s.navigation)]
-        return shlex.join(words)
+        return command_line(words)
 
     def summary(self) -> str:
         """Return the text for the terminal."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...formats import UNITS
+from ...formats.gnss.heights import refused_heights
 from ...formats.text.headers import Kinds, factor_of, kinds_like, names_of, unit_in
 from ...formats.text.units import usual_unit
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
@@ -277,6 +278,11 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
                 "no standard deviations of the velocity in the file: those of a usual receiver"
             )
         _spell_out(path, table, columns, "gnss", keys, why, roles.how)
+        text = path.is_file() and path.suffix.lower() not in VARIABLES
+        names = [table.fields[columns["h"]] or ""] if "h" in columns else []
+        if above_geoid := refused_heights(path, names, commented=text):
+            keys["undulation_m"] = 0.0  # to look at them; the draft leaves it open
+            why["undulation_m"] = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
         rows = (
             slice(None)
             if roles.repeat_column is None
@@ -380,7 +386,7 @@ def _spell_out(
 ) -> None:
     """Set `columns`, unless the reader finds the same ones itself."""
     names = table.grid.names
-    in_text = path.suffix.lower() not in VARIABLES
+    in_text = path.is_file() and path.suffix.lower() not in VARIABLES
     if all(name is None for name in names):
         name_of = {k: name for name, k in columns.items()}
         listed = [name_of.get(k, "-") for k in range(len(names))]

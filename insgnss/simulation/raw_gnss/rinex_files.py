@@ -26,6 +26,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.advance import through
 from ...base.errors import UsageError
 from ...base.files import atomic_write
 from ...geodesy.gpstime import GPS_EPOCH, WEEK_S, calendar_from_gps, leap_seconds
@@ -145,7 +146,7 @@ def _observation_lines(path: File, station: Station, table: ObservationTable) ->
         _ticks(table.time), _ticks(table.events)
     )  # the epoch that an event stands before
     first_event = np.searchsorted(behind, np.arange(n + 2))
-    for first in range(0, n, _CHUNK):
+    for first in through(range(0, n, _CHUNK)):
         last = min(first + _CHUNK, n)
         chunk = slice(rows[first], rows[last])
         body = _rows(path, table, chunk)

@@ -28,6 +28,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.advance import share
 from ...base.errors import UsageError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...gnss.rinex.navigation_message import Navigation
@@ -275,9 +276,11 @@ def simulate_raw_gnss(
         _ionosphere(options, position, common),
         options,
     )
+    share(0.3)
     rover_data, rover_slips = _observe(
         rover, scene, _Receiver(options.rate_hz, 1.0, options.glonass_phase_bias_m), moving
     )
+    share(0.7)
     base_data, base_slips = _observe(
         base, scene, _Receiver(options.base_rate_hz, options.base_share, 0.0), standing
     )
