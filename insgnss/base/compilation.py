@@ -144,14 +144,16 @@ def _linked_later_class() -> Any:
         from llvmlite import binding
         from numba.core.codegen import JITCodeLibrary
 
-        names = ("enable_object_caching", "_set_compiled_object", "_finalize_final_module")
-        names += ("_get_module_for_linking", "get_pointer_to_function", "_unserialize")
+        names = (
+            *("enable_object_caching", "_set_compiled_object", "_finalize_final_module"),
+            *("_get_module_for_linking", "get_pointer_to_function", "_unserialize"),
+        )
         if not all(hasattr(JITCodeLibrary, name) for name in names):
             return None
     except ImportError:
         return None
 
-    class LinkedLater(JITCodeLibrary):  # type: ignore[misc]
+    class LinkedLater(JITCodeLibrary):
         _intermediate: bytes | None = None
 
         @classmethod

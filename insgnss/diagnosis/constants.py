@@ -174,7 +174,7 @@ class ConstantsEvidence:
         if not every or every[0].evidence < TAKEN:
             return None
         close = [one for one in every if one.evidence > max(TAKEN, every[0].evidence - OTHERS)]
-        close = close or every[:1]
+        close = close or [every[0]]
         return min(close, key=lambda one: (len(one.groups), -one.evidence))
 
     def rivals(self, of: Hypothesis) -> list[Hypothesis]:
