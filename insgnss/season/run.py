@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import DataError, InsgnssError, UsageError
+from ..base.errors import InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.staging import together
 from .forecast import PROGRAM_BYTES
@@ -214,7 +214,7 @@ def run_season(
     DataError
         No worker was there for minutes.
     """
-    from .engine import cluster, local_workers, run_tasks
+    from .engine import SCHEDULER, cluster, local_workers, run_alone, run_tasks
 
     start = time.monotonic()
     if request.parquet:
@@ -224,7 +224,7 @@ def run_season(
     tasks = tasks_of(flights, request)
     workers = local_workers(tasks, request.workers)
     if request.scheduler is not None:
-        workers = replace(workers, memory_bytes=0.0, limited_by="scheduler")
+        workers = replace(workers, memory_bytes=0.0, limited_by=SCHEDULER)
     ended: dict[str, Outcome] = {}
 
     def report(outcome: Outcome) -> None:
@@ -244,10 +244,13 @@ def run_season(
         with cluster(workers, request.scheduler) as client:
             # compiled once, and not by every worker at the same time
             first = 1 if request.scheduler is None and len(tasks) > 1 and _uncompiled() else 0
-            for some in (tasks[:first], tasks[first:]):
-                if some:
-                    run_tasks(client, some, workers, report, tick)
-    except (KeyboardInterrupt, DataError):
+            some = (tasks[:first], tasks[first:])
+            killed = [task for part in some for task in run_tasks(client, part, report, tick)]
+        if killed:
+            with cluster(workers.alone, request.scheduler) as client:
+                for task in killed:
+                    run_alone(client, task, workers.alone, report, tick)
+    except (KeyboardInterrupt, InsgnssError):
         if ended:
             so_far()
         raise

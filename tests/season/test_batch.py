@@ -175,7 +175,7 @@ def test_a_flight_that_kills_its_workers_is_one_failure(tmp_path: Path) -> None:
     assert all(row["reason"] for row in failed)
     reason = next(row["reason"] for row in document["flights"] if row["name"] == "f001")
     assert "its worker died 3 times beside other flights and as often alone" in reason
-    assert "(memory forecast 0." in reason
+    assert "neither Dask nor the system says that it was for memory (memory forecast 0." in reason
 
 
 def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path) -> None:
