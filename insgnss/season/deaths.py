@@ -39,7 +39,7 @@ class Watch:
         self._ended = len(client.get_events(BEYOND_MEMORY))
         self._kills = self._kernel_kills()
         self._workers: set[str] = set()
-        self._most = 0.0
+        self._most = self._limit = 0.0
 
     def look(self) -> None:
         """See which worker has the flight, and what it takes."""
@@ -47,8 +47,9 @@ class Watch:
         for address, keys in self._client.processing().items():
             if keys:
                 self._workers.add(address)
-                metrics = infos.get(address, {}).get("metrics", {})
-                self._most = max(self._most, float(metrics.get("memory", 0.0)))
+                info = infos.get(address, {})
+                self._limit = float(info.get("memory_limit") or self._limit)
+                self._most = max(self._most, float(info.get("metrics", {}).get("memory", 0.0)))
 
     def _kernel_kills(self) -> Mapping[str, int]:
         """Return the kernel's count of each machine."""
@@ -60,15 +61,13 @@ class Watch:
             counts[machine] = max(counts.get(machine, 0), count)
         return counts
 
-    def outcome(self, task: Task, memory_bytes: float, deaths: str, seconds: float) -> Outcome:
+    def outcome(self, task: Task, deaths: str, seconds: float) -> Outcome:
         """Return the outcome of a flight that its workers died of.
 
         Parameters
         ----------
         task : Task
             The flight.
-        memory_bytes : float
-            What its worker could have, 0 where that is not known.
         deaths : str
             How often they died.
         seconds : float
@@ -79,19 +78,19 @@ class Watch:
         ]
         own = [float(one["rss"]) for one in events if one["worker"] in self._workers]
         killed = any(n > self._kills.get(at, n) for at, n in self._kernel_kills().items())
-        limit = f"{memory_bytes / GB:.2f} GB that it may have" if memory_bytes else "its limit"
         forecast = f"memory forecast {task.forecast_bytes / GB:.1f} GB"
         if own:
+            limit = f" of the {self._limit / GB:.2f} GB that it may have" if self._limit else ""
             reason = (
-                f"memory: its worker was ended at {max(own) / GB:.2f} GB, of the {limit} when it"
-                f" runs alone ({forecast}); {TRY}"
+                f"memory: its worker was ended at {max(own) / GB:.2f} GB{limit} when it runs alone"
+                f" ({forecast}); {TRY}"
             )
         elif killed:
             had = f", which had {self._most / GB:.2f} GB when last seen" if self._most else ""
-            room = f", {memory_bytes / GB:.2f} GB were available" if memory_bytes else ""
+            limit = f", of {self._limit / GB:.2f} GB that it might have" if self._limit else ""
             reason = (
-                f"memory: the system ended its worker for want of it{had}, when it ran alone"
-                f" ({forecast}{room}); {TRY}"
+                f"memory: the system ended its worker for want of it{had}{limit}, when it ran alone"
+                f" ({forecast}); {TRY}"
             )
         else:
             reason = (

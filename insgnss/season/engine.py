@@ -254,8 +254,7 @@ def run_alone(
     deaths = f"{RETRIES + 1} times beside other flights and as often alone"
     for _, outcome in _arriving(client, [task], look):
         if outcome is None:
-            seconds = time.monotonic() - start
-            outcome = watch.outcome(task, workers.memory_bytes, deaths, seconds)
+            outcome = watch.outcome(task, deaths, time.monotonic() - start)
         tell(outcome)
 
 
