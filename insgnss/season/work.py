@@ -10,15 +10,16 @@ import os
 import time
 import traceback
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..base.errors import DataError, InsgnssError
+from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import sha256
 from ..config.flight_file import Flight
-from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of
+from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of, told_by_refusal
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
@@ -103,13 +104,16 @@ def process_task(task: Task) -> Outcome:
             status, row = _processed(task)
     except Exception as error:
         code, reason = _verdict(error)
-        return failed(task, reason, code, time.monotonic() - start)
+        told = told_by_refusal(error.found) if isinstance(error, InputError) else {}
+        return failed(task, reason, code, time.monotonic() - start, told)
     row["seconds"] = round(time.monotonic() - start, 3)
     notes = tuple(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
     return Outcome(task.name, status, row, 0, notes)
 
 
-def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
+def failed(
+    task: Task, reason: str, code: int, seconds: float, told: Mapping[str, Any] | None = None
+) -> Outcome:
     """Return the outcome of a flight without products.
 
     Parameters
@@ -122,8 +126,10 @@ def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
         The exit code that `insgnss process` has for it.
     seconds : float
         What it took.
+    told : mapping, optional
+        What it tells all the same, by column.
     """
-    row: Row = dict.fromkeys(COLUMNS)
+    row: Row = dict.fromkeys(COLUMNS) | dict(told or {})
     row |= {"name": task.name, "flight": task.file, "status": FAILED, "judgement": "bad"}
     row |= {"reason": " ".join(reason.split()), "seconds": round(seconds, 3)}
     row["version"] = __version__
