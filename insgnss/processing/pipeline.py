@@ -7,18 +7,15 @@
 """
 
 import os
-import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .. import __version__
 from ..base.beside import Beside
 from ..base.circumstances import circumstances
 from ..base.files import json_ready, sha256
+from ..base.provenance import versions
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
 from ..records import (
@@ -256,17 +253,12 @@ def _report(
     inputs: dict[str, str],
 ) -> dict[str, Any]:
     """Gather what report.json holds."""
-    versions = {
-        "insgnss": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
     report = run_summary(
         diagnostics,
         eo,
         flight.resolved(),
         inputs,
-        versions,
+        versions(),
         dict(clock.seconds),
         history,
         imu_samples=recording.sample_count,

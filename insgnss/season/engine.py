@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
@@ -99,6 +99,35 @@ def local_workers(tasks: Sequence[Task], wanted: int | None, room: int | None = 
     limited_by = min(limits, key=lambda name: limits[name])
     count = max(limits[limited_by], 1)
     return Workers(count, 0.0 if room is None else room / count, limited_by)
+
+
+def portions(
+    tasks: Sequence[Task], wanted: int | None, room: int | None = None
+) -> list[tuple[Sequence[Task], Workers]]:
+    """Divide flights into those that may run side by side on all processors, and larger ones.
+
+    A single long flight would else have all others wait in one line.
+
+    Parameters
+    ----------
+    tasks, wanted, room
+        As of `local_workers`.
+
+    Returns
+    -------
+    list of (sequence of Task, Workers)
+        What runs one after the other, and on how many workers; none without flights.
+    """
+    room = available() if room is None else room
+    whole = local_workers(tasks, wanted, room)
+    if whole.limited_by != "memory" or room is None:
+        return [(tasks, whole)]
+    most = (
+        USABLE * room / local_workers([replace(t, forecast_bytes=0.0) for t in tasks], wanted).count
+    )
+    small = [task for task in tasks if task.forecast_bytes <= most]
+    large = [task for task in tasks if task.forecast_bytes > most]
+    return [(some, local_workers(some, wanted, room)) for some in (small, large) if some]
 
 
 @contextmanager

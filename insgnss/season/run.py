@@ -4,7 +4,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -214,7 +214,7 @@ def run_season(
     DataError
         No worker was there for minutes.
     """
-    from .engine import SCHEDULER, cluster, local_workers, run_alone, run_tasks
+    from .engine import SCHEDULER, Workers, cluster, portions, run_alone, run_tasks
 
     start = time.monotonic()
     if request.parquet:
@@ -222,9 +222,10 @@ def run_season(
     flights = gather(request.sources)
     _refuse_files_of_others(request)
     tasks = tasks_of(flights, request)
-    workers = local_workers(tasks, request.workers)
-    if request.scheduler is not None:
-        workers = replace(workers, memory_bytes=0.0, limited_by=SCHEDULER)
+    if request.scheduler is None:
+        parts = portions(tasks, request.workers)
+    else:
+        parts = [(tasks, Workers(1, 0.0, SCHEDULER))]
     ended: dict[str, Outcome] = {}
 
     def report(outcome: Outcome) -> None:
@@ -241,15 +242,18 @@ def run_season(
 
     tick(0)
     try:
-        with cluster(workers, request.scheduler) as client:
-            # compiled once, and not by every worker at the same time
-            first = 1 if request.scheduler is None and len(tasks) > 1 and _uncompiled() else 0
-            some = (tasks[:first], tasks[first:])
-            killed = [task for part in some for task in run_tasks(client, part, report, tick)]
+        killed: list[Task] = []
+        for part, workers in parts:
+            with cluster(workers, request.scheduler) as client:
+                # compiled once, and not by every worker at the same time
+                first = 1 if workers.count > 1 and _uncompiled() else 0
+                for some in (part[:first], part[first:]):
+                    killed += run_tasks(client, some, report, tick)
         if killed:
-            with cluster(workers.alone, request.scheduler) as client:
+            alone = parts[0][1].alone
+            with cluster(alone, request.scheduler) as client:
                 for task in killed:
-                    run_alone(client, task, workers.alone, report, tick)
+                    run_alone(client, task, alone, report, tick)
     except (KeyboardInterrupt, InsgnssError):
         if ended:
             so_far()
