@@ -64,12 +64,12 @@ class InputError(InsgnssError):
 
     Attributes
     ----------
-    found : mapping
+    findings : mapping
         What a run had found by then, as its report would say it; empty of most errors.
     """
 
     exit_code = 3
-    found: Mapping[str, Any] = MappingProxyType({})
+    findings: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
     def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":

@@ -41,7 +41,7 @@ def sentence(check: Check) -> str:
 def refuse_contradictions(
     flight: Flight,
     checks: Iterable[Check],
-    found: Callable[[], Mapping[str, Any]] = dict,
+    findings: Callable[[], Mapping[str, Any]] = dict,
 ) -> None:
     """Stop a run whose checks contradict the flight file.
 
@@ -51,7 +51,7 @@ def refuse_contradictions(
         The flight file, which may accept contradictions by name.
     checks : iterable of Check
         The checks.
-    found : callable
+    findings : callable
         Returns what the run has found by then, which the error takes along with the names of the
         contradictions.
 
@@ -66,7 +66,7 @@ def refuse_contradictions(
         also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
         names = ", ".join(f'"{c.name}"' for c in bad)
         error = refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
-        error.found = {"contradictions": [c.name for c in bad], **found()}
+        error.findings = {"contradictions": [c.name for c in bad], **findings()}
         raise error
 
 

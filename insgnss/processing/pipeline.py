@@ -226,14 +226,14 @@ def _solve(
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
     checks += check_exposure_clock(flight, recording, segments)
 
-    def found() -> dict[str, Any]:
+    def findings() -> dict[str, Any]:
         start = min(float(segment.solution.time[0]) for segment in segments)
         return {
             "span": {"gps_week": recording.gps_week, "start_tow_s": start},
             "constants": [asdict(one) for one in constants_of(flight, segments)],
         }
 
-    refuse_contradictions(flight, checks, found)
+    refuse_contradictions(flight, checks, findings)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
 
 

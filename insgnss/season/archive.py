@@ -175,10 +175,10 @@ def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
 def _is_document(path: Path) -> bool:
     """Tell whether a file says what results were made from; others are not parsed."""
     try:
-        found = KEY.encode() in path.read_bytes()
+        named = KEY.encode() in path.read_bytes()
     except OSError:
         return False
-    return found and isinstance(_document(path).get(KEY), dict)
+    return named and isinstance(_document(path).get(KEY), dict)
 
 
 def _document(path: Path) -> dict[str, Any]:

@@ -77,7 +77,7 @@ class Watch:
             message for _, message in self._client.get_events(BEYOND_MEMORY)[self._ended :]
         ]
         own = [float(one["rss"]) for one in events if one["worker"] in self._workers]
-        killed = any(n > self._kills.get(at, n) for at, n in self._kernel_kills().items())
+        killed = any(n > self._kills.get(machine, n) for machine, n in self._kernel_kills().items())
         forecast = f"memory forecast {task.forecast_bytes / GB:.1f} GB"
         if own:
             limit = f" of the {self._limit / GB:.2f} GB that it may have" if self._limit else ""

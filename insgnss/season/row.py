@@ -92,7 +92,7 @@ def constants_row(report: Mapping[str, Any]) -> Row:
     return row
 
 
-def told_by_refusal(found: Mapping[str, Any]) -> Row:
+def known_from_refusal(findings: Mapping[str, Any]) -> Row:
     """Return the constants of a flight that was refused because of them, by column.
 
     An equipment that has drifted far contradicts its flight files: without these flights its trend
@@ -101,13 +101,13 @@ def told_by_refusal(found: Mapping[str, Any]) -> Row:
 
     Parameters
     ----------
-    found : mapping
-        What the run had found by then (`InputError.found`).
+    findings : mapping
+        What the run had found by then (`InputError.findings`).
     """
-    names = set(found.get("contradictions", ()))
-    if not names or "constants" not in found or not names <= {LEVER_ARM, OFFSET}:
+    names = set(findings.get("contradictions", ()))
+    if not names or "constants" not in findings or not names <= {LEVER_ARM, OFFSET}:
         return {}
-    return constants_row(found)
+    return constants_row(findings)
 
 
 def digest(hashes: Mapping[str, str]) -> str:

@@ -243,11 +243,11 @@ def run_season(
     tick(0)
     try:
         killed: list[Task] = []
-        for part, workers in parts:
+        for portion, workers in parts:
             with cluster(workers, request.scheduler) as client:
                 # compiled once, and not by every worker at the same time
                 first = 1 if workers.count > 1 and _uncompiled() else 0
-                for some in (part[:first], part[first:]):
+                for some in (portion[:first], portion[first:]):
                     killed += run_tasks(client, some, report, tick)
         if killed:
             alone = parts[0][1].alone

@@ -19,7 +19,7 @@ from .. import __version__
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import sha256
 from ..config.flight_file import Flight
-from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of, told_by_refusal
+from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
@@ -104,15 +104,15 @@ def process_task(task: Task) -> Outcome:
             status, row = _processed(task)
     except Exception as error:
         code, reason = _verdict(error)
-        told = told_by_refusal(error.found) if isinstance(error, InputError) else {}
-        return failed(task, reason, code, time.monotonic() - start, told)
+        constants = known_from_refusal(error.findings) if isinstance(error, InputError) else {}
+        return failed(task, reason, code, time.monotonic() - start, constants)
     row["seconds"] = round(time.monotonic() - start, 3)
     notes = tuple(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
     return Outcome(task.name, status, row, 0, notes)
 
 
 def failed(
-    task: Task, reason: str, code: int, seconds: float, told: Mapping[str, Any] | None = None
+    task: Task, reason: str, code: int, seconds: float, constants: Mapping[str, Any] | None = None
 ) -> Outcome:
     """Return the outcome of a flight without products.
 
@@ -126,10 +126,10 @@ def failed(
         The exit code that `insgnss process` has for it.
     seconds : float
         What it took.
-    told : mapping, optional
+    constants : mapping, optional
         What it tells all the same, by column.
     """
-    row: Row = dict.fromkeys(COLUMNS) | dict(told or {})
+    row: Row = dict.fromkeys(COLUMNS) | dict(constants or {})
     row |= {"name": task.name, "flight": task.file, "status": FAILED, "judgement": "bad"}
     row |= {"reason": " ".join(reason.split()), "seconds": round(seconds, 3)}
     row["version"] = __version__

@@ -8,7 +8,7 @@ from seasons import short_flight
 
 from insgnss.season.archive import examine_archive
 from insgnss.season.forecast import forecast_bytes
-from insgnss.season.row import told_by_refusal
+from insgnss.season.row import known_from_refusal
 from insgnss.season.work import FAILED, Outcome, Task, process_task
 
 pytestmark = pytest.mark.slow
@@ -100,12 +100,16 @@ def test_constants_are_told_by_the_refusal_that_is_theirs_alone() -> None:
         "span": {"gps_week": 2008, "start_tow_s": 86418.0},
         "constants": [lever | {"sigma": 0.006}],
     }
-    row = told_by_refusal(found)
+    row = known_from_refusal(found)
     assert row["lever_arm_down_m"] == pytest.approx(-0.1)
     assert row["lever_arm_down_sigma_m"] == 0.006
     assert row["date_utc"] == "2018-07-02T00:00:00Z"
-    assert told_by_refusal(found | {"contradictions": ["antenna lever arm", "axes"]}) == {}
-    assert told_by_refusal({"contradictions": ["antenna lever arm"]}) == told_by_refusal({}) == {}
+    assert known_from_refusal(found | {"contradictions": ["antenna lever arm", "axes"]}) == {}
+    assert (
+        known_from_refusal({"contradictions": ["antenna lever arm"]})
+        == known_from_refusal({})
+        == {}
+    )
 
 
 def test_an_archive_is_made_again_byte_for_byte(flight: Path) -> None:

@@ -92,14 +92,14 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     )
     notes = [f"note: {sentence(note)}" for note in imu.notes]
     summary = "\n".join([*notes, result.summary()])
-    found = result.as_dict() | {"file": out, "notes": notes}
+    figures = result.as_dict() | {"file": out, "notes": notes}
     flight = () if options.flight is None else (options.flight,)
     with together():
         write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
-        made = json_ready(found) | made_from((options.imu, *flight), document, [out])
+        made = json_ready(figures) | made_from((options.imu, *flight), document, [out])
         text = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(document, f"{text}\n")
-    return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: found)
+    return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
 
 
 def _origin(imu: Path) -> str:
