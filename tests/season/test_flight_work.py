@@ -8,7 +8,6 @@ from seasons import short_flight
 
 from insgnss.season.archive import examine_archive
 from insgnss.season.forecast import forecast_bytes
-from insgnss.season.row import known_from_refusal
 from insgnss.season.work import FAILED, Outcome, Task, process_task
 
 pytestmark = pytest.mark.slow
@@ -88,28 +87,6 @@ def test_a_failure_is_the_line_of_process(flight: Path, tmp_path: Path) -> None:
     wrong = process_task(Task("f", str(tmp_path / "flight.toml")))
     assert wrong.exit_code == 3
     assert "flight.toml:2: imu.file: 3 is a number, expected a text" in wrong.reason
-
-
-def test_constants_are_told_by_the_refusal_that_is_theirs_alone() -> None:
-    """Oracle: a lever arm that contradicts the flight file is known; beside another contradiction,
-    such as axes, it may be a consequence.
-    """
-    lever = {"name": "antenna lever arm down", "assumed": -0.07, "correction": -0.03}
-    found = {
-        "contradictions": ["antenna lever arm"],
-        "span": {"gps_week": 2008, "start_tow_s": 86418.0},
-        "constants": [lever | {"sigma": 0.006}],
-    }
-    row = known_from_refusal(found)
-    assert row["lever_arm_down_m"] == pytest.approx(-0.1)
-    assert row["lever_arm_down_sigma_m"] == 0.006
-    assert row["date_utc"] == "2018-07-02T00:00:00Z"
-    assert known_from_refusal(found | {"contradictions": ["antenna lever arm", "axes"]}) == {}
-    assert (
-        known_from_refusal({"contradictions": ["antenna lever arm"]})
-        == known_from_refusal({})
-        == {}
-    )
 
 
 def test_an_archive_is_made_again_byte_for_byte(flight: Path) -> None:
