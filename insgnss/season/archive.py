@@ -157,19 +157,27 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
 
 def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
     """Return the documents of an archive, and products without one."""
-    documents, orphans = [], []
+    documents: list[Path] = []
+    orphans: list[Path] = []
+    above: list[Path] = []  # directories of runs that leave such products
     for folder, inner, names in os.walk(directory):
         inner[:] = sorted(name for name in inner if not name.startswith((*PREFIXES, ".")))
         own = [Path(folder) / name for name in sorted(names) if name.endswith(".json")]
         own = [path for path in own if _is_document(path)]
         documents += own
-        if not own and "mounting.toml" not in names:
-            above = [path.parent for path in documents]
-            of_run = any(path in Path(folder).parents for path in above)
+        above += [path.parent for path in own if _may_leave_orphans(path)]
+        if "mounting.toml" not in names:
+            of_run = any(path in (Path(folder), *Path(folder).parents) for path in above)
             beside = (Path(folder).parent / PUBLISHED / REPORT).is_file()
             if not of_run and not beside and Path(folder).name != "truth":
                 orphans += [Path(folder) / name for name in ORPHANS if name in names]
     return documents, orphans
+
+
+def _may_leave_orphans(document: Path) -> bool:
+    """Tell whether a run leaves what `ORPHANS` names; others, as of `tune`, explain none of it."""
+    products = _document(document).get(PRODUCTS)
+    return not products or any(Path(name).name in ORPHANS for name in products)
 
 
 def _is_document(path: Path) -> bool:

@@ -145,7 +145,7 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
     ------
     UsageError
         Dask is not installed; the scheduler does not answer, has no workers, or workers of another
-        version of insgnss.
+        version of insgnss or of several threads.
     """
     try:
         import dask
@@ -185,7 +185,10 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
 
 
 def _refuse_workers(client: "Client", scheduler: str) -> None:
-    """Raise UsageError where a scheduler has no workers, or workers without this insgnss."""
+    """Raise UsageError where a scheduler has no workers, or workers that are not fit for flights.
+
+    They need this insgnss, and one thread each.
+    """
     try:
         client.wait_for_workers(1, timeout=WORKER_WAIT_S)
     except TimeoutError:
@@ -205,6 +208,15 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
         raise UsageError(
             f"--scheduler {scheduler}: worker {address} has insgnss {version}, here it is"
             f" {__version__}; install the same"
+        )
+    infos = client.scheduler_info(n_workers=-1)["workers"]
+    threads = {address: int(info["nthreads"]) for address, info in infos.items()}
+    if (most := max(threads.values(), default=1)) > 1:
+        address = max(threads, key=lambda one: threads[one])
+        raise UsageError(
+            f"--scheduler {scheduler}: worker {address} has {most} threads, 1 is right: flights in"
+            f" one process would share its warnings and its death; start `dask worker {scheduler}"
+            f" --nthreads 1 --nworkers {most}`"
         )
 
 

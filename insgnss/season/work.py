@@ -7,6 +7,7 @@ that was killed anywhere goes on where it was, and nothing of its own has to be 
 
 import contextlib
 import os
+import threading
 import time
 import traceback
 import warnings
@@ -24,6 +25,7 @@ from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, r
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
 INTERNAL = InsgnssError.exit_code
+_ONE_AT_A_TIME = threading.Lock()  # warnings are caught for a whole process
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,11 @@ def process_task(task: Task) -> Outcome:
     Outcome
         With the row of the season's table.
     """
+    with _ONE_AT_A_TIME:
+        return _outcome(task)
+
+
+def _outcome(task: Task) -> Outcome:
     start = time.monotonic()
     try:
         with warnings.catch_warnings(record=True) as caught:
