@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,9 @@ def group() -> Iterator[Path]:
     except OSError as error:
         pytest.skip(f"no control group of memory can be made here: {error}")
     yield own
+    end = time.monotonic() + 30.0
+    while (own / "cgroup.procs").read_text() and time.monotonic() < end:
+        time.sleep(0.1)  # the process that cleans up after others ends last
     own.rmdir()
 
 
