@@ -112,7 +112,7 @@ def growth(most: int) -> None:
             tasks = [Task(str(k), f"f{k}/flight.toml") for k in range(count)]
             start = time.perf_counter()
             outcomes: list[Outcome] = []
-            engine.run_tasks(client, tasks, workers, outcomes.append, lambda left: None)
+            engine.run_tasks(client, tasks, outcomes.append, lambda left: None)
             taken = time.perf_counter() - start
             rows = [outcome.row for outcome in outcomes]
             start = time.perf_counter()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from insgnss.base import memory
-from insgnss.base.memory import available, give_back
+from insgnss.base.memory import available, give_back, kills
 
 MEMINFO = "MemTotal: 16000000 kB\nMemAvailable: 8000000 kB\nSwapTotal: 1000 kB\nSwapFree: 500 kB\n"
 FREE = 8_000_500 * 1024
@@ -86,3 +86,16 @@ def test_memory_is_given_back_or_nothing_happens(monkeypatch: pytest.MonkeyPatch
     give_back()
     monkeypatch.setattr(memory, "_trim", lambda: None)
     give_back()
+
+
+def test_what_the_kernel_ended_is_counted(system: tuple[Path, Path]) -> None:
+    """Oracle: its files: the own group's count goes before the machine's."""
+    proc, groups = system
+    assert kills(proc, groups) == 0
+    (proc / "vmstat").write_text("pgfault 5\noom_kill 7\n")
+    assert kills(proc, groups) == 7
+    (proc / "self" / "cgroup").write_text("4:memory:/a\n0::/b\n")
+    write(groups / "memory/a", memory__oom_control="oom_kill_disable 0\noom_kill 2")
+    assert kills(proc, groups) == 2
+    write(groups / "b", memory__events="oom 4\noom_kill 3")
+    assert kills(proc, groups) == 3

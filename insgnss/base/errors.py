@@ -5,7 +5,8 @@ far as they apply.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from .wording import named, setting
@@ -59,9 +60,16 @@ def _option_error(key: str, problem: str, message: str) -> OptionError:
 
 
 class InputError(InsgnssError):
-    """An input file or a value in it is wrong."""
+    """An input file or a value in it is wrong.
+
+    Attributes
+    ----------
+    findings : mapping
+        What a run had found by then, as its report would say it; empty of most errors.
+    """
 
     exit_code = 3
+    findings: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
     def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":

@@ -33,6 +33,29 @@ def available(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int | None:
     return max(min(rooms), 0) if rooms else None
 
 
+def kills(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int:
+    """Return how many processes the system has ended so far for want of memory.
+
+    Those of this process's control group count, where the kernel tells; else those of the machine.
+
+    Parameters
+    ----------
+    proc, groups : Path
+        Where Linux tells of processes and of control groups.
+
+    Returns
+    -------
+    int
+        Only its growth means something; 0 where the system does not say.
+    """
+    counted = []
+    for version, root, own in _own_groups(proc, groups):
+        name = "memory.events" if version == 2 else "memory.oom_control"
+        count = _table(root / str(own).lstrip("/") / name).get("oom_kill")
+        counted += [] if count is None else [count]
+    return max(counted, default=_table(proc / "vmstat").get("oom_kill", 0))
+
+
 def out_of_memory(error: MemoryError) -> str:
     """Return one line on what memory did not hold: what was needed, what is left, what to try.
 
@@ -92,19 +115,25 @@ def _machine(proc: Path) -> int | None:
     return table["MemAvailable"] + table.get("SwapFree", 0)
 
 
-def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
-    """Yield what the control groups of this process leave it, of both versions."""
+def _own_groups(proc: Path, groups: Path) -> Iterator[tuple[int, Path, PurePosixPath]]:
+    """Yield version, root and name of the control groups that count this process's memory."""
     for line in _text(proc / "self" / "cgroup").splitlines():
         number, controllers, own = (*line.split(":", 2), "", "")[:3]
         if number == "0":
-            root, limit, used, cached = groups, "memory.max", "memory.current", "inactive_file"
+            yield 2, groups, PurePosixPath(own)
         elif "memory" in controllers.split(","):
-            root, limit = groups / "memory", "memory.limit_in_bytes"
-            used, cached = "memory.usage_in_bytes", "total_inactive_file"
+            yield 1, groups / "memory", PurePosixPath(own)
+
+
+def _of_groups(proc: Path, groups: Path) -> Iterator[int]:
+    """Yield what the control groups of this process leave it, of both versions."""
+    for version, root, own in _own_groups(proc, groups):
+        if version == 2:
+            limit, used, cached = "memory.max", "memory.current", "inactive_file"
         else:
-            continue
-        path = PurePosixPath(own)
-        for group in (path, *path.parents):
+            limit, used = "memory.limit_in_bytes", "memory.usage_in_bytes"
+            cached = "total_inactive_file"
+        for group in (own, *own.parents):
             here = root / str(group).lstrip("/")
             most, now = _text(here / limit).strip(), _text(here / used).strip()
             if most.isdigit() and now.isdigit() and int(most) < UNLIMITED:

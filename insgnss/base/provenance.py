@@ -1,19 +1,75 @@
-"""What results in a directory were made from, before others take their place, and by which run."""
+"""What results in a directory were made from, and by which run: said in their JSON document, and
+held against what is there before others take their place.
+
+Every verb that leaves products leaves a document with `made_from` beside them; `insgnss archive`
+knows results by it, whichever verb they are of.
+"""
 
 import json
 import os
 import platform
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from .errors import UsageError
 from .files import sha256
+from .staging import destination, written
 from .wording import command_line, relative
 
 KEY = "inputs_sha256"
 """In the JSON documents of results: the SHA-256 of each input by its path."""
+PRODUCTS = "products_sha256"
+"""The same of each product by its path from the document; pages that hold the document are none."""
+DIRECTORY = "inputs_directory"
+"""From the document to the directory that paths of inputs are relative to; without it its own."""
+
+
+def made_from(
+    inputs: Iterable[Path], document: Path, products: Iterable[Path], start: Path | None = None
+) -> dict[str, Any]:
+    """Return what a document of results says of their making.
+
+    Parameters
+    ----------
+    inputs : iterable of Path
+        Everything that the results depend on; what is no file is left out.
+    document : Path
+        The JSON document, where it is written or where it goes to (`base.staging`).
+    products : iterable of Path
+        Files that have been written by now, likewise.
+    start : Path, optional
+        Directory that paths of inputs are relative to, such as that of a flight file; by default
+        that of the document.
+
+    Returns
+    -------
+    dict
+        Versions, the command, hashes of inputs and products.
+    """
+    folder = destination(document).absolute().parent
+    made: dict[str, Any] = {
+        "versions": versions(),
+        "run": {"command": circumstances()["command"]},
+        KEY: hashes_of(inputs, start or folder),
+        PRODUCTS: hashes_of_products(products, folder),
+    }
+    return made if start is None else made | {DIRECTORY: relative(start, folder)}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that results hang on."""
+    from .. import __version__
+
+    return {
+        "insgnss": __version__,
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+    }
 
 
 def circumstances() -> dict[str, str]:
@@ -31,6 +87,43 @@ def circumstances() -> dict[str, str]:
 def hashes_of(files: Iterable[Path], start: Path) -> dict[str, str]:
     """Return the hash of each file by its path relative to the directory `start`."""
     return {relative(file, start): sha256(file) for file in files if file.is_file()}
+
+
+def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
+    """Return the hash of each product by its path from a directory.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Where they are written, or where they go to (`base.staging`).
+    folder : Path
+        The directory of their document.
+    """
+    return {
+        Path(relative(destination(path), folder)).as_posix(): sha256(written(path))
+        for path in sorted(files)
+    }
+
+
+def paths_named_by(options: Any) -> Iterator[Path]:
+    """Yield every path that options hold, at any depth: an option that is new is not forgotten.
+
+    Parameters
+    ----------
+    options : Any
+        Dataclasses, mappings and sequences; what is none of these and no path is passed over.
+    """
+    if isinstance(options, Path):
+        yield options
+    elif is_dataclass(options):
+        for one in fields(options):
+            yield from paths_named_by(getattr(options, one.name))
+    elif isinstance(options, Mapping):
+        for value in options.values():
+            yield from paths_named_by(value)
+    elif isinstance(options, list | tuple):
+        for value in options:
+            yield from paths_named_by(value)
 
 
 def other_results(

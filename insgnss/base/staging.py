@@ -98,7 +98,12 @@ class Staging:
 
     def written(self, goal: Path) -> Path:
         """Return where the content of `goal` stands before it is moved; others stay."""
-        return self._files.get(goal, goal)
+        if goal in self._files:
+            return self._files[goal]
+        for target, own in self._trees.items():
+            if target in goal.parents and (path := own / goal.relative_to(target)).exists():
+                return path
+        return goal
 
     def forget(self, goal: Path) -> None:
         """Leave a file out that could not be written."""

@@ -22,10 +22,12 @@ from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write, json_ready, sha256
-from ..base.provenance import KEY, hashes_of
+from ..base.provenance import made_from, paths_named_by
 from ..base.staging import together
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
+from ..formats.blocks.reading import parts_of_block
+from ..formats.orientation.eo_covariance import FILE as STRIPS
 from ..formats.orientation.exported import quoted_names
 from ..formats.orientation.pose_covariance import FILE as COVARIANCE
 from ..formats.orientation.pose_covariance import write_pose_covariance
@@ -79,7 +81,8 @@ def written(
         into = staging.tree(directory)
         if not judgement.refused:
             _write_orientation(solved, figures, judgement, into)
-        figures[KEY] = hashes_of(_input_files(solved), file.path.absolute().parent)
+        start = file.path.absolute().parent
+        figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
         document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, document + "\n")
@@ -125,10 +128,17 @@ def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
 
 
 def _input_files(solved: Solved) -> list[Path]:
+    """List every file that the adjustment depends on, none twice.
+
+    Of the report beside an orientation only the mounting is taken, which the orientation has been
+    made with: it is none of them, as it says the date of its run.
+    """
     file = solved.inputs.file
-    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
-    moving = (file.vehicle.file, file.vehicle.sizes)
-    return [path for path in (*inputs, file.ground.file, *moving) if path is not None]
+    given = [path for path in paths_named_by(file) if path != file.output.directory]
+    poses = (file.aerial_control.file, file.vehicle.file)
+    beside = [path.parent / STRIPS for path in poses if path is not None]
+    parts = [] if file.images.file is None else parts_of_block(file.images.file)
+    return [path for path in dict.fromkeys([*given, *beside, *parts]) if path.is_file()]
 
 
 def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:

@@ -214,9 +214,10 @@ def _warn_of_changed_inputs(eo: Path) -> None:
     """Warn where orientations are of inputs that have changed since, as after a run that failed."""
     import warnings
 
-    from ..season.archive import DOCUMENTS, changed_since
+    from ..exporting.replacing import DOCUMENTS
+    from ..season.archive import changed_since
 
-    if changed := changed_since(eo.parent / DOCUMENTS[0]):
+    if changed := [name for one in DOCUMENTS for name in changed_since(eo.parent / one)]:
         warnings.warn(
             f"{eo} is older than {', '.join(changed)}, which has changed since: these are the"
             " orientations of before; process again where they shall be those of now",

@@ -3,13 +3,13 @@
 import argparse
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.files import atomic_write, expanded, json_ready
-from ..base.provenance import KEY, hashes_of, refuse_other_results
+from ..base.provenance import made_from, paths_named_by, refuse_other_results
 from ..base.staging import together
 from ..base.wording import spoken_as
 from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
@@ -61,6 +61,7 @@ class PpkRun:
     result: "PpkResult"
     given: "PpkInput"
     files: tuple[Path, ...]
+    made: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> str:
         """What a person reads."""
@@ -87,7 +88,6 @@ class PpkRun:
         from .. import __version__
 
         result, given = self.result, self.given
-        measured = (*all_of(given.rover), *all_of(given.base), *given.navigation)
         return {
             "insgnss": __version__,
             "engine": result.engine,
@@ -96,7 +96,7 @@ class PpkRun:
             "quality": result.quality,
             "checks": [asdict(check) for check in result.checks],
             "input": asdict(given),
-            KEY: hashes_of(measured, Path()),
+            **self.made,
             "files": [str(path) for path in self.files],
         }
 
@@ -150,22 +150,28 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
         beside = tuple(into / name for name in (FIGURE, DOCUMENT, PAGE))
         files = (*written, *result.files.values(), *beside)
         run = PpkRun(result, inputs, tuple(map(staging.destination, files)))
-        _write_report(run, *beside)
+        settings = () if given.covariance is None else (given.covariance,)
+        run = _with_report(run, (*paths_named_by(inputs), *settings), *beside)
     return run
 
 
-def _write_report(run: PpkRun, figure: Path, document: Path, page: Path) -> None:
-    """Write figure, page and, last, the document."""
+def _with_report(
+    run: PpkRun, inputs: Sequence[Path], figure: Path, document: Path, page: Path
+) -> PpkRun:
+    """Write figure, page and, last, the document; return the run that says how it was made."""
     from ..report.charts.drawn import draw_sheet
     from ..report.ppk_page import ppk_charts, ppk_page
 
     result, given = run.result, run.given
     atomic_write(figure, draw_sheet([ppk_charts(result.series)]))
+    products = [path for path in figure.parent.rglob("*") if path.is_file()]
+    run = replace(run, made=made_from(inputs, document, products))
     document_data = json_ready(run.as_dict())
     twin = json.dumps(document_data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     files = [*all_of(given.rover), *all_of(given.base), *given.navigation]
     atomic_write(page, ppk_page(document_data, result.checks, result.series, files, twin).html())
     atomic_write(document, twin)
+    return run
 
 
 def _refuse_absent(given: argparse.Namespace) -> None:

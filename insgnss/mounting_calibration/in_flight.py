@@ -25,6 +25,7 @@ from ..geodesy.rotation import (
 )
 from ..orient.mounting import Mounting
 from ..orient.mounting_file import DELAY, VECTORS
+from ..processing.input_files import input_files
 from ..processing.pipeline import ProcessResult, process
 from ..records.block import Array
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
@@ -218,7 +219,7 @@ def calibrate_mounting(
         .isoformat(),
         _inputs(flight, result, poses),
         tuple(notes),
-        (flight.path, *(() if isinstance(poses, BlockPoses) else (poses,))),
+        (*input_files(flight), *(() if isinstance(poses, BlockPoses) else (poses,))),
     )
 
 

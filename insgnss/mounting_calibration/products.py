@@ -1,5 +1,6 @@
 """What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
+import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.files import atomic_write, sha256
+from ..base.files import atomic_write, json_ready, sha256
+from ..base.provenance import made_from, other_results
 from ..base.staging import together
 from ..calibrate.materialisation import lever_arm_difference
 from ..formats.images.exif import camera_tags, time_taken
@@ -196,14 +198,14 @@ class CalibratedMounting:
 
 
 def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
-    """Write mounting.toml and, beside it, the page.
+    """Write mounting.toml and, beside it, a document for machines and the page.
 
     Parameters
     ----------
     result : CalibratedMounting
         What was found.
     out : Path
-        The file; the page has its name with the ending .html.
+        The file; document and page have its name with the endings .json and .html.
     force : bool
         Whether a file that was made from none of the same inputs is overwritten.
 
@@ -217,9 +219,10 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     UsageError
         A file would overwrite an input, or a mounting of other inputs.
     """
-    page = out.with_suffix(".html")
-    inputs = {path.resolve() for path in result.document.get("inputs", ())}
-    for path in (out, page):
+    page, document = out.with_suffix(".html"), out.with_suffix(".json")
+    given = [Path(path) for path in result.document.get("inputs", ())]
+    inputs = {path.resolve() for path in given}
+    for path in (out, document, page):
         if path.resolve() in inputs:
             raise UsageError(f"{path}: is an input, which stays as it is; give another --out FILE")
     if not force and out.is_file():
@@ -230,10 +233,22 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
                 f"{out}: is there, and was made from none of these inputs; give another file with"
                 " --out, or --force"
             )
+    if not force and (reason := other_results(document, given, one_is_enough=True)):
+        raise UsageError(f"{reason}; give another file with --out, or --force")
+    result = replace(result, files=(out, document, page))
     with together():
         write_mounting_file(result.mounting, out)
+        files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
+        made = json_ready(result.as_dict()) | made_from(files, document, [out])
+        twin = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        atomic_write(document, twin)
         atomic_write(page, page_of(result).html())
-    return replace(result, files=(out, page))
+    return result
+
+
+def _within(directory: Path) -> list[Path]:
+    """List the files of a directory that is an input, such as a model of COLMAP."""
+    return sorted(path for path in directory.rglob("*") if path.is_file())
 
 
 def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:

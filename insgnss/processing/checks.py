@@ -5,10 +5,11 @@ A check that finds a contradiction stops the run, unless the flight file accepts
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,11 @@ def sentence(check: Check) -> str:
     return f"{check.name}: {check.found}; expected {check.expected}; {check.advice}"
 
 
-def refuse_contradictions(flight: Flight, checks: Iterable[Check]) -> None:
+def refuse_contradictions(
+    flight: Flight,
+    checks: Iterable[Check],
+    findings: Callable[[], Mapping[str, Any]] = dict,
+) -> None:
     """Stop a run whose checks contradict the flight file.
 
     Parameters
@@ -46,6 +51,9 @@ def refuse_contradictions(flight: Flight, checks: Iterable[Check]) -> None:
         The flight file, which may accept contradictions by name.
     checks : iterable of Check
         The checks.
+    findings : callable
+        Returns what the run has found by then, which the error takes along with the names of the
+        contradictions.
 
     Raises
     ------
@@ -57,7 +65,9 @@ def refuse_contradictions(flight: Flight, checks: Iterable[Check]) -> None:
         noun = "contradiction" if len(bad) == 2 else "contradictions"
         also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
         names = ", ".join(f'"{c.name}"' for c in bad)
-        raise refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
+        error = refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
+        error.findings = {"contradictions": [c.name for c in bad], **findings()}
+        raise error
 
 
 def refusal(flight: Flight, check: Check, remark: str = "") -> InputError:

@@ -6,18 +6,14 @@
 `processing.demo` runs it on a flight that it simulates.
 """
 
-import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .. import __version__
 from ..base.beside import Beside
 from ..base.files import json_ready, sha256
-from ..base.provenance import circumstances
+from ..base.provenance import circumstances, versions
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
@@ -228,7 +224,15 @@ def _solve(
     checks += check_file_sigmas(flight, recording, segments)
     checks += [*check_motion(flight, segments), *check_barometer(segments)]
     checks += check_exposure_clock(flight, recording, segments)
-    refuse_contradictions(flight, checks)
+
+    def findings() -> dict[str, Any]:
+        start = min(float(segment.solution.time[0]) for segment in segments)
+        return {
+            "span": {"gps_week": recording.gps_week, "start_tow_s": start},
+            "constants": [asdict(one) for one in constants_of(flight, segments)],
+        }
+
+    refuse_contradictions(flight, checks, findings)
     return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
 
 
@@ -248,17 +252,12 @@ def _report(
     inputs: dict[str, str],
 ) -> dict[str, Any]:
     """Gather what report.json holds."""
-    versions = {
-        "insgnss": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
     report = run_summary(
         diagnostics,
         eo,
         flight.resolved(),
         inputs,
-        versions,
+        versions(),
         dict(clock.seconds),
         history,
         imu_samples=recording.sample_count,

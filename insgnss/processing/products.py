@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import DataError, InputError, InsgnssError, UsageError
-from ..base.files import sha256
-from ..base.provenance import other_results
+from ..base.provenance import PRODUCTS as HASHES
+from ..base.provenance import hashes_of_products, other_results
 from ..base.scratch import scratch_directory
 from ..base.staging import together
 from ..base.wording import relative
@@ -215,7 +215,7 @@ def write_products(
         write_sbet(trajectory, directory / "trajectory.sbet")
         write_smrmsg(trajectory, directory / "trajectory.smrmsg")
         write_trajectory_csv(trajectory, directory / "trajectory.csv")
-        report |= _provenance(flight, Path(out), directory)
+        report |= _provenance(flight, Path(out), staging.goals())
         digest = write_report_json(report, directory / REPORT)
         write_report(
             directory / "report.html", report, result.diagnostics, eo, recording.series, digest
@@ -225,12 +225,11 @@ def write_products(
     return files
 
 
-def _provenance(flight: Flight, out: Path, written: Path) -> dict[str, Any]:
+def _provenance(flight: Flight, out: Path, files: Iterable[Path]) -> dict[str, Any]:
     """Return where the flight file lies, seen from the products, and the hash of each of these."""
-    files = sorted(path for path in written.rglob("*") if path.is_file())
     return {
         "flight_directory": relative(flight.path.parent, out),
-        "products_sha256": {path.relative_to(written).as_posix(): sha256(path) for path in files},
+        HASHES: hashes_of_products(files, out),
     }
 
 

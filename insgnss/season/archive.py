@@ -1,11 +1,10 @@
 """Can every product of an archive be made again from its inputs?
 
-Results of insgnss say in a JSON document beside them (`DOCUMENTS`) which inputs they were made
-from, by SHA-256 and by paths relative to a flight or block file, by which version, and (those of
-`process`) what their products' hashes are. Each document is held against what is there now; what
-is missing, has changed, or is made by another version is named. An archive may have been moved as
-a whole: inputs are looked for from the place that the document names, then from the directories
-above.
+Results of insgnss, whichever verb they are of, say in a JSON document beside them which inputs they
+were made from, by SHA-256 and path, by which version, and what their products' hashes are
+(`base.provenance.made_from`). Each document is held against what is there now; what is missing, has
+changed, or is made by another version is named. An archive may have been moved as a whole: inputs
+are looked for from the place that the document names, then from the directories above.
 """
 
 import json
@@ -20,12 +19,12 @@ from typing import Any
 from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import sha256
-from ..base.provenance import KEY
+from ..base.provenance import DIRECTORY, KEY, PRODUCTS
 from ..base.scratch import PREFIXES
 from ..base.wording import relative
 
-DOCUMENTS = ("report.json", "adjust.json", "ppk.json", "targets.json")
-PRODUCTS_KEY, BASE_KEY = "products_sha256", "flight_directory"
+REPORT, PUBLISHED = "report.json", "GPS-INS"  # of `process`, beside whose directory its PPK lies
+FLIGHT = "flight_directory"  # in a report what `DIRECTORY` is in others
 ORPHANS = (
     *("eo.json", "EO_local-plane.txt", "trajectory.sbet", "trajectory.csv", "eo_covariance.npz"),
     *("metashape.csv", "ppk.pos", "poses.csv"),
@@ -45,7 +44,7 @@ class Examined:
     problems : tuple of str
         Why its products cannot be made again; none where they can.
     notes : tuple of str
-        What may move last digits.
+        What may move last digits, and what was not made again.
     remade : bool
         Whether they were made again, and came out the same byte for byte.
     """
@@ -88,8 +87,10 @@ class ArchiveResult:
     def summary(self) -> str:
         """Return a line for each problem, and the count."""
         lines = []
-        for run in self.runs:
-            where = relative(run.document.parent, self.directory)
+        folders = [run.document.parent for run in self.runs]
+        for run, folder in zip(self.runs, folders, strict=True):
+            one = folder if folders.count(folder) == 1 else run.document
+            where = relative(one, self.directory)
             if run.problems:
                 lines += [f"{where}: {problem}" for problem in run.problems]
             elif run.remade:
@@ -145,9 +146,9 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
         raise UsageError(f"archive: {directory} is no directory; give that of flights and results")
     documents, orphans = _listed(directory)
     if not documents and not orphans:
-        names = ", ".join(DOCUMENTS)
-        problem = f"holds no results of insgnss (none of {names}); give the directory of a season"
-        raise UsageError(f"archive: {directory} {problem}")
+        raise UsageError(
+            f"archive: {directory} holds no results of insgnss (no JSON document with {KEY})"
+        )
     runs = []
     for number, document in enumerate(documents, 1):
         progress(f"{number} of {len(documents)}: {relative(document, directory)}")
@@ -157,19 +158,36 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
 
 def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
     """Return the documents of an archive, and products without one."""
-    documents, orphans = [], []
+    documents: list[Path] = []
+    orphans: list[Path] = []
+    above: list[Path] = []  # directories of runs that leave such products
     for folder, inner, names in os.walk(directory):
         inner[:] = sorted(name for name in inner if not name.startswith((*PREFIXES, ".")))
-        own = [Path(folder) / name for name in DOCUMENTS if name in names]
-        own = [path for path in own if KEY in _document(path)]
+        own = [Path(folder) / name for name in sorted(names) if name.endswith(".json")]
+        own = [path for path in own if _is_document(path)]
         documents += own
-        if not own and "mounting.toml" not in names:
-            above = [path.parent for path in documents]
-            of_run = any(path in Path(folder).parents for path in above)
-            beside = (Path(folder).parent / "GPS-INS" / DOCUMENTS[0]).is_file()
+        above += [path.parent for path in own if _may_leave_orphans(path)]
+        if "mounting.toml" not in names:
+            of_run = any(path in (Path(folder), *Path(folder).parents) for path in above)
+            beside = (Path(folder).parent / PUBLISHED / REPORT).is_file()
             if not of_run and not beside and Path(folder).name != "truth":
                 orphans += [Path(folder) / name for name in ORPHANS if name in names]
     return documents, orphans
+
+
+def _may_leave_orphans(document: Path) -> bool:
+    """Tell whether a run leaves what `ORPHANS` names; others, as of `tune`, explain none of it."""
+    products = _document(document).get(PRODUCTS)
+    return not products or any(Path(name).name in ORPHANS for name in products)
+
+
+def _is_document(path: Path) -> bool:
+    """Tell whether a file says what results were made from; others are not parsed."""
+    try:
+        named = KEY.encode() in path.read_bytes()
+    except OSError:
+        return False
+    return named and isinstance(_document(path).get(KEY), dict)
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -194,11 +212,14 @@ def _examined(document: Path, remake: bool) -> Examined:
     notes = list(_other_versions(versions))
     if any("given as object" in str(value) for value in _leaves(content.get("flight"))):
         problems.append("an input was given as an object in Python; no file holds it")
-    if not problems and document.name == DOCUMENTS[0] and content.get("flight"):
+    if not problems and content.get("flight"):
         problems += _resolved_otherwise(content, base)
         if remake and not problems:
             problems += _remade(content, base)
             return Examined(document, tuple(problems), tuple(notes), not problems)
+    elif not problems and remake:
+        command = (content.get("run") or {}).get("command", "its verb")
+        notes.append(f"not made again, as --remake knows flights alone: {command}")
     return Examined(document, tuple(problems), tuple(notes))
 
 
@@ -228,7 +249,7 @@ def changed_since(document: Path) -> tuple[str, ...]:
 def _base_of(document: Path, content: Mapping[str, Any]) -> Path:
     """Return the directory that the paths of inputs are relative to: where most of them are."""
     folder = document.parent.absolute()
-    named = content.get(BASE_KEY)
+    named = content.get(DIRECTORY, content.get(FLIGHT))
     candidates = [folder / named] if isinstance(named, str) else []
     candidates += [folder, *folder.parents]
     names = list(content[KEY])
@@ -249,7 +270,7 @@ def _inputs(hashes: Mapping[str, str], base: Path) -> Iterator[str]:
 
 def _products(content: Mapping[str, Any], folder: Path) -> Iterator[str]:
     """Yield which products are missing or not what the run wrote."""
-    for name, value in (content.get(PRODUCTS_KEY) or {}).items():
+    for name, value in (content.get(PRODUCTS) or {}).items():
         path = folder / name
         if not path.is_file():
             yield f"product {name} is missing"
@@ -297,11 +318,12 @@ def _remade(content: Mapping[str, Any], base: Path) -> Sequence[str]:
     from ..config.load import load_flight
     from ..processing.pipeline import process
 
-    hashes = content.get(PRODUCTS_KEY) or {}
+    hashes = content.get(PRODUCTS) or {}
     if not hashes:
         return ["made by a version that kept no hashes of its products; process it again"]
+    outside = any(name.startswith("..") for name in hashes)  # the PPK solution, beside `PUBLISHED`
     with tempfile.TemporaryDirectory() as scratch:
-        out = Path(scratch) / "products"
+        out = Path(scratch) / "made" / (PUBLISHED if outside else "products")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

@@ -2,7 +2,8 @@
 
 Each flight is one task. A worker runs one at a time; what runs side by side is limited by
 processors and by memory. Dask starts a flight again whose worker died, on another worker, and
-gives it up after `RETRIES` more deaths; it then runs once more alone.
+gives it up after `RETRIES` more deaths; it then runs once more alone, on this machine with all the
+memory that there is.
 """
 
 import logging
@@ -10,13 +11,14 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..base.errors import DataError, UsageError
 from ..base.memory import available
 from ..base.wording import DOCTOR
+from .deaths import Watch
 from .work import INTERNAL, Outcome, Task, failed, process_task
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ ALONE_S = 300.0  # without any worker until a season is given up
 POLL_S = 0.1
 RESOURCE = "MEMORY"  # bytes; of workers that declare it, as `dask worker --resources MEMORY=8e9`
 USABLE = 0.9  # of the memory that is available
-GB = 1e9
+SCHEDULER = "scheduler"  # limits what runs on workers that are not of this run
 CONFIGURATION = {
     "distributed.scheduler.allowed-failures": RETRIES,
     # a flight that waits in a worker's queue would count as one that its worker died of
@@ -58,12 +60,17 @@ class Workers:
     memory_bytes : float
         What each may take; 0 where it is not known.
     limited_by : str
-        "processors", "flights", "memory" or "scheduler".
+        "processors", "flights", "memory" or `SCHEDULER`.
     """
 
     count: int
     memory_bytes: float
     limited_by: str
+
+    @property
+    def alone(self) -> "Workers":
+        """One worker with the memory of all of them."""
+        return Workers(1, self.count * self.memory_bytes, self.limited_by)
 
 
 def local_workers(tasks: Sequence[Task], wanted: int | None, room: int | None = None) -> Workers:
@@ -95,6 +102,35 @@ def local_workers(tasks: Sequence[Task], wanted: int | None, room: int | None = 
     return Workers(count, 0.0 if room is None else room / count, limited_by)
 
 
+def portions(
+    tasks: Sequence[Task], wanted: int | None, room: int | None = None
+) -> list[tuple[Sequence[Task], Workers]]:
+    """Divide flights into those that may run side by side on all processors, and larger ones.
+
+    A single long flight would else have all others wait in one line.
+
+    Parameters
+    ----------
+    tasks, wanted, room
+        As of `local_workers`.
+
+    Returns
+    -------
+    list of (sequence of Task, Workers)
+        What runs one after the other, and on how many workers; none without flights.
+    """
+    room = available() if room is None else room
+    whole = local_workers(tasks, wanted, room)
+    if whole.limited_by != "memory" or room is None:
+        return [(tasks, whole)]
+    most = (
+        USABLE * room / local_workers([replace(t, forecast_bytes=0.0) for t in tasks], wanted).count
+    )
+    small = [task for task in tasks if task.forecast_bytes <= most]
+    large = [task for task in tasks if task.forecast_bytes > most]
+    return [(some, local_workers(some, wanted, room)) for some in (small, large) if some]
+
+
 @contextmanager
 def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
     """Give a client of a cluster of this machine, which ends with the block, or of a scheduler.
@@ -110,7 +146,7 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
     ------
     UsageError
         Dask is not installed; the scheduler does not answer, has no workers, or workers of another
-        version of insgnss.
+        version of insgnss or of several threads.
     """
     try:
         import dask
@@ -150,7 +186,10 @@ def cluster(workers: Workers, scheduler: str | None) -> Iterator["Client"]:
 
 
 def _refuse_workers(client: "Client", scheduler: str) -> None:
-    """Raise UsageError where a scheduler has no workers, or workers without this insgnss."""
+    """Raise UsageError where a scheduler has no workers, or workers that are not fit for flights.
+
+    They need this insgnss, and one thread each.
+    """
     try:
         client.wait_for_workers(1, timeout=WORKER_WAIT_S)
     except TimeoutError:
@@ -171,6 +210,15 @@ def _refuse_workers(client: "Client", scheduler: str) -> None:
             f"--scheduler {scheduler}: worker {address} has insgnss {version}, here it is"
             f" {__version__}; install the same"
         )
+    infos = client.scheduler_info(n_workers=-1)["workers"]
+    threads = {address: int(info["nthreads"]) for address, info in infos.items()}
+    if (most := max(threads.values(), default=1)) > 1:
+        address = max(threads, key=lambda one: threads[one])
+        raise UsageError(
+            f"--scheduler {scheduler}: worker {address} has {most} threads, 1 is right: flights in"
+            f" one process would share its warnings and its death; start `dask worker {scheduler}"
+            f" --nthreads 1 --nworkers {most}`"
+        )
 
 
 def _version() -> str:
@@ -178,17 +226,9 @@ def _version() -> str:
 
 
 def run_tasks(
-    client: "Client",
-    tasks: Sequence[Task],
-    workers: Workers,
-    tell: Tell,
-    tick: Callable[[int], None],
-) -> None:
-    """Run all flights, and tell what became of each.
-
-    A flight whose workers died, or whose result they took along, runs once more, alone, when all
-    others are done: what waited in the queue of a worker that another flight took down is then not
-    blamed for it.
+    client: "Client", tasks: Sequence[Task], tell: Tell, tick: Callable[[int], None]
+) -> list[Task]:
+    """Run flights side by side, and tell what became of each.
 
     Parameters
     ----------
@@ -196,12 +236,16 @@ def run_tasks(
         Of the cluster.
     tasks : sequence of Task
         The flights.
-    workers : Workers
-        What they run on.
     tell : callable
         Is given each outcome as it comes.
     tick : callable
         Is given the number of flights that are left, several times a second.
+
+    Returns
+    -------
+    list of Task
+        Flights whose workers died, or whose result they took along, of which nothing was told: what
+        waited in the queue of a worker that another flight took down is not to be blamed for it.
 
     Raises
     ------
@@ -209,19 +253,55 @@ def run_tasks(
         No worker was there for minutes; flights that are done stay.
     """
     killed: list[Task] = []
-    for task, outcome in _arriving(client, tasks, workers, tick):
+    for task, outcome in _arriving(client, tasks, tick):
         if outcome is None:
             killed.append(task)
         else:
             tell(outcome)
-    for alone in killed:
-        start = time.monotonic()
-        for task, outcome in _arriving(client, [alone], workers, tick):
-            tell(outcome or _deadly(task, workers, time.monotonic() - start))
+    return killed
+
+
+def run_alone(
+    client: "Client",
+    task: Task,
+    workers: Workers,
+    tell: Tell,
+    tick: Callable[[int], None],
+) -> None:
+    """Run a flight whose workers died once more, alone, and tell what became of it.
+
+    Parameters
+    ----------
+    client : Client
+        Of the cluster.
+    task : Task
+        The flight.
+    workers : Workers
+        What it runs on.
+    tell, tick : callable
+        As of `run_tasks`.
+
+    Raises
+    ------
+    DataError
+        No worker was there for minutes.
+    """
+    start = time.monotonic()
+    watch = Watch(client, here=workers.limited_by != SCHEDULER)
+
+    def look(left: int) -> None:
+        watch.look()
+        tick(left)
+
+    deaths = f"{RETRIES + 1} times beside other flights and as often alone"
+    for _, outcome in _arriving(client, [task], look):
+        if outcome is None:
+            outcome = watch.outcome(task, deaths, time.monotonic() - start)
+        tell(outcome)
 
 
 def _arriving(
-    client: "Client", tasks: Sequence[Task], workers: Workers, tick: Callable[[int], None]
+    client: "Client", tasks: Sequence[Task], tick: Callable[[int], None]
 ) -> Iterator[tuple[Task, Outcome | None]]:
     """Yield flights as they end, with None where their workers died."""
     from distributed import as_completed
@@ -275,16 +355,3 @@ def _outcome(future: "Future", task: Task, seconds: float) -> Outcome | None:
     if isinstance(error, KilledWorker) or future.status == "lost":
         return None
     return failed(task, f"ended by Dask: {future.status}: {error}", INTERNAL, seconds)
-
-
-def _deadly(task: Task, workers: Workers, seconds: float) -> Outcome:
-    """Return the outcome of a flight that workers die of."""
-    limit = f" of {workers.memory_bytes / GB:.1f} GB each" if workers.memory_bytes else ""
-    return failed(
-        task,
-        f"its worker died {RETRIES + 1} times beside other flights and as often alone (memory"
-        f" forecast {task.forecast_bytes / GB:.1f} GB, workers{limit}): most often for want of"
-        f" memory; insgnss process {task.file} by itself, or batch --workers 1",
-        DataError.exit_code,
-        seconds,
-    )

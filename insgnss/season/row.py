@@ -11,6 +11,7 @@ from typing import Any
 from ..config.flight_file import Flight
 
 LEVER = ("forward", "right", "down")
+LEVER_ARM, OFFSET = "antenna lever arm", "GNSS time offset"  # constants and checks of a report
 COLUMNS = (
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason"),
     *("images", "fixes", "fixes_used", "duration_s"),
@@ -52,11 +53,9 @@ def row_of(report: Mapping[str, Any]) -> Row:
     position = (exposures.get("position_mm") or {}).get("median") or [None] * 3
     attitude = (exposures.get("attitude_deg") or {}).get("median") or [None] * 3
     limits = [limit for limit in report["limits"] if limit["rank"] >= 1.0]
-    constants = {one["name"]: one for one in report.get("constants", ())}
     judgement, why = mood(report)
     row: Row = dict.fromkeys(COLUMNS)
     row |= {
-        "date_utc": _date(report),
         "judgement": judgement,
         "reason": "" if judgement == "good" else why,
         "images": report["counts"]["images"],
@@ -70,14 +69,45 @@ def row_of(report: Mapping[str, Any]) -> Row:
     }
     for axis, sigma, turn in zip("enu", position, attitude, strict=True):
         row[f"sigma_{axis}_mm"], row[f"sigma_att_{axis}_deg"] = sigma, turn
+    return row | constants_row(report)
+
+
+def constants_row(report: Mapping[str, Any]) -> Row:
+    """Return what a flight tells of the constants of its fixes and when it was, by column.
+
+    Parameters
+    ----------
+    report : mapping
+        What report.json holds, or what a run that was refused had found by then.
+    """
+    row: Row = {"date_utc": _date(report)}
+    constants = {one["name"]: one for one in report.get("constants", ())}
     for axis in LEVER:
-        if (one := constants.get(f"antenna lever arm {axis}")) is not None:
+        if (one := constants.get(f"{LEVER_ARM} {axis}")) is not None:
             row[f"lever_arm_{axis}_m"] = one["assumed"] + one["correction"]
             row[f"lever_arm_{axis}_sigma_m"] = one["sigma"]
-    if (one := constants.get("GNSS time offset")) is not None:
+    if (one := constants.get(OFFSET)) is not None:
         row["time_offset_s"] = one["assumed"] + one["correction"]
         row["time_offset_sigma_s"] = one["sigma"]
     return row
+
+
+def known_from_refusal(findings: Mapping[str, Any]) -> Row:
+    """Return the constants of a flight that was refused because of them, by column.
+
+    An equipment that has drifted far contradicts its flight files: without these flights its trend
+    would end where it begins to matter. Of any other contradiction the constants may be a
+    consequence, and are left out.
+
+    Parameters
+    ----------
+    findings : mapping
+        What the run had found by then (`InputError.findings`).
+    """
+    names = set(findings.get("contradictions", ()))
+    if not names or "constants" not in findings or not names <= {LEVER_ARM, OFFSET}:
+        return {}
+    return constants_row(findings)
 
 
 def digest(hashes: Mapping[str, str]) -> str:

@@ -4,11 +4,11 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import DataError, InsgnssError, UsageError
+from ..base.errors import InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.staging import together
 from ..base.wording import relative
@@ -215,7 +215,7 @@ def run_season(
     DataError
         No worker was there for minutes.
     """
-    from .engine import cluster, local_workers, run_tasks
+    from .engine import SCHEDULER, Workers, cluster, portions, run_alone, run_tasks
 
     start = time.monotonic()
     if request.parquet:
@@ -223,9 +223,10 @@ def run_season(
     flights = gather(request.sources)
     _refuse_files_of_others(request)
     tasks = tasks_of(flights, request)
-    workers = local_workers(tasks, request.workers)
-    if request.scheduler is not None:
-        workers = replace(workers, memory_bytes=0.0, limited_by="scheduler")
+    if request.scheduler is None:
+        parts = portions(tasks, request.workers)
+    else:
+        parts = [(tasks, Workers(1, 0.0, SCHEDULER))]
     ended: dict[str, Outcome] = {}
 
     def report(outcome: Outcome) -> None:
@@ -242,13 +243,19 @@ def run_season(
 
     tick(0)
     try:
-        with cluster(workers, request.scheduler) as client:
-            # compiled once, and not by every worker at the same time
-            first = 1 if request.scheduler is None and len(tasks) > 1 and _uncompiled() else 0
-            for some in (tasks[:first], tasks[first:]):
-                if some:
-                    run_tasks(client, some, workers, report, tick)
-    except (KeyboardInterrupt, DataError):
+        killed: list[Task] = []
+        for portion, workers in parts:
+            with cluster(workers, request.scheduler) as client:
+                # compiled once, and not by every worker at the same time
+                first = 1 if workers.count > 1 and _uncompiled() else 0
+                for some in (portion[:first], portion[first:]):
+                    killed += run_tasks(client, some, report, tick)
+        if killed:
+            alone = parts[0][1].alone
+            with cluster(alone, request.scheduler) as client:
+                for task in killed:
+                    run_alone(client, task, alone, report, tick)
+    except (KeyboardInterrupt, InsgnssError):
         if ended:
             so_far()
         raise

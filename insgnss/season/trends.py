@@ -230,7 +230,8 @@ def trends(rows: Iterable[Row]) -> list[Trend]:
     Parameters
     ----------
     rows : iterable of dict
-        Rows of the table; those that failed, or lack date or sigma, are left out.
+        Rows of the table; those that lack date or sigma are left out. A flight that failed has them
+        where it was refused because of these constants.
 
     Returns
     -------

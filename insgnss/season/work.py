@@ -6,23 +6,26 @@ that was killed anywhere goes on where it was, and nothing of its own has to be 
 """
 
 import contextlib
+import threading
 import time
 import traceback
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..base.errors import DataError, InsgnssError
+from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import sha256
 from ..base.wording import relative
 from ..config.flight_file import Flight
-from .row import COLUMNS, Row, boresight_of, equipment_of, read_report, row_of
+from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
 INTERNAL = InsgnssError.exit_code
+_ONE_AT_A_TIME = threading.Lock()  # warnings are caught for a whole process
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,11 @@ def process_task(task: Task) -> Outcome:
     Outcome
         With the row of the season's table.
     """
+    with _ONE_AT_A_TIME:
+        return _outcome(task)
+
+
+def _outcome(task: Task) -> Outcome:
     start = time.monotonic()
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -103,13 +111,16 @@ def process_task(task: Task) -> Outcome:
             status, row = _processed(task)
     except Exception as error:
         code, reason = _verdict(error)
-        return failed(task, reason, code, time.monotonic() - start)
+        constants = known_from_refusal(error.findings) if isinstance(error, InputError) else {}
+        return failed(task, reason, code, time.monotonic() - start, constants)
     row["seconds"] = round(time.monotonic() - start, 3)
     notes = tuple(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
     return Outcome(task.name, status, row, 0, notes)
 
 
-def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
+def failed(
+    task: Task, reason: str, code: int, seconds: float, constants: Mapping[str, Any] | None = None
+) -> Outcome:
     """Return the outcome of a flight without products.
 
     Parameters
@@ -122,8 +133,10 @@ def failed(task: Task, reason: str, code: int, seconds: float) -> Outcome:
         The exit code that `insgnss process` has for it.
     seconds : float
         What it took.
+    constants : mapping, optional
+        What it tells all the same, by column.
     """
-    row: Row = dict.fromkeys(COLUMNS)
+    row: Row = dict.fromkeys(COLUMNS) | dict(constants or {})
     row |= {"name": task.name, "flight": task.file, "status": FAILED, "judgement": "bad"}
     row |= {"reason": " ".join(reason.split()), "seconds": round(seconds, 3)}
     row["version"] = __version__

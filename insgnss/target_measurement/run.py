@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.errors import DataError, UsageError
 from ..base.files import atomic_write, json_ready
-from ..base.provenance import KEY, hashes_of, refuse_other_results
+from ..base.provenance import made_from, paths_named_by, refuse_other_results
 from ..base.staging import together
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
@@ -169,13 +169,18 @@ def predict_targets(
     files: tuple[Path, ...] = ()
     if write:
         path = out or request.eo.parent / DIRECTORY / PREDICTIONS
-        _refuse_overwriting(request, [path])
+        _refuse_overwriting(request, [path, path.with_suffix(".json")])
         progress(f"writing {path}")
         with together() as staging:
-            write_predictions(inputs, staging.tree(path.parent) / path.name)
+            table = staging.tree(path.parent) / path.name
+            write_predictions(inputs, table)
+            document = table.with_suffix(".json")
+            figures |= made_from(paths_named_by(request), document, [table])
+            text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
+            atomic_write(document, text + "\n")
             for new, goal in () if force else staging.changed():
                 _refuse_foreign(new, goal)
-        files = (path,)
+        files = (path, path.with_suffix(".json"))
     return PredictionResult(inputs, figures, files)
 
 
@@ -253,7 +258,7 @@ def measure_targets(
     files: tuple[Path, ...] = ()
     if write:
         progress(f"writing {directory}")
-        files = _written(inputs, windows, figures, refusal, directory)
+        files = _written(inputs, photographs, windows, figures, refusal, directory)
     return MeasurementResult(inputs, tuple(windows), figures, files, refusal)
 
 
@@ -391,6 +396,7 @@ def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
 
 def _written(
     inputs: Inputs,
+    photographs: Photographs,
     windows: list[Window],
     figures: dict[str, Any],
     refusal: DataError | None,
@@ -406,9 +412,10 @@ def _written(
         mood = "bad" if refusal else "good" if not rejected else "doubtful"
         headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
         write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
-        request = inputs.request
-        own = (request.eo, request.ground, request.camera)
-        figures[KEY] = hashes_of(own, Path())
+        seen = np.unique(inputs.predictions.image[[w.row for w in windows]])
+        looked = [photographs.files[k] for k in seen.tolist()]
+        own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
+        figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
         text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
         atomic_write(into / DOCUMENT, text + "\n")

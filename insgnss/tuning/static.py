@@ -77,7 +77,7 @@ def tune_static(
     model = noise_model(target.stem, recordings, tuned, values)
     result = TuneResult(recordings, tuned, model, turn_on, options)
     progress("writing")
-    return write(result, target)
+    return write(result, target, paths)
 
 
 def _same(recordings: Sequence[StaticRecording]) -> None:

@@ -1,13 +1,24 @@
 """Results of other measurements are not overwritten: what is known of them, and the verbs."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from insgnss.base.errors import UsageError
 from insgnss.base.files import sha256
-from insgnss.base.provenance import KEY, hashes_of, other_results, refuse_other_results
+from insgnss.base.provenance import (
+    DIRECTORY,
+    KEY,
+    PRODUCTS,
+    hashes_of,
+    made_from,
+    other_results,
+    paths_named_by,
+    refuse_other_results,
+)
+from insgnss.base.staging import together
 
 
 def results(root: Path, **files: str) -> Path:
@@ -51,3 +62,48 @@ def test_a_document_that_does_not_say_is_refused(tmp_path: Path, text: str) -> N
     reason = other_results(tmp_path / "report.json", [])
     assert reason is not None
     assert reason.endswith("does not say what it was made from")
+
+
+def test_what_is_made_is_told_by_paths_and_hashes_before_it_is_moved(tmp_path: Path) -> None:
+    """Oracle: hashes of the files in their places afterwards; paths from the document, inputs from
+    a directory of their own where one is given; whatever is no file is left out.
+    """
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "imu.csv").write_text("a")
+    inputs = [tmp_path / "in" / "imu.csv", tmp_path / "in", tmp_path / "none.csv"]
+    out, alone = tmp_path / "out", tmp_path / "beside.txt"
+    with together() as staging:
+        into = staging.tree(out)
+        (into / "new").mkdir()
+        (into / "new" / "eo.json").write_text("b")
+        staging.file(alone).write_text("c")
+        made = made_from(inputs, into / "run.json", [into / "new" / "eo.json", alone])
+        assert made_from(inputs, out / "run.json", staging.goals()) == made
+        moved = made_from(inputs, into / "run.json", [], tmp_path / "in")
+    assert made[KEY] == {"../in/imu.csv": sha256(inputs[0])}
+    assert made[PRODUCTS] == {
+        "../beside.txt": sha256(alone),
+        "new/eo.json": sha256(out / "new" / "eo.json"),
+    }
+    assert DIRECTORY not in made
+    assert (moved[KEY], moved[DIRECTORY]) == ({"imu.csv": sha256(inputs[0])}, "../in")
+    assert {"insgnss", "python", "numpy"} == set(made["versions"])
+    assert made["run"]["command"]
+
+
+def test_paths_are_found_at_any_depth_of_options() -> None:
+    """Oracle: dataclasses, mappings and sequences in each other."""
+
+    @dataclass(frozen=True)
+    class Inner:
+        file: Path
+        count: int = 3
+
+    @dataclass(frozen=True)
+    class Outer:
+        inner: Inner
+        more: tuple[Path | None, ...]
+        named: dict[str, object]
+
+    outer = Outer(Inner(Path("a")), (Path("b"), None), {"x": [Inner(Path("c"))], "y": "d"})
+    assert list(paths_named_by(outer)) == [Path("a"), Path("b"), Path("c")]

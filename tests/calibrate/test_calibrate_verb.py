@@ -47,7 +47,10 @@ def test_from_a_recording_to_a_file_and_back(
     text = capsys.readouterr().out
     assert "gravity 9.8063" in text
     assert "accel  bias x" in text
-    assert text.strip().endswith(str(tmp_path / "calibration.toml"))
+    assert text.split()[-2:] == [str(tmp_path / f"calibration.{end}") for end in ("toml", "json")]
+    made = json.loads((tmp_path / "calibration.json").read_text())
+    assert set(made["inputs_sha256"]) == {"hand.csv"}
+    assert set(made["products_sha256"]) == {"calibration.toml"}
     got = load_calibration(tmp_path / "calibration.toml")
     for triad, truth in ((got.accel, ACCEL), (got.gyro, GYRO)):
         assert (np.abs(triad.bias - truth.bias) < 4.0 * triad.bias_sigma).all()

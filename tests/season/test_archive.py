@@ -88,6 +88,11 @@ def test_objects_of_python_and_products_without_document_are_named(archive: Path
     (archive / "old" / "eo.json").write_text("{}")
     assert examined(archive).orphans == (archive / "old" / "eo.json",)
     assert "eo.json: nothing says what it was made from" in examined(archive).summary()
+    (archive / "noise.toml").write_text("n")
+    products = {"noise.toml": sha("n")}
+    made = {"versions": {"insgnss": __version__}, "inputs_sha256": {}, "products_sha256": products}
+    (archive / "noise.json").write_text(json.dumps(made))
+    assert examined(archive).orphans == (archive / "old" / "eo.json",)
 
 
 def test_a_directory_without_results_is_refused(tmp_path: Path) -> None:

@@ -175,7 +175,7 @@ def test_a_flight_that_kills_its_workers_is_one_failure(tmp_path: Path) -> None:
     assert all(row["reason"] for row in failed)
     reason = next(row["reason"] for row in document["flights"] if row["name"] == "f001")
     assert "its worker died 3 times beside other flights and as often alone" in reason
-    assert "(memory forecast 0." in reason
+    assert "neither Dask nor the system says that it was for memory (memory forecast 0." in reason
 
 
 def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path) -> None:
@@ -186,6 +186,30 @@ def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     assert (done.returncode, time.monotonic() - start < 60) == (2, True)
     assert done.stderr.count("\n") == 1
     assert "not reached within 10 s" in done.stderr
+
+
+def test_a_worker_of_several_threads_is_refused(
+    tmp_path: Path, scheduler: tuple[str, list[subprocess.Popen[bytes]]]
+) -> None:
+    """Oracle: a third worker with the four threads that it gets on a machine with four processors:
+    warnings of one flight were told of another one.
+    """
+    address, _ = scheduler
+    (tmp_path / "flight.toml").write_text("")
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "4"]
+    with (
+        (tmp_path / "third.log").open("wb") as log,
+        subprocess.Popen([*command, "--no-nanny", "--no-dashboard"], stderr=log) as third,
+    ):
+        end = time.monotonic() + 30.0
+        while b"Registered to" not in (tmp_path / "third.log").read_bytes():
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        done = batch(".", "--scheduler", address, cwd=tmp_path)
+        third.kill()
+    assert done.returncode == 2
+    assert "has 4 threads, 1 is right" in done.stderr
+    assert f"`dask worker {address} --nthreads 1 --nworkers 4`" in done.stderr
 
 
 def of_session(leader: int) -> list[int]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.season.engine import cluster, local_workers
+from insgnss.season.engine import cluster, local_workers, portions
 from insgnss.season.forecast import rows_of
 from insgnss.season.work import Task
 
@@ -34,6 +34,22 @@ def test_processors_flights_and_memory_limit_them(
     workers = local_workers(tasks(*forecasts), wanted, int(room_gb * GB))
     assert (workers.count, workers.limited_by) == (count, limited_by)
     assert workers.memory_bytes == pytest.approx(room_gb * GB / count)
+
+
+def test_one_large_flight_does_not_have_all_others_wait() -> None:
+    """Oracle: by hand: of 10 GB nine may be taken, by four workers 2.25 GB each; the flights of 4
+    and 8 GB run by themselves, one at a time, with all of it.
+    """
+    given = tasks(1.0, 4.0, 2.0, 8.0, 1.5, 1.0)
+    (small, first), (large, then) = portions(given, 4, int(10 * GB))
+    assert [task.forecast_bytes / GB for task in small] == [1.0, 2.0, 1.5, 1.0]
+    assert [task.forecast_bytes / GB for task in large] == [4.0, 8.0]
+    assert (first.count, then.count, then.limited_by) == (4, 1, "memory")
+    assert then.memory_bytes == first.alone.memory_bytes == 10 * GB
+    ((whole, workers),) = portions(given, 4, int(100 * GB))
+    assert (list(whole), workers.count) == (given, 4)
+    ((whole, workers),) = portions(tasks(8.0, 8.0), 4, int(10 * GB))
+    assert (len(whole), workers.count) == (2, 1)
 
 
 def test_rows_are_counted_by_the_size_of_a_file(tmp_path: Path) -> None:

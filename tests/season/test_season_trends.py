@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from seasons import SIGMA_M, row
 
+from insgnss.season.row import known_from_refusal
 from insgnss.season.trends import FEWEST, QUANTITIES, fit, judged, trends
 
 FORWARD = QUANTITIES[0]
@@ -112,3 +113,25 @@ def test_one_calibration_counts_once() -> None:
     rows = [row(k, boresight_x_deg=0.1 * (k // 10), boresight_x_sigma_deg=0.001) for k in range(30)]
     found = next(t for t in trends(rows) if t.quantity.name == "bore-sight x")
     assert (found.days.size, found.finding) == (3, "too few")
+
+
+def test_constants_are_told_by_the_refusal_that_is_theirs_alone() -> None:
+    """Oracle: a lever arm that contradicts the flight file is known; beside another contradiction,
+    such as axes, it may be a consequence.
+    """
+    lever = {"name": "antenna lever arm down", "assumed": -0.07, "correction": -0.03}
+    found = {
+        "contradictions": ["antenna lever arm"],
+        "span": {"gps_week": 2008, "start_tow_s": 86418.0},
+        "constants": [lever | {"sigma": 0.006}],
+    }
+    row = known_from_refusal(found)
+    assert row["lever_arm_down_m"] == pytest.approx(-0.1)
+    assert row["lever_arm_down_sigma_m"] == 0.006
+    assert row["date_utc"] == "2018-07-02T00:00:00Z"
+    assert known_from_refusal(found | {"contradictions": ["antenna lever arm", "axes"]}) == {}
+    assert (
+        known_from_refusal({"contradictions": ["antenna lever arm"]})
+        == known_from_refusal({})
+        == {}
+    )

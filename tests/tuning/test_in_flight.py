@@ -135,7 +135,10 @@ def test_words_and_numbers_say_the_same(tuned):
     """
     table, _, picture = tuned.files[1:]
     told = json.loads(table.read_text(encoding="utf-8"))
-    assert len(told.pop("inputs_sha256")) == 2  # of the IMU and of the fixes
+    assert len(told.pop("inputs_sha256")) == 4  # flight file, IMU, fixes and events
+    assert set(told.pop("products_sha256")) == {tuned.files[0].name, picture.name}
+    assert set(told.pop("versions")) == {"insgnss", "python", "numpy"}
+    assert set(told.pop("run")) == {"command"}
     assert told == json.loads(json.dumps(tuned.as_dict()))
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert told["verdict"] == "accept"
@@ -431,10 +434,10 @@ def test_each_doubt_keeps_the_static_model(tuned):
         (None, {"parameters": ["gyro.bias"]}, UsageError, "gyro.bias"),
         (None, {"parameters": ["white_noise", "gyro.white_noise"]}, UsageError, "not for both"),
         (
-            lambda f: replace(f, imu=replace(f.imu, file=f.path)),
+            lambda f: replace(f, imu=replace(f.imu, file=f.path.parent / "README.md")),
             {},
             UsageError,
-            "holds results of other measurements: flight.toml is not what",
+            "holds results of other measurements: README.md is not what",
         ),
         (None, {"out": "flight.toml"}, UsageError, "input of this flight"),
         (None, {"out": "noise.txt"}, UsageError, r"end its name with \.toml"),

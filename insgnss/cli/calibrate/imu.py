@@ -1,12 +1,15 @@
 """`insgnss calibrate imu`: the deterministic calibration of an IMU from static positions."""
 
 import argparse
+import json
 import math
 from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
-from ...base.files import sha256
+from ...base.files import atomic_write, json_ready, sha256
+from ...base.provenance import made_from, refuse_other_results
+from ...base.staging import together
 from ..console import Progress
 from ..verb import Verb, show
 
@@ -77,8 +80,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 
     spec = _imu_spec(options)
     out = options.out or options.imu.parent / "calibration.toml"
+    document = out.with_suffix(".json")
     if not options.force:
         _refuse_others(out, options.imu)
+    refuse_other_results("calibrate imu", document, [options.imu], options.force)
     progress("reading")
     imu = read_imu(options.imu, **spec)
     progress("calibrating")
@@ -87,13 +92,14 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     )
     notes = [f"note: {sentence(note)}" for note in imu.notes]
     summary = "\n".join([*notes, result.summary()])
-    write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
-    return show(
-        options,
-        progress,
-        lambda: f"{summary}\n{out}",
-        lambda: result.as_dict() | {"file": out, "notes": notes},
-    )
+    figures = result.as_dict() | {"file": out, "notes": notes}
+    flight = () if options.flight is None else (options.flight,)
+    with together():
+        write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
+        made = json_ready(figures) | made_from((options.imu, *flight), document, [out])
+        text = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False)
+        atomic_write(document, f"{text}\n")
+    return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
 
 
 def _origin(imu: Path) -> str:

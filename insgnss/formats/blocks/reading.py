@@ -19,7 +19,7 @@ from .gcp_list import HEAD
 from .ground_points import GroundTable
 from .image_points import ALIASES, ImagePoints, read_image_points
 from .measured_block import MeasuredBlock, of_table
-from .opensfm_model import INSIDE, RECONSTRUCTION
+from .opensfm_model import INSIDE, RECONSTRUCTION, TRACKS
 
 FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
     "metashape": (
@@ -55,6 +55,7 @@ FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
     ),
 }
 """Readers with their options, and what they read in a word."""
+METASHAPE_PARTS = ("project", "chunk", "frame", "point_cloud")  # zips that a project is read from
 COLMAP_FILE = re.compile(rf"({'|'.join(PARTS)})\.(txt|bin)")
 
 
@@ -101,6 +102,32 @@ def read_measured_block(path: Source, format: str = "auto", **options: Any) -> M
         )
     block: MeasuredBlock = function_at(reader)(path, **given)
     return block
+
+
+def parts_of_block(path: Source) -> list[Path]:
+    """List the files that a block is read from, where its path names one of several or a directory.
+
+    Parameters
+    ----------
+    path : path
+        The file or directory of an image block.
+
+    Returns
+    -------
+    list of Path
+        Files of a COLMAP model or of OpenSfM's directory, those of a Metashape project; else what
+        the path names.
+    """
+    path = Path(path)
+    folder = path if path.is_dir() else path.parent
+    if path.is_dir() or COLMAP_FILE.fullmatch(path.name) or path.name == RECONSTRUCTION:
+        model = [file for file in folder.iterdir() if COLMAP_FILE.fullmatch(file.name)]
+        inner = [folder / own / name for own in (".", INSIDE) for name in (RECONSTRUCTION, TRACKS)]
+        return sorted({path, *model, *inner})
+    if path.suffix.lower() == ".psx":
+        zips = path.with_suffix(".files").rglob("*.zip")
+        return [path, *sorted(file for file in zips if file.stem in METASHAPE_PARTS)]
+    return [path]
 
 
 def recognised(path: Source) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write, sha256
-from ...base.provenance import KEY, hashes_of
+from ...base.provenance import made_from
 from ...base.staging import together
 from ...base.units import rounded
 from ...config.flight_file import Flight
@@ -86,15 +86,16 @@ def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning
     files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
     tuning = replace(tuning, files=files)
     make_directory(target)
-    hashes = hashes_of(measurements(flight), flight.path.parent)
-    twin = json.dumps(tuning.as_dict() | {KEY: hashes}, indent=1, allow_nan=False) + "\n"
     with together():
         if drawn:
             atomic_write(picture, drawn)
-        atomic_write(page, flight_page(tuning, twin).html())
-        atomic_write(table, twin)
         if tuning.accepted:
             write_noise_model(tuning.model, target, tuning.reasons)
+        products = [path for path in files if path not in (table, page)]
+        document = tuning.as_dict() | made_from(input_files(flight), table, products)
+        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        atomic_write(page, flight_page(tuning, twin).html())
+        atomic_write(table, twin)
     return tuning
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...base.errors import DataError
 from ...base.files import atomic_write
-from ...base.provenance import KEY
+from ...base.provenance import made_from
 from ...base.staging import together
 from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
 from ...stochastic.noise_file import model_of_text, text_of_model
@@ -78,8 +78,8 @@ def noise_model(
     )
 
 
-def write(result: TuneResult, target: Path) -> TuneResult:
-    """Write all files; the result that names them."""
+def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneResult:
+    """Write all files, made from the recordings `measured`; the result that names them."""
     from .figures import sensor_figure
     from .page import static_page
 
@@ -97,15 +97,16 @@ def write(result: TuneResult, target: Path) -> TuneResult:
     if result.model is not None:
         _read_back(result, target)
     make_directory(target)
-    hashes = {r.source.file: r.source.sha256 for r in result.recordings}
-    twin = json.dumps(result.as_dict() | {KEY: hashes}, indent=1, allow_nan=False) + "\n"
     with together():
         for path, png in drawn.items():
             atomic_write(path, png)
-        atomic_write(page, static_page(result, twin).html())
-        atomic_write(table, twin)
         if result.model is not None:
             write_noise_model(result.model, target, _remarks(result))
+        products = [path for path in files if path not in (table, page)]
+        document = result.as_dict() | made_from(measured, table, products)
+        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        atomic_write(page, static_page(result, twin).html())
+        atomic_write(table, twin)
     return result
 
 
