@@ -1,6 +1,6 @@
-"""Numba kernel that turns IMU samples into body increments between time marks.
+"""Numba kernels: body increments of IMU samples between time marks, and sums of the samples.
 
-Mathematics: `increments`.
+Mathematics: `increments`, `stationarity`.
 """
 
 import numpy as np
@@ -155,3 +155,17 @@ def build_segments(
                 r[k, c] = r[k + 1, c]
         i += 1
     return n
+
+
+@njit(cache=True, allocates=False)
+def add_up(x, edges, reference, out):
+    """Add up samples x (n, 3) about `reference` (3,), and their squares, between edges (k + 1,).
+
+    out (2, k, 3), zero before.
+    """
+    for k in range(edges.size - 1):
+        for i in range(edges[k], edges[k + 1]):
+            for c in range(3):
+                d = x[i, c] - reference[c]
+                out[0, k, c] += d
+                out[1, k, c] += d * d

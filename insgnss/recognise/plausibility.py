@@ -294,9 +294,10 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
     k = max(1, round(STEP_S / dt))
     n = imu.time.size // k
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
-    gyro = imu.gyro[: n * k].reshape(n, k, 3).mean(axis=1) * scale
-    accel = imu.accel[: n * k].reshape(n, k, 3).mean(axis=1) * scale
-    return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro @ C_b_imu.T, accel @ C_b_imu.T
+    # a product of matrices: numpy's mean over so few takes ten times as long
+    mean = np.tile(scale / k * C_b_imu.T, (k, 1))
+    gyro, accel = (x[: n * k].reshape(n, 3 * k) @ mean for x in (imu.gyro, imu.accel))
+    return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro, accel
 
 
 def _load(time: Array, rate: Array, gnss: GnssFixes) -> Array:
