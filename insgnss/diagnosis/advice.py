@@ -251,8 +251,10 @@ def _lever_arm(
     )
     contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
     advised = (
-        f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is "
-        "right), or set filter.lever_arm = true to have it estimated"
+        "set filter.lever_arm = true to have it estimated, or mounting.antenna_m ="
+        f" [{', '.join(f'{v:.3f}' for v in antenna)}] would be it, with antenna_sigma_m ="
+        f" {max(sigma, 1e-3):.3f}; that is if imu_m is right: the flight sees the antenna from the"
+        " IMU, and where imu_m is wrong instead the images stay off by as much: measure both"
     )
     turns = _other_cameras(mounting, lever) if contradicts else []
     if turns:

@@ -54,7 +54,7 @@ from .sensitivity import LONGEST_S, Constants, Sensitivity
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
-TAKEN = 1.5  # log evidence from which a hypothesis becomes states
+TAKEN = 3.0  # log evidence from which a hypothesis becomes states
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
 OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
 TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant

@@ -22,6 +22,7 @@ from ..base.files import sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS
 from ..base.scratch import PREFIXES
 from ..base.wording import relative
+from .gathering import FLIGHT_FILE
 
 REPORT, PUBLISHED = "report.json", "GPS-INS"  # of `process`, beside whose directory its PPK lies
 FLIGHT = "flight_directory"  # in a report what `DIRECTORY` is in others
@@ -67,11 +68,14 @@ class ArchiveResult:
         By path.
     orphans : tuple of Path
         Products beside which no document says what they were made from.
+    unprocessed : tuple of Path
+        Flight files without results.
     """
 
     directory: Path
     runs: tuple[Examined, ...]
     orphans: tuple[Path, ...]
+    unprocessed: tuple[Path, ...] = ()
 
     @property
     def refusal(self) -> DataError | None:
@@ -100,6 +104,10 @@ class ArchiveResult:
             f"{relative(path, self.directory)}: nothing says what it was made from"
             for path in self.orphans
         ]
+        lines += [
+            f"{relative(path, self.directory)}: a flight without results; insgnss process it"
+            for path in self.unprocessed
+        ]
         good = sum(not run.problems for run in self.runs)
         return "\n".join([*lines, f"{good} of {len(self.runs)} results can be made again"])
 
@@ -117,6 +125,7 @@ class ArchiveResult:
                 for run in self.runs
             ],
             "orphans": [str(path) for path in self.orphans],
+            "unprocessed": [str(path) for path in self.unprocessed],
         }
 
 
@@ -153,7 +162,18 @@ def examine_archive(directory: Path, remake: bool, progress: Progress) -> Archiv
     for number, document in enumerate(documents, 1):
         progress(f"{number} of {len(documents)}: {relative(document, directory)}")
         runs.append(_examined(document, remake))
-    return ArchiveResult(directory, tuple(runs), tuple(orphans))
+    return ArchiveResult(directory, tuple(runs), tuple(orphans), _unprocessed(directory, documents))
+
+
+def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]:
+    """Return flight files that no results were made from."""
+    named: set[Path] = set()
+    for document in documents:
+        content = _document(document)
+        base = _base_of(document, content)
+        named |= {(base / name).resolve() for name in content[KEY]}
+    flights = (path for path in sorted(directory.rglob(FLIGHT_FILE)) if path.resolve() not in named)
+    return tuple(flights)
 
 
 def _listed(directory: Path) -> tuple[list[Path], list[Path]]:

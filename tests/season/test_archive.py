@@ -128,3 +128,14 @@ def test_what_was_written_after_a_result_and_is_other_now_is_named(archive: Path
         os.utime(given, (made + after, made + after))
         assert changed_since(document) == names
     assert changed_since(archive / "no.json") == ()
+
+
+def test_a_flight_without_results_is_named(archive: Path) -> None:
+    """Oracle: a flight file that no document names, and one that a document does."""
+    assert examined(archive).unprocessed == ()
+    (archive / "f06").mkdir()
+    (archive / "f06" / "flight.toml").write_text('name = "f06"')
+    result = examined(archive)
+    assert result.unprocessed == (archive / "f06" / "flight.toml",)
+    assert "f06/flight.toml: a flight without results" in result.summary().replace("\\", "/")
+    assert result.as_dict()["unprocessed"] == [str(archive / "f06" / "flight.toml")]

@@ -125,10 +125,15 @@ def put_in_order(
             f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
             f" {len(clashes)} of {time.size} rows"
         )
+        remedy = "keep one row a stamp, or read the file by another clock"
+        if row > 0 and (back := time[row - 1] - time[row]) > 0.0:
+            message = (
+                f"the clock goes back by {back:.6f} s here, to {time[row]:.6f} s, and"
+                f" {len(clashes)} of {time.size} rows have the stamp of an earlier one"
+            )
+            remedy = "split the file here, or add the step to all rows from here on"
         raise lines.error_at(
-            row,
-            f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or"
-            " read the file by another clock",
+            row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
         )
     done = [f"{doubles} double rows left out"] if doubles else []
     done += (
