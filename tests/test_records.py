@@ -17,7 +17,7 @@ from insgnss.records import (
     Increments,
     Trajectory,
 )
-from insgnss.records.from_tables import camera_events
+from insgnss.records.from_tables import camera_events, gnss_fixes
 
 N = 5
 TIME = np.arange(N) + 100.0
@@ -147,6 +147,48 @@ def test_dates_are_no_seconds(unit, said, as_objects):
         with pytest.raises(InputError, match=said) as refusal:
             make()
         assert "\n" not in str(refusal.value)
+
+
+def test_masked_complex_and_coarse_numbers_are_refused():
+    """Oracle: numpy's spacing of float32; what holds a number to a millimetre is taken."""
+    table = np.column_stack([205200.0 + 0.01 * np.arange(9), np.zeros((9, 6))])
+    masked = np.ma.masked_array(table, mask=np.zeros_like(table))
+    assert len(ImuSamples.from_array(masked).time) == 9
+    masked[4, 5] = np.ma.masked
+    with pytest.raises(InputError, match="1 masked values, the first in row 4; leave"):
+        ImuSamples.from_array(masked)
+    with pytest.raises(InputError, match=r"float32, which holds 205200.0\d* to 0.016 only"):
+        ImuSamples.from_array(table.astype("f4"))
+    with pytest.raises(InputError, match="float32, which holds"):
+        camera_events(table[:, 0].astype("f4"))
+    early = table - [205200.0, 0, 0, 0, 0, 0, 0]
+    assert len(ImuSamples.from_array(early.astype("f4")).time) == 9
+    with pytest.raises(InputError, match="complex"):
+        ImuSamples.from_array(table.astype("c16"))
+    fixes = np.array([[0.0, 46.5, 6.5, 500.0], [1.0, 46.5, 6.5, 500.0]])
+    with pytest.raises(InputError, match=r"float32, which holds 500 to 3.1e-05 only"):
+        gnss_fixes(fixes.astype("f4"), (0.02, 0.02, 0.03))
+    columns = {"tow": fixes[:, 0], "lat_deg": fixes[:, 1].astype("f4"), "lon_deg": fixes[:, 2]}
+    with pytest.raises(InputError, match="column lat_deg: float32"):
+        gnss_fixes(columns | {"h_m": fixes[:, 3]}, (0.02, 0.02, 0.03))
+
+
+def test_angles_in_degrees_and_seconds_since_1970_are_refused_by_their_name():
+    """Oracle: the definitions of a radian and of the time of week."""
+    t = np.array([0.0, 1.0])
+    cov = np.tile(np.eye(3), (2, 1, 1))
+    with pytest.raises(InputError, match=r"46.5 in row 0 is no angle in rad; .*from_degrees"):
+        GnssFixes(t, np.full(2, 46.5), np.full(2, 6.5), np.zeros(2), cov)
+    table = {"tow": t, "lat_rad": np.full(2, 46.5), "lon_rad": np.full(2, 6.5), "h_m": t}
+    with pytest.raises(InputError, match=r"lat_rad 46.5 in row 0 is no angle in rad; .*lat_deg"):
+        gnss_fixes(table, (0.02, 0.02, 0.03))
+    with pytest.raises(InputError, match="1530607800 s with gps_week = 2008; give the time of wee"):
+        camera_events(np.array([1530607800.0]), 2008)
+    assert camera_events(np.array([1530607800.0])).time[0] == 1530607800.0
+    with pytest.raises(InputError, match="no exposure; leave events out"):
+        camera_events([])
+    (note,) = camera_events({"name": ["a"], "tow": [1.0]}).notes
+    assert "columns: name, tow" in note.found
 
 
 def test_marks_must_increase():

@@ -188,8 +188,8 @@ def tune(
 
     Raises
     ------
-    UsageError : an option is unknown or belongs to the other kind of source, or files are of other
-        recordings.
+    UsageError : an option is unknown or belongs to the other kind of source, a source is no path,
+        or files are of other recordings.
     InputError : a recording cannot be read.
     DataError : the recording does not support a model.
     """
@@ -219,7 +219,14 @@ def tune(
         )
     from ..tuning.static import tune_static
 
-    paths = [source] if isinstance(source, str | os.PathLike) else source
+    paths: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
+    others = [path for path in paths if not isinstance(path, str | os.PathLike)]
+    if others:
+        raise UsageError(
+            f"tune: {type(others[0]).__name__} is no path; recordings are"
+            " files: np.save the table (n, 7) of time, gyro, accel and give its path, with"
+            ' gyro_unit="rad/s"'
+        )
     chosen = TuneOptions(
         **_checked_options("tune", options, tuple(f.name for f in fields(TuneOptions)))
     )

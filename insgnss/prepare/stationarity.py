@@ -198,7 +198,7 @@ def _block_sums(imu: ImuSamples) -> _Sums:
     add_up(imu.accel, edges, reference[3:], sums[:, :, 3:])
     scale = np.array([rate, rate**2])[:, None, None]
     sums *= scale
-    return _Sums(start, length, count, *sums, rate * reference)
+    return _Sums(start, length, count, sums[0], sums[1], rate * reference)
 
 
 def _quiet(

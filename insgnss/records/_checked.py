@@ -11,21 +11,56 @@ from ..base.errors import InputError
 Array = NDArray[np.float64]
 
 
-def float_array(who: str, value: Any) -> Array:
+FINEST = 1e-3
+"""What numbers of any unit must be held to: stamps to a millisecond, heights to a millimetre."""
+
+
+def float_array(who: str, value: Any, finest: float = FINEST) -> Array:
     """Return `value` as an array of float64; InputError where it holds other things than numbers.
 
     Dates are refused: numpy would turn them into counts of their unit since 1970, of a scale that
-    nobody states.
+    nobody states. So are masked values, whose mask float64 arrays have not, and numbers of fewer
+    digits that hold the largest of them to `finest` only: a time of week in float32 is off by up to
+    30 ms.
 
     who : what the message calls it.
     """
     try:
         given = value if hasattr(value, "dtype") else np.asarray(value)
         _refuse_times(who, given)
+        _refuse_masked(who, given)
+        _refuse_coarse(who, given, finest)
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         shown = " ".join(f"{value!r}".split())[:60]
         raise InputError(f"{who}: {shown} is no array of numbers") from None
+
+
+def _refuse_masked(who: str, values: Any) -> None:
+    """Refuse masked values: what stands below a mask is no measurement."""
+    mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    if mask is not None and mask.any():
+        row = int(np.argwhere(mask)[0][0])
+        raise InputError(
+            f"{who}: {np.count_nonzero(mask)} masked values, the first in row {row}; leave these"
+            " rows out"
+        )
+
+
+def _refuse_coarse(who: str, values: Any, finest: float) -> None:
+    """Refuse complex numbers, and numbers whose digits do not hold them."""
+    kind = getattr(values.dtype, "kind", "")
+    if kind == "c":
+        raise InputError(f"{who}: complex numbers; give the real ones")
+    if kind != "f" or values.dtype.itemsize >= 8 or not np.size(values):
+        return
+    magnitude = np.abs(np.asarray(values))
+    largest = magnitude[np.isfinite(magnitude)].max(initial=0.0)
+    if (step := float(np.spacing(largest))) > finest:
+        raise InputError(
+            f"{who}: {values.dtype}, which holds {float(largest):.10g} to {step:.2g} only; give"
+            " float64 from the beginning, what was cut off does not come back"
+        )
 
 
 def _refuse_times(who: str, values: Any) -> None:

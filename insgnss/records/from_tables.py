@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
-from ._checked import Array, float_array
+from ._checked import FINEST, Array, float_array
 from .observations import (
+    FINEST_DEG,
     OF_THE_SOLUTION,
     BarometerHeights,
     CameraEvents,
@@ -33,6 +34,7 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
     ("vn", "ve", "vd"),
     ("sd_vn", "sd_ve", "sd_vd"),
 )
+EPOCH_FROM_S = 1e8  # three years: no time of week, however far it runs on
 GNSS_COLUMNS = (4, 7)
 """Columns of a plain array of fixes: time, latitude, longitude, height, and standard deviations or
 not.
@@ -65,11 +67,14 @@ def imu_samples(
         return given
     columns = _columns_of(given)
     if columns is None:
-        return ImuSamples.from_array(given, quantity, gps_week, "imu")
+        samples = ImuSamples.from_array(given, quantity, gps_week, "imu")
+        _of_week("imu", samples.time, gps_week)
+        return samples
     gyro = columns["gyro"] if "gyro" in columns else _block("imu", columns, GYRO)
     accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
-    week = _week(given, gps_week)
-    return ImuSamples(_one_of("imu", columns, TIME), gyro, accel, quantity, week, "imu")
+    time = _one_of("imu", columns, TIME)
+    week = _of_week("imu", time, _week(given, gps_week))
+    return ImuSamples(time, gyro, accel, quantity, week, "imu")
 
 
 def gnss_fixes(
@@ -116,8 +121,9 @@ def gnss_fixes(
     speed_sigma = None
     if velocity is not None:
         speed_sigma = _sigma(columns, VELOCITY_SIGMA, sigma_velocity_mps, "sigma_velocity_mps")
+    time = _one_of("gnss", columns, TIME)
     fixes = GnssFixes.from_degrees(
-        _one_of("gnss", columns, TIME),
+        time,
         _angle(columns, "lat"),
         _angle(columns, "lon"),
         _one_of("gnss", columns, HEIGHT),
@@ -125,7 +131,7 @@ def gnss_fixes(
         velocity_ned_mps=velocity,
         sigma_velocity_mps=speed_sigma,
         quality=columns.get("quality"),
-        gps_week=_week(given, gps_week),
+        gps_week=_of_week("gnss", time, _week(given, gps_week)),
         source="gnss",
     )
     described = {name: columns[name] for name in OF_THE_SOLUTION if name in columns}
@@ -153,13 +159,18 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
         return given
     columns = _columns_of(given)
     time = float_array("events", given) if columns is None else _one_of("events", columns, TIME)
+    if not time.size:
+        raise InputError("events: no exposure; leave events out where there is no camera")
+    week = _of_week("events", time, _week(given, gps_week))
     if columns is not None and "image" in columns:
         names = tuple(str(name) for name in columns["image"])
-        return CameraEvents(names, time, _week(given, gps_week), "events")
+        return CameraEvents(names, time, week, "events")
     names = tuple(str(k + 1) for k in range(time.size))
     numbering = f"no image names; the {time.size} events are numbered from 1"
+    if columns is not None:
+        numbering += f" (columns: {', '.join(map(str, columns))})"
     note = Check("event names", numbering, "a name for each event", "note", "give a column image")
-    return CameraEvents(names, time, _week(given, gps_week), "events", (note,))
+    return CameraEvents(names, time, week, "events", (note,))
 
 
 def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeights:
@@ -207,7 +218,7 @@ def _columns_of(given: Any) -> dict[str, Any] | None:
 
 def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
     """Columns of a plain array of fixes, whose angles are degrees."""
-    values = float_array("gnss", given)
+    values = float_array("gnss", given, FINEST_DEG)
     if values.ndim != 2 or values.shape[1] not in GNSS_COLUMNS:
         raise InputError(
             f"gnss: an array of shape {values.shape}, expected (m, 4) or (m, 7): time s, latitude"
@@ -227,8 +238,22 @@ def _week(given: Any, gps_week: int | None) -> int | None:
 def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
     for name in names:
         if name in columns:
-            return float_array(f"{who}: column {name}", columns[name])
-    raise InputError(f"{who}: no column {names[0]}; there are {', '.join(map(str, columns))}")
+            finest = FINEST_DEG if name.startswith(("lat", "lon")) else FINEST
+            values = float_array(f"{who}: column {name}", columns[name], finest)
+            return values
+    there = ", ".join(map(str, columns)) or "none"
+    raise InputError(f"{who}: no column {names[0]}; there are {there}")
+
+
+def _of_week(who: str, time: Array, week: int | None) -> int | None:
+    """Return the week of times; InputError where they count from no beginning of a week."""
+    if week and time.size and np.nanmax(time) > EPOCH_FROM_S:
+        raise InputError(
+            f"{who}: time {np.nanmax(time):.0f} s with gps_week = {week}; give the time of week, of"
+            " dates and of seconds since 1970 by week, tow = insgnss.gps_from_dates(dates, ...),"
+            " or seconds since the GPS epoch without gps_week"
+        )
+    return week
 
 
 def _block(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
@@ -238,7 +263,14 @@ def _block(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
 def _angle(columns: Mapping[str, Any], name: str) -> Array:
     """(n,) degrees."""
     if f"{name}_rad" in columns:
-        return np.degrees(_one_of("gnss", columns, (f"{name}_rad",)))
+        angle = _one_of("gnss", columns, (f"{name}_rad",))
+        if (beyond := np.abs(angle) > 2.0 * np.pi).any():
+            row = int(np.argmax(beyond))
+            raise InputError(
+                f"gnss: {name}_rad {angle[row]:g} in row {row} is no angle in rad; call degrees"
+                f" {name}_deg"
+            )
+        return np.degrees(angle)
     if name in columns and f"{name}_deg" not in columns:
         raise InputError(f"gnss: column {name} without unit; call it {name}_deg or {name}_rad")
     return _one_of("gnss", columns, (f"{name}_deg",))

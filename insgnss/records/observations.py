@@ -17,6 +17,7 @@ Quantity = Literal["mean_rate", "increments", "instant_rate"]
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
 # what describes the solution of a fix and weighs nothing; fields of `GnssFixes` by name
 OF_THE_SOLUTION = ("satellites", "ratio", "age_s", "pdop", "hdop")
+FINEST_DEG = 1e-7  # a centimetre
 # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
 UNKNOWN_MPS = 1000.0
 
@@ -228,6 +229,12 @@ class GnssFixes(Rows):
         n = frozen(self, "time", (None,)).size
         for name in ("lat", "lon", "height"):
             frozen(self, name, (n,))
+        if (beyond := np.abs(self.lat) > 2.0 * np.pi).any():
+            row = int(np.argmax(beyond))
+            raise InputError(
+                f"GnssFixes.lat: {self.lat[row]:g} in row {row} is no angle in rad;"
+                " GnssFixes.from_degrees takes degrees"
+            )
         frozen(self, "cov_ned", (n, 3, 3))
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
@@ -287,7 +294,8 @@ class GnssFixes(Rows):
         >>> fixes
         <GnssFixes 2 fixes, TOW 10.0 to 11.0 s, 1 Hz>
         """
-        stamps, lat, lon = (float_array(source, x) for x in (time, lat_deg, lon_deg))
+        stamps = float_array(source, time)
+        lat, lon = (float_array(source, x, FINEST_DEG) for x in (lat_deg, lon_deg))
         for name, angle, limit in (("lat_deg", lat, 90.0), ("lon_deg", lon, 360.0)):
             if (beyond := np.abs(angle) > limit).any():
                 row = int(np.argmax(beyond))

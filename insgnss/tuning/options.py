@@ -27,7 +27,8 @@ class TuneOptions:
     Parameters
     ----------
     columns : names of the columns in their order, or a mapping; None: what the file says.
-    gyro_unit, accel_unit, time_unit : units of the columns; None: what the file says, else SI.
+    gyro_unit, accel_unit, time_unit : units of the columns, such as "rad/s"; None: what the file
+        says, and a file whose columns nothing names is refused.
     quantity : what a sample is; None: "mean_rate".
     rate_hz : samples a second, where there is no column of time.
     variable : the table inside a file that holds several.

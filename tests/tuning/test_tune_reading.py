@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from static_files import RATE, samples, save
 
+import insgnss
 from insgnss import cli
+from insgnss.base.errors import UsageError
 from insgnss.formats import read_imu
 from insgnss.tuning.options import TuneOptions
 from insgnss.tuning.reading import own_text, read_samples
@@ -252,3 +254,10 @@ def test_a_drift_beside_others_is_not_tried(rest, tmp_path, capsys):
     code, said = run(capsys, *argv)
     assert code == 0
     assert "no noise at all: DR" in said
+
+
+def test_arrays_are_no_recordings():
+    """Oracle: the docstring; the message names what to do."""
+    for given in (np.zeros((9, 7)), [np.zeros((9, 7))]):
+        with pytest.raises(UsageError, match=r"tune: ndarray is no path; .*np\.save"):
+            insgnss.tune(given)
