@@ -177,8 +177,8 @@ def test_angles_in_degrees_and_seconds_since_1970_are_refused_by_their_name():
     """Oracle: the definitions of a radian and of the time of week."""
     t = np.array([0.0, 1.0])
     cov = np.tile(np.eye(3), (2, 1, 1))
-    with pytest.raises(InputError, match=r"46.5 in row 0 is no angle in rad; .*from_degrees"):
-        GnssFixes(t, np.full(2, 46.5), np.full(2, 6.5), np.zeros(2), cov)
+    with pytest.raises(InputError, match=r"46.5 in row 0 is beyond pi/2, .*from_degrees"):
+        gnss_fixes(GnssFixes(t, np.full(2, 46.5), np.full(2, 6.5), np.zeros(2), cov))
     table = {"tow": t, "lat_rad": np.full(2, 46.5), "lon_rad": np.full(2, 6.5), "h_m": t}
     with pytest.raises(InputError, match=r"lat_rad 46.5 in row 0 is no angle in rad; .*lat_deg"):
         gnss_fixes(table, (0.02, 0.02, 0.03))

@@ -162,20 +162,20 @@ class ConstantsEvidence:
         return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
 
     def strongest(self) -> Hypothesis | None:
-        """Return the strongest hypothesis beyond `TAKEN`, without groups that add little.
+        """Return the strongest hypothesis, without groups that add little.
 
         Returns
         -------
         Hypothesis or None
-            The one of fewest groups within `OTHERS` of the strongest; None where nothing is
-            suspected.
+            The one of fewest groups within `OTHERS` of the strongest; None where that is not beyond
+            `TAKEN`: nothing is suspected.
         """
         every = self.hypotheses
-        if not every or every[0].evidence < TAKEN:
+        if not every:
             return None
-        close = [one for one in every if one.evidence > max(TAKEN, every[0].evidence - OTHERS)]
-        close = close or [every[0]]
-        return min(close, key=lambda one: (len(one.groups), -one.evidence))
+        close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
+        simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
+        return simplest if simplest.evidence >= TAKEN else None
 
     def rivals(self, of: Hypothesis) -> list[Hypothesis]:
         """Return other hypotheses that the flight does not tell apart from one.

@@ -107,6 +107,12 @@ def gnss_fixes(
     if isinstance(given, GnssFixes):
         if sigma_m is not None or sigma_velocity_mps is not None:
             raise InputError("gnss: the fixes have covariances of their own; leave the sigmas out")
+        if (beyond := np.abs(given.lat) > 0.5 * np.pi).any():
+            row = int(np.argmax(beyond))
+            raise InputError(
+                f"gnss: lat {given.lat[row]:g} in row {row} is beyond pi/2, a GnssFixes holds rad;"
+                " GnssFixes.from_degrees takes degrees"
+            )
         return given
     columns = _columns_of(given)
     if columns is None:

@@ -229,12 +229,6 @@ class GnssFixes(Rows):
         n = frozen(self, "time", (None,)).size
         for name in ("lat", "lon", "height"):
             frozen(self, name, (n,))
-        if (beyond := np.abs(self.lat) > 2.0 * np.pi).any():
-            row = int(np.argmax(beyond))
-            raise InputError(
-                f"GnssFixes.lat: {self.lat[row]:g} in row {row} is no angle in rad;"
-                " GnssFixes.from_degrees takes degrees"
-            )
         frozen(self, "cov_ned", (n, 3, 3))
         if self.velocity_ned is not None:
             frozen(self, "velocity_ned", (n, 3))
