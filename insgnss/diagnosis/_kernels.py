@@ -31,14 +31,14 @@ def follow_constants(
     V,
     value,
 ):
-    """Follow the errors that constants leave in the filter over a block of
+    """Follow the errors that constants leave in the filter over a block of epochs.
 
     Parameters
     ----------
     dt, dtheta, dvel : ndarray
         As in `IntegrationIntervals`.
     stop, time, rate : ndarray
-        As in `Epochs`, of the m
+        As in `Epochs`, of the m epochs of the block.
     F, D, H, K, S, y, used : ndarray
         As in `FilterHistory`.
     begin : int
