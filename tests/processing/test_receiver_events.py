@@ -99,11 +99,15 @@ def test_exposures_move_with_fixes_whose_stamps_are_moved(sim):
 @pytest.mark.slow
 def test_the_clock_of_the_exposures_is_asked_for_where_it_matters(sim):
     """Oracle: the exact motion; exposures that the receiver stamped 20 ms late, taken as the IMU's,
-    are off by what the note says. Who says the clock is not asked, nor who has one clock.
+    are off by what the note says, which stands out. Who says the clock is not asked, nor who has
+    one clock.
     """
 
     def asked(by_s, **changes):
         result = late(sim, by_s, gnss__time_offset_s=-by_s, **changes)
+        of_clock = [one for one in result.report["limits"] if "exposure clock" in one["text"]]
+        assert all(one["rank"] > 1.0 for one in of_clock)
+        assert len(of_clock) == sum(c.name == "exposure clock" for c in result.checks)
         return [c for c in result.checks if c.name == "exposure clock"], result.eo
 
     (check,), eo = asked(0.02)

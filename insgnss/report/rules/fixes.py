@@ -26,8 +26,9 @@ STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
 )  # an error that lasts longer is one of the absolute position; share of the fixes
-# ranks of notes that stand out: sigmas enlarged without need, a mounting of another camera or time
-NOTED = {"sigmas of the fixes": 1.5, "mounting file": 1.5}
+# ranks of notes that stand out: sigmas enlarged without need, a mounting of another camera or time,
+# and images that by the other clock are further away than their sigmas hold
+NOTED = {"sigmas of the fixes": 1.5, "mounting file": 1.5, "exposure clock": 1.5}
 # checks by which the solution is another one than the flight file asks for: they stand out
 ADOPTED = (
     "antenna lever arm",
