@@ -727,3 +727,11 @@ def test_a_reader_that_leaves_early_is_no_error():
     )
     os.close(write)
     assert (run.returncode, run.stderr) == (0, b"")
+
+
+def test_a_misspelt_verb_is_answered_with_the_one_it_may_be(capsys):
+    """Oracle: the verbs; a word like none of them gets them all."""
+    assert main(["proces", "flight.toml"]) == 2
+    assert "'proces'; did you mean process?; see insgnss --help" in capsys.readouterr().err
+    assert main(["xyzzy"]) == 2
+    assert "choose from 'demo', 'simulate'" in capsys.readouterr().err

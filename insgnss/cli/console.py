@@ -174,6 +174,16 @@ class Parser(argparse.ArgumentParser):
             return self.rearranged(super().parse_known_args, args, namespace)
         return super().parse_known_args(args, namespace)
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            import difflib
+
+            if close := difflib.get_close_matches(str(value), map(str, action.choices or ()), 1):
+                error.message = f"{error.message.partition(' (')[0]}; did you mean {close[0]}?"
+            raise
+
     def format_usage(self) -> str:
         self.complete()
         return super().format_usage()
