@@ -231,6 +231,15 @@ def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
         "not observed by this flight: gyro x scale factor" in limit["text"] for limit in others
     )
     assert max(limit["rank"] for limit in others) < 1.0
+    assert not any("imu_m" in str(limit) for limit in others)
+
+
+def test_an_estimated_lever_arm_says_what_the_flight_sees(diagnostics) -> None:
+    """Oracle: the geometry; a flight sees the antenna from the IMU, and no camera."""
+    states = (StateVerdict("antenna lever arm forward", -0.211, 0.007, 0.3, 0.007, True),)
+    (found,) = (one for one in run(diagnostics(states=states))["limits"] if "beside" in one["text"])
+    assert "antenna lever arm forward -0.211 +- 0.007 m" in found["text"]
+    assert "where imu_m is wrong instead, the images are off" in str(found)
 
 
 def test_standing_says_nothing_of_fixes_that_were_made_up(diagnostics) -> None:

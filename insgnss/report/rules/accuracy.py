@@ -209,10 +209,15 @@ def states(f: Figures) -> Iterator[Limit]:
                 f" {unit}"
             )
     if estimated:
+        of_antenna = any(one.startswith("antenna lever arm") for one in estimated)
         yield Limit(
             "constants",
             REMARK,
             f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
+            "it sees the antenna from the IMU alone: where imu_m is wrong instead, the images are"
+            " off by as much; measure both"
+            if of_antenna
+            else "",
         )
     if of_imu:
         yield Limit(
