@@ -170,7 +170,9 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
             for t, ink in zip(own, INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
-        title = f"{kind[0].upper()}{kind[1:]}{of} over the season"
+        # mounting.antenna_m counts from the camera, in its axes
+        seen = " from the IMU, body axes," if kind == "antenna lever arm" else ""
+        title = f"{kind[0].upper()}{kind[1:]}{of}{seen} over the season"
         yield Chart(f"constants-{number}", title, READING, panels, "days since the first flight")
     yield from _sigmas(rows)
 
