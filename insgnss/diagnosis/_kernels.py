@@ -1,9 +1,7 @@
 """What constants that the filter takes as known do to its innovations (Y.1)."""
 
 from ..base.compilation import njit
-from ..navigation.codes import ABSENT, ACCEL0, IMU0, N_NAV
-
-ELAPSED = -2  # as a factor: the time since the start, in place of a channel
+from ..navigation.codes import ABSENT, ACCEL0, DRIFT, IMU0, N_NAV
 
 
 @njit(cache=True, nogil=True, allocates=False)
@@ -47,7 +45,8 @@ def follow_constants(
         (c,) the state, counted from the first of navigation, whose column each constant has, or
         ABSENT for one that is a state itself.
     factor : ndarray
-        (c,) what the column is multiplied with: ELAPSED, or the channel whose measured value it is.
+        (c,) what the column is multiplied with, as of a state: DRIFT, or the channel whose measured
+        value it is.
     U : ndarray
         (n, c) errors of the states that a unit of each constant leaves, taken on in place.
     information, vector : ndarray
@@ -77,7 +76,7 @@ def follow_constants(
                             row[a] += t * U[k, a]
             for a in range(count):
                 f = factor[a]
-                if like[a] != ABSENT and f != ELAPSED:
+                if like[a] != ABSENT and f != DRIFT:
                     mean = value[f] / total
                     for r in range(N_NAV):
                         top[r, a] += mean * F[e, r, like[a]]
@@ -101,7 +100,7 @@ def follow_constants(
             for a in range(count):
                 if like[a] != ABSENT and like[a] < min(wide, used[i]):
                     f = factor[a]
-                    if f == ELAPSED:
+                    if f == DRIFT:
                         V[a] += time[e] * H[e, i, like[a]]
                     elif f < ACCEL0:
                         V[a] += rate[e, f] * H[e, i, like[a]]

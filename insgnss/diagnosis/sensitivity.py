@@ -30,12 +30,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..navigation.codes import ABSENT, BIAS, N_CHANNELS, N_NAV
+from ..navigation.codes import ABSENT, BIAS, DRIFT, N_CHANNELS, N_NAV
 from ..navigation.kernels.records import Epochs, FilterHistory, IntegrationIntervals
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem
 from ..records import Array
-from ._kernels import ELAPSED, follow_constants
+from ._kernels import follow_constants
 
 LONGEST_S = 0.21  # between epochs: over more the mean of a product is not the product of means
 
@@ -53,7 +53,7 @@ class Constants:
     like : ndarray
         (c,) of another one, the state that acts in the same way, else ABSENT.
     factor : ndarray
-        (c,) and what it is multiplied with: a channel, or `ELAPSED`.
+        (c,) and what it is multiplied with: a channel, or `codes.DRIFT`, the time since the start.
     stated : Array
         (c,) the a-priori sigma of those that are states, else 0.
     wide : Array
@@ -96,10 +96,10 @@ class Constants:
                 stated.append(float(own.sigma0[k]))
                 continue
             if s == wide.rate:
-                acts_like, times = own.offset, ELAPSED
+                acts_like, times = own.offset, DRIFT
             else:
                 acts_like, times = _bias_of(own, channel), int(wide.factor[s])
-            if acts_like == ABSENT or (times < 0 and times != ELAPSED):
+            if acts_like == ABSENT or (times < 0 and times != DRIFT):
                 return None
             state.append(ABSENT)
             like.append(N_NAV + acts_like)
