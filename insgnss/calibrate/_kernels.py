@@ -336,10 +336,11 @@ def run_linear(
         np.zeros((N_NAV, n)),
         np.zeros((N_NAV, N_NAV)),
     )
-    R, L, S3, H, nu = (
+    R, L, S3, H, HP, nu = (
         np.zeros((3, 3)),
         np.zeros((3, 3)),
         np.zeros((3, 3)),
+        np.zeros((3, n)),
         np.zeros((3, n)),
         np.zeros((3, 1)),
     )
@@ -375,7 +376,7 @@ def run_linear(
                 for c in range(3):
                     R[a, c] = lin.R[e, j, a, c] * scale[j]
             out = X[:2, :3]
-            nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, new, out)
+            nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, HP, out)
             cholesky(lin.R[e, j], L)
             log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
             verdict[e, j] = USED

@@ -10,7 +10,7 @@ from .outage import gain_within, smooth_across
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def run_backward(
     event,
     history,

@@ -34,12 +34,12 @@ from .update import (
     forward_solve3,
     innovation_test,
     reset_covariance,
-    scalar_update,
     state_difference,
+    triple_update,
 )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin):
     """Run the extended Kalman filter over the whole flight, or over a block of its epochs.
 
@@ -98,6 +98,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
     )
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
+    HP, T = np.zeros((3, n)), np.zeros((3, N_NAV))
     for e in range(begin, epochs.stop.size):
         row = min(e, last_row)
         if e > 0:  # predict nominal, covariance, mean, cross-covariance
@@ -148,7 +149,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             used = history.used[b]
             for i in range(3):
                 history.S[e, b + i] = 0.0
-            nis = innovation_test(P, H, nu, m, R, used, S3, L, scratch, innovation)
+            nis = innovation_test(P, H, nu, m, R, used, S3, L, HP, innovation)
             history.nis[e, kind] = nis
             for i in range(3):
                 history.innovation[e, b + i] = innovation[0, i]
@@ -173,13 +174,23 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
             cholesky(R, L)
             forward_solve3(L, H)
             forward_solve3(L, nu)
+            forward_solve3(L, HP)
             for i in range(3):
                 copy_vector(H[i, :wide], history.H[row, b + i])
-                S, y = scalar_update(
-                    P, m, H[i], nu[i, 0], used, history.K[row, b + i], cross, track_cross
-                )
-                history.S[e, b + i] = S
-                history.y[e, b + i] = y
+            triple_update(
+                P,
+                m,
+                H,
+                HP,
+                nu,
+                used,
+                history.K[row, b : b + 3],
+                history.S[e, b : b + 3],
+                history.y[e, b : b + 3],
+                cross,
+                track_cross,
+                T,
+            )
         fed_back = fed_back or max(P[AX, AX], P[AY, AY], P[AZ, AZ]) < threshold * threshold
         if closed_loop and fed_back:
             feed_back(nav, x, m)

@@ -52,16 +52,19 @@ def forward_solve3(L, A):
     A : ndarray
         (3, m) right-hand sides, changed in place.
     """
-    for j in range(A.shape[1]):
-        for r in range(3):
-            t = A[r, j]
-            for k in range(r):
-                t -= L[r, k] * A[k, j]
-            A[r, j] = t / L[r, r]
+    for r in range(3):
+        to = A[r]
+        for k in range(r):
+            t, of = L[r, k], A[k]
+            for j in range(to.size):
+                to[j] -= t * of[j]
+        t = 1.0 / L[r, r]
+        for j in range(to.size):
+            to[j] *= t
 
 
 @njit(cache=True, allocates=False)
-def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
+def innovation_test(P, H, nu, m, R, used, S, L, HP, out):
     """Compute the normalised innovation squared (NIS) of a triple.
 
     Parameters
@@ -80,8 +83,8 @@ def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
         Number of leading columns of H that may differ from zero.
     S, L : ndarray
         (3, 3) innovation covariance and its Cholesky factor, filled in place.
-    PH : ndarray
-        (n,) scratch.
+    HP : ndarray
+        (3, n) H P, filled in place.
     out : ndarray
         (2, 3) innovation and its standard deviation, filled in place.
 
@@ -95,21 +98,32 @@ def innovation_test(P, H, nu, m, R, used, S, L, PH, out):
         for k in range(used):
             t -= H[r, k] * m[k]
         out[0, r] = t
+    h0, h1, h2 = H[0], H[1], H[2]
+    p0, p1, p2 = HP[0], HP[1], HP[2]
+    HP[:] = 0.0
+    for k in range(used):  # most of H is zero
+        a, b, c = h0[k], h1[k], h2[k]
+        if a != 0.0 or b != 0.0 or c != 0.0:
+            row = P[k]
+            for i in range(p0.size):
+                t = row[i]
+                p0[i] += a * t
+                p1[i] += b * t
+                p2[i] += c * t
     for c in range(3):
-        PH[:] = 0.0
-        for k in range(used):  # P is symmetric, and most of H is zero
-            t = H[c, k]
-            if t != 0.0:
-                row = P[k]
-                for i in range(PH.size):
-                    PH[i] += t * row[i]
         for r in range(c, 3):
-            t = R[r, c]
-            for i in range(used):
-                if H[r, i] != 0.0:
-                    t += H[r, i] * PH[i]
-            S[r, c] = t
-            S[c, r] = t
+            S[r, c] = R[r, c]
+    for k in range(used):
+        t = h0[k]
+        S[0, 0] += t * p0[k]
+        t = h1[k]
+        S[1, 0] += t * p0[k]
+        S[1, 1] += t * p1[k]
+        t = h2[k]
+        S[2, 0] += t * p0[k]
+        S[2, 1] += t * p1[k]
+        S[2, 2] += t * p2[k]
+    S[0, 1], S[0, 2], S[1, 2] = S[1, 0], S[2, 0], S[2, 1]
     if not cholesky(S, L):
         return np.inf
     y0 = out[0, 0] / L[0, 0]
@@ -144,10 +158,15 @@ def reset_covariance(P, innovation, since_s):
 
 
 @njit(cache=True, allocates=False)
-def scalar_update(P, m, h, nu, used, K, cross, track_cross):
-    """Update mean and covariance with one scalar measurement of unit variance (K.4), in place.
+def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
+    """Update mean and covariance with three scalars of unit variance (K.4), in place.
 
-    K[r] K[c] is the same product either way round, so that P stays symmetric.
+    One after another, h_0 first, as if each came by itself: with k_i = P_i h_i and s_i = h_i' k_i + 1
+
+        P_i+1 = P_i - k_i k_i' / s_i        P_i+1 h_j = P_i h_j - k_i (k_i' h_j) / s_i
+
+    so that the gains come from H P alone, and P is gone through once instead of three times. The
+    sum of k[r] k[c] is the same either way round, so that P stays symmetric.
 
     Parameters
     ----------
@@ -155,57 +174,76 @@ def scalar_update(P, m, h, nu, used, K, cross, track_cross):
         (n, n) covariance of the errors, changed in place.
     m : ndarray
         (n,) estimate of the errors about the nominal, changed in place.
-    h : ndarray
-        (n,) whitened derivative of the measurement.
-    nu : float
-        Whitened innovation of the nominal.
+    H : ndarray
+        (3, n) whitened derivative of the measurement.
+    HP : ndarray
+        (3, n) H P; k_i / sqrt(s_i) afterwards.
+    nu : ndarray
+        (3, 1) whitened innovation of the nominal.
     used : int
-        Number of leading columns of h that may differ from zero.
+        Number of leading columns of H that may differ from zero.
     K : ndarray
-        (n,) the gain, filled in place.
+        (3, n) the gains k_i / s_i, filled in place.
+    S, y : ndarray
+        (3,) innovation variances s_i and innovations, filled in place.
     cross : ndarray
         (9, n) covariance of the latest event's navigation error with the errors now.
     track_cross : bool
         Whether `cross` is updated as well.
-
-    Returns
-    -------
-    tuple of float
-        Innovation variance and innovation of the scalar.
+    T : ndarray
+        (3, 9) scratch.
     """
     n = P.shape[0]
-    S = 1.0
-    K[:] = 0.0
-    for k in range(used):  # P is symmetric, and most of h is zero
-        t = h[k]
-        if t != 0.0:
-            row = P[k]
-            for c in range(n):
-                K[c] += t * row[c]
-    y = nu
-    for k in range(used):
-        S += h[k] * K[k]
-        y -= h[k] * m[k]
-    inv = 1.0 / S
-    root = np.sqrt(inv)
-    for r in range(n):
-        m[r] += K[r] * inv * y
-        K[r] *= root
-    for r in range(n):
-        t = K[r]
-        row = P[r]
-        for c in range(n):
-            row[c] -= t * K[c]
-    for r in range(n):
-        K[r] *= root
+    h1, h2 = H[1], H[2]
+    k0, k1, k2 = HP[0], HP[1], HP[2]
     if track_cross:
+        T[:] = 0.0
+        for k in range(used):
+            a, b, c = H[0, k], h1[k], h2[k]
+            if a != 0.0 or b != 0.0 or c != 0.0:
+                for r in range(N_NAV):
+                    t = cross[r, k]
+                    T[0, r] += t * a
+                    T[1, r] += t * b
+                    T[2, r] += t * c
+    for i in range(3):
+        h, own, gain = H[i], HP[i], K[i]
+        s, d, of_1, of_2 = 1.0, nu[i, 0], 0.0, 0.0
+        for k in range(used):
+            t = own[k]
+            s += h[k] * t
+            d -= h[k] * m[k]
+            of_1 += h1[k] * t
+            of_2 += h2[k] * t
+        S[i], y[i] = s, d
+        inv = 1.0 / s
+        root, d, of_1, of_2 = np.sqrt(inv), d * inv, of_1 * inv, of_2 * inv
+        for r in range(n):
+            t = own[r]
+            m[r] += t * d
+            gain[r] = t * inv
+        if i == 0:
+            for r in range(n):
+                k1[r] -= of_1 * own[r]
+            for r in range(N_NAV):
+                T[1, r] -= of_1 * T[0, r]
+        if i < 2:
+            for r in range(n):
+                k2[r] -= of_2 * own[r]
+            for r in range(N_NAV):
+                T[2, r] -= of_2 * T[i, r]
+        for r in range(n):
+            own[r] *= root
+    for r in range(n):
+        a, b, c, row = k0[r], k1[r], k2[r], P[r]
+        for k in range(n):
+            row[k] -= a * k0[k] + b * k1[k] + c * k2[k]
+    if track_cross:
+        g0, g1, g2 = K[0], K[1], K[2]
         for r in range(N_NAV):
-            t = 0.0
-            for k in range(used):
-                t += cross[r, k] * h[k]
-            for c in range(n):
-                cross[r, c] -= t * K[c]
-    return S, y
+            a, b, c, row = T[0, r], T[1, r], T[2, r], cross[r]
+            for k in range(n):
+                row[k] -= a * g0[k] + b * g1[k] + c * g2[k]
 
 
 @njit(cache=True, allocates=False)
