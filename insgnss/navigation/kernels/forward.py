@@ -36,6 +36,7 @@ from .update import (
     reset_covariance,
     state_difference,
     triple_update,
+    weigh,
 )
 
 
@@ -164,6 +165,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, state, options, histor
                 if epochs.time[e] - rejected_since < reset_after or nis == np.inf:
                     continue
                 reset_covariance(P, innovation[0], reset_after)
+                weigh(P, H, used, HP)
                 history.verdict[e, kind] = COVARIANCE_RESET
             else:
                 history.verdict[e, kind] = USED

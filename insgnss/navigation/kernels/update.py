@@ -64,6 +64,35 @@ def forward_solve3(L, A):
 
 
 @njit(cache=True, allocates=False)
+def weigh(P, H, used, HP):
+    """Compute H P of a triple.
+
+    Parameters
+    ----------
+    P : ndarray
+        (n, n) covariance of the errors.
+    H : ndarray
+        (3, n) derivative of the measurement.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    HP : ndarray
+        (3, n) the product, filled in place.
+    """
+    h0, h1, h2 = H[0], H[1], H[2]
+    p0, p1, p2 = HP[0], HP[1], HP[2]
+    HP[:] = 0.0
+    for k in range(used):  # P is symmetric, and most of H is zero
+        a, b, c = h0[k], h1[k], h2[k]
+        if a != 0.0 or b != 0.0 or c != 0.0:
+            row = P[k]
+            for i in range(p0.size):
+                t = row[i]
+                p0[i] += a * t
+                p1[i] += b * t
+                p2[i] += c * t
+
+
+@njit(cache=True, allocates=False)
 def innovation_test(P, H, nu, m, R, used, S, L, HP, out):
     """Compute the normalised innovation squared (NIS) of a triple.
 
@@ -98,18 +127,9 @@ def innovation_test(P, H, nu, m, R, used, S, L, HP, out):
         for k in range(used):
             t -= H[r, k] * m[k]
         out[0, r] = t
+    weigh(P, H, used, HP)
     h0, h1, h2 = H[0], H[1], H[2]
     p0, p1, p2 = HP[0], HP[1], HP[2]
-    HP[:] = 0.0
-    for k in range(used):  # most of H is zero
-        a, b, c = h0[k], h1[k], h2[k]
-        if a != 0.0 or b != 0.0 or c != 0.0:
-            row = P[k]
-            for i in range(p0.size):
-                t = row[i]
-                p0[i] += a * t
-                p1[i] += b * t
-                p2[i] += c * t
     for c in range(3):
         for r in range(c, 3):
             S[r, c] = R[r, c]
@@ -177,7 +197,7 @@ def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
     H : ndarray
         (3, n) whitened derivative of the measurement.
     HP : ndarray
-        (3, n) H P; k_i / sqrt(s_i) afterwards.
+        (3, n) H P, whitened likewise; k_i / sqrt(s_i) afterwards.
     nu : ndarray
         (3, 1) whitened innovation of the nominal.
     used : int
