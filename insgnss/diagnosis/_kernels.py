@@ -2,6 +2,7 @@
 
 from ..base.compilation import njit
 from ..navigation.codes import ABSENT, ACCEL0, DRIFT, IMU0, N_NAV
+from ..navigation.kernels.update import one_after_another, take_off, weigh
 
 
 @njit(cache=True, nogil=True, allocates=False)
@@ -27,6 +28,7 @@ def follow_constants(
     vector,
     top,
     V,
+    scaled,
     value,
 ):
     """Follow the errors that constants leave in the filter over a block of epochs.
@@ -51,8 +53,8 @@ def follow_constants(
         (n, c) errors of the states that a unit of each constant leaves, taken on in place.
     information, vector : ndarray
         (c, c) and (c,) added to in place (Y.2).
-    top, V, value : ndarray
-        (9, c), (c,) and (6,) scratch.
+    top, V, scaled, value : ndarray
+        (9, c), (3, c), (3, c) and (6,) scratch.
     """
     n, count = U.shape
     wide = H.shape[2]
@@ -88,29 +90,26 @@ def follow_constants(
                 if d != 1.0:
                     for a in range(count):
                         U[r, a] *= d
-        for i in range(S.shape[1]):
-            if S[e, i] <= 0.0:
+        for first in range(0, S.shape[1], 3):
+            if S[e, first] <= 0.0:
                 continue
-            V[:] = 0.0
-            for k in range(used[i]):
-                h = H[e, i, k]
-                if h != 0.0:
-                    for a in range(count):
-                        V[a] += h * U[k, a]
+            h, gain, leading = H[e, first : first + 3], K[e, first : first + 3], used[first]
+            weigh(U, h, leading, V)
             for a in range(count):
-                if like[a] != ABSENT and like[a] < min(wide, used[i]):
+                if like[a] != ABSENT and like[a] < min(wide, leading):
                     f = factor[a]
                     if f == DRIFT:
-                        V[a] += time[e] * H[e, i, like[a]]
+                        for i in range(3):
+                            V[i, a] += time[e] * h[i, like[a]]
                     elif f < ACCEL0:
-                        V[a] += rate[e, f] * H[e, i, like[a]]
-            for r in range(n):
-                gain, row = K[e, i, r], U[r]
+                        for i in range(3):
+                            V[i, a] += rate[e, f] * h[i, like[a]]
+            one_after_another(h, gain, leading, V)
+            take_off(gain, V, count, U)
+            for i in range(3):
+                row = V[i]
+                t, inv = y[e, first + i] / S[e, first + i], 1.0 / S[e, first + i]
                 for a in range(count):
-                    row[a] -= gain * V[a]
-            t, inv = y[e, i] / S[e, i], 1.0 / S[e, i]
-            for b in range(count):
-                vector[b] += t * V[b]
-                s, row = inv * V[b], information[b]
-                for a in range(count):
-                    row[a] += s * V[a]
+                    vector[a] += t * row[a]
+                    scaled[i, a] = -inv * row[a]
+            take_off(scaled, V, count, information)

@@ -167,7 +167,8 @@ class Sensitivity:
         measured = epochs.stop, epochs.time, epochs.rate
         records = h.F, h.D, h.H, h.K, h.S, h.y, h.used
         sums = self.errors, self.information, self.vector
-        scratch = np.empty((N_NAV, count)), np.empty(count), np.empty(N_CHANNELS)
+        sizes = (N_NAV, count), (3, count), (3, count), N_CHANNELS
+        scratch = tuple(np.empty(size) for size in sizes)
         follow_constants(
             *intervals, *measured, *records, begin, own.like, own.factor, *sums, *scratch
         )

@@ -6,6 +6,7 @@ from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
 from .copies import copy_matrix, copy_vector
 from .outage import gain_within, smooth_across
+from .update import remove_triple, weigh
 
 CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
 
@@ -80,7 +81,7 @@ def run_backward(
     )
     M, G, AN = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros((N_NAV, n))
     BN, nav = np.zeros((N_NAV, N_NAV)), np.zeros((N_NAV, N_NAV))
-    g = np.zeros(n)
+    g = np.zeros((3, n))
     for e in range(event.size - 1, begin - 1, -1):
         P = history.P[e]
         if keep[e] != ABSENT:
@@ -149,50 +150,30 @@ def run_backward(
                 copy_vector(history.D[e], state.D)
                 copy_matrix(history.W[outage], state.W)
                 copy_vector(history.Qbb[outage], state.Qbb)
-        for i in range(nz - 1, -1, -1):
-            S = history.S[e, i]
-            if S <= 0.0:
+        for i in range(nz - 3, -1, -3):
+            if history.S[e, i] <= 0.0:
                 continue
-            h = history.H[e, i]
-            k = history.K[e, i]
-            used = history.used[i]
-            t = history.y[e, i] / S
-            for r in range(n):
-                t -= k[r] * lam[r]
-            for r in range(used):
-                lam[r] += h[r] * t
+            h, k, used = history.H[e, i : i + 3], history.K[e, i : i + 3], history.used[i]
             if full:
-                # Lambda - h' g' - g h + t h' h with g = Lambda k, as a sum of two products
-                g[:] = 0.0
-                for c in range(n):
-                    t, row = k[c], Lam[c]
-                    for r in range(n):
-                        g[r] += t * row[r]
-                t = 1.0 / S
+                weigh(Lam, k, n, g)
+                remove_triple(Lam, h, k, history.S[e, i : i + 3], used, g)
+            for j in range(2, -1, -1):
+                t, row, of = history.y[e, i + j] / history.S[e, i + j], h[j], k[j]
                 for r in range(n):
-                    t += g[r] * k[r]
+                    t -= of[r] * lam[r]
                 for r in range(used):
-                    g[r] -= 0.5 * t * h[r]
-                for r in range(used):
-                    t, row = h[r], Lam[r]
-                    if t != 0.0:
-                        for c in range(n):
-                            row[c] -= t * g[c]
-                for r in range(n):
-                    t, row = g[r], Lam[r]
-                    for c in range(used):
-                        row[c] -= t * h[c]
+                    lam[r] += t * row[r]
         if e == 0:
             break
         F = history.F[e]
         D = history.D[e]
-        for c in range(n):
-            t = 0.0
-            for r in range(N_NAV):
-                t += F[r, c] * lam[r]
-            if c >= IMU0:
-                t += D[c - IMU0] * lam[c]
-            new[c] = t
+        new[:] = 0.0
+        for r in range(N_NAV):
+            t, row = lam[r], F[r]
+            for c in range(n):
+                new[c] += t * row[c]
+        for s in range(ns):
+            new[IMU0 + s] += D[s] * lam[IMU0 + s]
         copy_vector(new, lam)
         if full:
             # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose

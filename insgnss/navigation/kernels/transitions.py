@@ -5,9 +5,10 @@ import numpy as np
 from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
 from .copies import copy_matrix
+from .update import one_after_another, take_off, weigh
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
     """Multiply transitions and updates between events, from the first event to the last.
 
@@ -28,7 +29,7 @@ def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
         one; of the first the unit matrix.
     """
     n = K.shape[2]
-    top, row = np.zeros((N_NAV, n)), np.zeros(n)
+    top, rows = np.zeros((N_NAV, n)), np.zeros((3, n))
     for e in range(begin, event.size):
         if begun[0] != 0:
             np.dot(F[e], M, top)
@@ -37,19 +38,12 @@ def event_transitions(event, F, D, H, K, S, used, begin, M, begun, out):
                 if D[e, s - IMU0] != 1.0:
                     for c in range(n):
                         M[s, c] *= D[e, s - IMU0]
-            for i in range(K.shape[1]):
-                if S[e, i] <= 0.0:
-                    continue
-                row[:] = 0.0
-                for k in range(used[i]):
-                    h = H[e, i, k]
-                    if h != 0.0:
-                        for c in range(n):
-                            row[c] += h * M[k, c]
-                for r in range(n):
-                    gain = K[e, i, r]
-                    for c in range(n):
-                        M[r, c] -= gain * row[c]
+            for i in range(0, K.shape[1], 3):
+                if S[e, i] > 0.0:
+                    h, gain = H[e, i : i + 3], K[e, i : i + 3]
+                    weigh(M, h, used[i], rows)
+                    one_after_another(h, gain, used[i], rows)
+                    take_off(gain, rows, n, M)
         if event[e] != ABSENT:
             copy_matrix(M, out[event[e]])
             M[:] = 0.0

@@ -70,18 +70,18 @@ def weigh(P, H, used, HP):
     Parameters
     ----------
     P : ndarray
-        (n, n) covariance of the errors.
+        (n, c) any matrix.
     H : ndarray
-        (3, n) derivative of the measurement.
+        (3, k) derivative of the measurement, k <= n.
     used : int
         Number of leading columns of H that may differ from zero.
     HP : ndarray
-        (3, n) the product, filled in place.
+        (3, c) the product, filled in place.
     """
     h0, h1, h2 = H[0], H[1], H[2]
     p0, p1, p2 = HP[0], HP[1], HP[2]
     HP[:] = 0.0
-    for k in range(used):  # P is symmetric, and most of H is zero
+    for k in range(used):  # most of H is zero
         a, b, c = h0[k], h1[k], h2[k]
         if a != 0.0 or b != 0.0 or c != 0.0:
             row = P[k]
@@ -90,6 +90,61 @@ def weigh(P, H, used, HP):
                 p0[i] += a * t
                 p1[i] += b * t
                 p2[i] += c * t
+
+
+@njit(cache=True, allocates=False)
+def one_after_another(H, K, used, HM):
+    """Turn H M, of three scalars at once, into what each finds of M when its turn comes.
+
+    Before scalar j the updates i < j have taken K_i of (h_i M) from M, so that
+
+        h_j M_j = h_j M - sum over i < j of (h_j K_i) (h_i M_i)
+
+    Parameters
+    ----------
+    H : ndarray
+        (3, k) whitened derivatives.
+    K : ndarray
+        (3, n) gains.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    HM : ndarray
+        (3, c) changed in place.
+    """
+    h1, h2, k0, k1 = H[1], H[2], K[0], K[1]
+    a = b = c = 0.0
+    for k in range(used):
+        a += h1[k] * k0[k]
+        b += h2[k] * k0[k]
+        c += h2[k] * k1[k]
+    m0, m1, m2 = HM[0], HM[1], HM[2]
+    for i in range(m0.size):
+        m1[i] -= a * m0[i]
+        m2[i] -= b * m0[i] + c * m1[i]
+
+
+@njit(cache=True, allocates=False)
+def take_off(A, B, columns, M):
+    """Take three products off a matrix in place: M <- M - A' B.
+
+    Parameters
+    ----------
+    A : ndarray
+        (3, r) of which rows of M are factors.
+    B : ndarray
+        (3, c) with what they are multiplied.
+    columns : int
+        Leading columns of B and M that take part.
+    M : ndarray
+        (r or more, c or more), changed in place.
+    """
+    a0, a1, a2 = A[0], A[1], A[2]
+    b0, b1, b2 = B[0], B[1], B[2]
+    for r in range(a0.size):
+        a, b, c, row = a0[r], a1[r], a2[r], M[r]
+        if a != 0.0 or b != 0.0 or c != 0.0:
+            for k in range(columns):
+                row[k] -= a * b0[k] + b * b1[k] + c * b2[k]
 
 
 @njit(cache=True, allocates=False)
@@ -215,17 +270,18 @@ def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
     """
     n = P.shape[0]
     h1, h2 = H[1], H[2]
-    k0, k1, k2 = HP[0], HP[1], HP[2]
+    k1, k2 = HP[1], HP[2]
     if track_cross:
         T[:] = 0.0
+        t0, t1, t2 = T[0], T[1], T[2]
         for k in range(used):
             a, b, c = H[0, k], h1[k], h2[k]
             if a != 0.0 or b != 0.0 or c != 0.0:
                 for r in range(N_NAV):
                     t = cross[r, k]
-                    T[0, r] += t * a
-                    T[1, r] += t * b
-                    T[2, r] += t * c
+                    t0[r] += t * a
+                    t1[r] += t * b
+                    t2[r] += t * c
     for i in range(3):
         h, own, gain = H[i], HP[i], K[i]
         s, d, of_1, of_2 = 1.0, nu[i, 0], 0.0, 0.0
@@ -254,16 +310,53 @@ def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
                 T[2, r] -= of_2 * T[i, r]
         for r in range(n):
             own[r] *= root
-    for r in range(n):
-        a, b, c, row = k0[r], k1[r], k2[r], P[r]
-        for k in range(n):
-            row[k] -= a * k0[k] + b * k1[k] + c * k2[k]
+    take_off(HP, HP, n, P)
     if track_cross:
-        g0, g1, g2 = K[0], K[1], K[2]
-        for r in range(N_NAV):
-            a, b, c, row = T[0, r], T[1, r], T[2, r], cross[r]
-            for k in range(n):
-                row[k] -= a * g0[k] + b * g1[k] + c * g2[k]
+        take_off(T, K, n, cross)
+
+
+@njit(cache=True, allocates=False)
+def remove_triple(Lam, H, K, S, used, G):
+    """Take Lambda of the smoother back across three updates (B.3), in place, the last first.
+
+    Lambda - h g' - g h' + (1 / s + k' Lambda k) h h' with g = Lambda k, as a sum of two products of
+    h and g - t h; what the later ones do to the g of those before is as in `triple_update`.
+
+    Parameters
+    ----------
+    Lam : ndarray
+        (n, n) Lambda, changed in place.
+    H, K : ndarray
+        (3, k) whitened derivatives and (3, n) gains.
+    S : ndarray
+        (3,) innovation variances.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    G : ndarray
+        (3, n) K Lambda; scratch afterwards.
+    """
+    n = Lam.shape[0]
+    for i in range(2, -1, -1):
+        h, k, g = H[i], K[i], G[i]
+        t = 1.0 / S[i]
+        for r in range(n):
+            t += g[r] * k[r]
+        t *= 0.5
+        for r in range(used):
+            g[r] -= t * h[r]
+        for j in range(i):
+            own, other = K[j], G[j]
+            a = b = 0.0
+            for r in range(n):
+                a += g[r] * own[r]
+            for r in range(used):
+                b += h[r] * own[r]
+            for r in range(n):
+                other[r] -= b * g[r]
+            for r in range(used):
+                other[r] -= a * h[r]
+    take_off(H, G, n, Lam)
+    take_off(G, H, used, Lam)
 
 
 @njit(cache=True, allocates=False)
