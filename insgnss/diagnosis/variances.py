@@ -159,7 +159,7 @@ class VarianceSearch:
 
         def gain(share: float, time_s: float) -> float:
             model = with_time_correlated_error(errors, 1.0, share, time_s)
-            other = evaluate([_linearised(self.part, layout_factory(model))], np.zeros(1))
+            other = evaluate([_linearised(self.part, layout_factory(model))], np.zeros(0))
             return float(self.nothing.cost - other.cost)
 
         time = self.part.problem.epochs.time
@@ -188,7 +188,7 @@ class VarianceSearch:
         float
             Against the layout of the solution.
         """
-        other = evaluate([_linearised(self.part, errors_layout)], np.zeros(1))
+        other = evaluate([_linearised(self.part, errors_layout)], np.zeros(0))
         return self._evidence(other.cost, parameters)
 
     def _hypothesis(self, family: str) -> VarianceHypothesis:
@@ -224,7 +224,7 @@ def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
         if name in own:
             x[:, s] = solution.x[:, own.index(name)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
-    return linear_segment(other, ("fixes.position",))
+    return linear_segment(other, ())
 
 
 def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:

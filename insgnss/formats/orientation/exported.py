@@ -280,8 +280,12 @@ def angle_sigma(
         raise DataError(
             f"{name}: {message}; export a format without angles: bentley, colmap, g2o or eo_json"
         )
-    F = np.linalg.inv(jacobian(angles))
-    return np.sqrt(np.einsum("nij,njk,nik->ni", F, P, F))
+    E = jacobian(angles)
+    # the rows of the inverse are the cross products of the columns over the determinant
+    a, b, c = np.moveaxis(E, 2, 0)
+    F = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    F /= np.einsum("ni,ni->n", a, F[:, 0])[:, None, None]
+    return np.sqrt(np.einsum("nij,nij->ni", F @ P, F))
 
 
 def angles_of(
