@@ -68,7 +68,36 @@ def interpolate(instant: float, X: Array, dX: Array, step: float, out: Array) ->
         out[c] = h0 * X[i, c] + h1 * X[i + 1, c] + g0 * dX[i, c] + g1 * dX[i + 1, c]
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
+def differences(
+    cell: Array, coef: Array, X: Array, dX: Array, E: Array, step: float, a: Array, da: Array, D: Array
+) -> None:
+    """Sum differences of X, of its derivative dX and of E, with derivatives dX and E of the former.
+
+    `cell` (k, 3) are the nodes in rows of X (n, 3) and E (n, 3, 3), coef (k, 3) their coefficients.
+    Into a, da (k, 3) and D (k, 3, 3); X between its rows by cubic Hermite polynomials.
+    """
+    for i in range(cell.shape[0]):
+        for c in range(3):
+            a[i, c] = da[i, c] = 0.0
+            for r in range(3):
+                D[i, c, r] = 0.0
+        for n in range(3):
+            j = min(max(int(cell[i, n]), 0), X.shape[0] - 2)
+            p, t = cell[i, n] - j, coef[i, n]
+            q = 1.0 - p
+            h0, h1 = t * q * q * (1.0 + 2.0 * p), t * p * p * (3.0 - 2.0 * p)
+            g0, g1 = t * step * p * q * q, -t * step * p * p * q
+            q *= t
+            p *= t
+            for c in range(3):
+                a[i, c] += h0 * X[j, c] + h1 * X[j + 1, c] + g0 * dX[j, c] + g1 * dX[j + 1, c]
+                da[i, c] += q * dX[j, c] + p * dX[j + 1, c]
+                for r in range(3):
+                    D[i, c, r] += q * E[j, c, r] + p * E[j + 1, c, r]
+
+
+@njit(cache=True, allocates=False)
 def scan(
     nodes: Array,
     coef: Array,
@@ -81,14 +110,15 @@ def scan(
     broken: Array,
     start: float,
     step: float,
+    x: Array,
+    a: Array,
     out: Array,
 ) -> None:
     """Sum over each window at each lag (R.4), into out (lags, windows, 16).
 
-    The sums are weighted z a' (9), z z, a a, z (3), 1, and a count.
+    The sums are weighted z a' (9), z z, a a, z (3), 1, and a count; x and a are scratch (3,).
     """
     end = step * (X.shape[0] - 1)
-    x, a = np.empty(3), np.empty(3)
     for j in range(lags.size):
         for i in range(nodes.shape[0]):
             first, last = nodes[i, 0] + lags[j] - start, nodes[i, 2] + lags[j] - start
