@@ -16,7 +16,8 @@ What numba takes from the disk it needs no knowledge of Python's and numpy's fun
 half second in which it learns them (`refresh` of its contexts) is left to the first function that
 has to be compiled, which asks for it by itself. Beside the machine code of a kernel the disk holds
 the intermediate code that others are compiled with which call it, and reading that takes longer
-than all the rest: it is left, likewise, to the first that does.
+than all the rest: it is left, likewise, to the first that does. Nor does a kernel need the modules
+of numba that made what it calls of numpy: they are not imported for it.
 
 Every kernel of the package is defined with the decorator of this module;
 `tests/test_architecture.py` sees to it.
@@ -25,6 +26,7 @@ Every kernel of the package is defined with the decorator of this module;
 import hashlib
 import math
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -115,10 +117,42 @@ def _load_what_runs(kept: Any) -> None:
         from numba.core.runtime import rtsys
 
         rtsys.initialize(context)
-        with kept._guard_against_spurious_io_errors(), _linked_later(context.codegen()):
+        guarded = kept._guard_against_spurious_io_errors()
+        with guarded, _linked_later(context.codegen()), _makers_unread():
             return kept._load_overload(signature, context)
 
     kept.load_overload = load_overload
+
+
+@contextmanager
+def _makers_unread() -> Iterator[None]:
+    """Have compiled code come without the modules of numba whose functions are compiled into it.
+
+    numba imports them for their names, which nothing but its object mode looks up.
+    """
+    from numba.core import environment
+
+    names = "_rebuild_env", "Environment", "lookup_environment"
+    if not all(hasattr(environment, name) for name in names):
+        yield
+        return
+    rebuild = environment._rebuild_env
+
+    def rebuild_bare(module: str, constants: Any, name: str) -> Any:
+        known = module in sys.modules or not module.startswith("numba.")
+        if known or environment.lookup_environment(name) is not None:
+            return rebuild(module, constants, name)
+        bare = environment.Environment({"__name__": module})
+        bare.consts[:] = constants
+        bare.env_name = name
+        environment.Environment._memo[name] = bare
+        return bare
+
+    environment._rebuild_env = rebuild_bare
+    try:
+        yield
+    finally:
+        environment._rebuild_env = rebuild
 
 
 @contextmanager

@@ -3,8 +3,6 @@
 Mathematics: `increments`, `stationarity`.
 """
 
-import numpy as np
-
 from ..base.compilation import njit
 
 MEAN_RATE, INCREMENTS, INSTANT_RATE = 0, 1, 2
@@ -80,27 +78,25 @@ def bracket(a, b, k, out):
         out[3 + c] += k * (a[d] * b[3 + e] - a[e] * b[3 + d] + a[3 + d] * b[e] - a[3 + e] * b[d])
 
 
-@njit(cache=True)
+@njit(cache=True, allocates=False)
 def build_segments(
-    time, gyro, accel, quantity, C, nominal, bridge, marks, dt, dtheta, dvel, stop, rate
+    time, gyro, accel, quantity, C, nominal, bridge, marks, dt, dtheta, dvel, stop, rate, work
 ):
     """Fill the integration intervals (dt, dtheta, dvel) from marks[0] to marks[-1].
 
     Every mark lies within [time[0], time[-1]]; marks increase. stop (m,) is the number of intervals
-    before each mark, rate (m, 3) the gyro rate there. Returns the number of intervals.
+    before each mark, rate (m, 3) the gyro rate there; work (10, 6) is scratch. Returns the number
+    of intervals.
     """
     last = time.size - 2
     i = 0
     while i < last and time[i + 1] <= marks[0]:
         i += 1
-    raw = np.zeros(6)
-    r = np.zeros((5, 6))  # rates of intervals i - 2 .. i + 2
+    work[:] = 0.0
+    r = work[:5]  # rates of intervals i - 2 .. i + 2
+    raw, slope, fine, second, extra = work[5], work[6], work[7], work[8], work[9]
     for k in range(4):
         body_rate(time, gyro, accel, quantity, C, i - 2 + k, nominal, bridge, raw, r[k])
-    slope = np.zeros(6)
-    fine = np.zeros(6)
-    second = np.zeros(6)
-    extra = np.zeros(6)
     n = 0
     m = 0
     while m < marks.size and i <= last:

@@ -112,6 +112,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
         dvel,
         stop,
         rate,
+        np.empty((10, 6)),
     )
     bridged = bridged_variance(imu, C_b_imu, gaps, snapped) if gaps else None
     return Increments(
