@@ -5,10 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import insgnss
 
+BASE = Path(insgnss.__file__).parent / "base"
 SOURCES = {
     "__init__.py": "",
     "constants.py": "STEP = 1.0\n",
@@ -38,13 +40,13 @@ RUN = "from house.outer import outer; print(outer(1.0), sum(outer.stats.cache_hi
 
 @pytest.fixture
 def house(tmp_path):
-    """Three files and the decorator: a kernel, its callee and the callee's constant."""
+    """A kernel, its callee and the callee's constant, and what compiles them."""
     folder = tmp_path / "house"
     folder.mkdir()
     for name, text in SOURCES.items():
         (folder / name).write_text(text.replace("\n        ", "\n"))
     for name in ("compilation.py", "advance.py"):
-        source = Path(insgnss.__file__).parent / "base" / name
+        source = BASE / name
         (folder / name).write_bytes(source.read_bytes())
     return folder
 
@@ -124,6 +126,44 @@ def test_what_only_callers_need_is_read_when_one_is_compiled(house, monkeypatch)
     for _ in range(2):
         assert _printed(house, unread) == "2.0 10.0 False False"
     assert _run(house) == (10.0, 1)
+
+
+PRODUCT = """
+import numpy as np
+from .compilation import njit
+@njit(cache=True)
+def product(A):
+    out, image = np.zeros(A.shape), np.zeros(len(A))
+    np.dot(A, A, out)
+    np.dot(A, A[0], image)
+    return out.sum() + image.sum() + np.dot(A[0], A[1])
+"""
+
+
+@pytest.mark.slow
+def test_products_take_blas_without_the_package_around_it(house, monkeypatch):
+    """Oracle: numpy's product; the modules that are there afterwards; scipy itself, which is whole
+    for whoever asks for it. With scipy's module elsewhere numba imports the package, as ever.
+    """
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (house / "product.py").write_text(PRODUCT)
+    text = (BASE.parent / "navigation" / "kernels" / "blas.py").read_text()
+    (house / "blas.py").write_text(text.replace("...base.compilation", ".compilation"))
+    run = "import sys, numpy as np; from house.blas import link_blas; link_blas(); "
+    run += "from house.product import product; A = np.arange(4.0).reshape(2, 2); y = product(A); "
+    there = "print(y, *(name in sys.modules for name in ('scipy.linalg', 'numba.np.arrayobj')))"
+    whole = "import scipy.linalg; from scipy.linalg import blas; x = blas.dgemm(1.0, A, A); "
+    whole += "print(y, bool((x == A @ A).all()), hasattr(scipy.linalg, 'cython_blas'))"
+    A = np.arange(4.0).reshape(2, 2)
+    expected = (A @ A).sum() + (A @ A[0]).sum() + A[0] @ A[1]
+    assert _printed(house, run + there) == f"{expected} False True"  # which compiles
+    assert _printed(house, run + there) == f"{expected} False False"
+    assert _printed(house, run + whole) == f"{expected} True True"
+    assert _printed(house, "import scipy.linalg; " + run + whole) == f"{expected} True True"
+    text = (house / "blas.py").read_text()
+    assert '/ "linalg"' in text
+    (house / "blas.py").write_text(text.replace('/ "linalg"', '/ "elsewhere"'))
+    assert _printed(house, run + there) == f"{expected} True False"
 
 
 @pytest.mark.slow

@@ -37,7 +37,6 @@ import numba
 import numpy as np
 
 from .advance import share
-from .linear_algebra import link_blas
 
 F = TypeVar("F", bound=Callable[..., Any])
 _COMMENT = re.compile(r"#[^\n]*")
@@ -198,8 +197,6 @@ def _linked_later_class() -> Any:
                 return super()._unserialize(codegen, state)
             library = codegen.create_library(name)
             machine_code, library._intermediate = data
-            if b"numba_xx" in machine_code:  # numba's names of what it calls of BLAS
-                link_blas()
             library.enable_object_caching()
             library._set_compiled_object(machine_code)
             library._finalize_final_module()

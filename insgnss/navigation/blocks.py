@@ -48,6 +48,7 @@ from .filter import (
     refuse_divergence,
 )
 from .kernels.backward import run_backward
+from .kernels.blas import link_blas
 from .kernels.forward import run_forward
 from .kernels.records import (
     Epochs,
@@ -194,6 +195,7 @@ class BlockwisePasses:
         whole_bytes: int | None = None,
         records_bytes: int | None = None,
     ) -> None:
+        link_blas()
         whole_bytes = WHOLE_BYTES if whole_bytes is None else whole_bytes
         records_bytes = RECORDS_BYTES if records_bytes is None else records_bytes
         self.problem, self.start, self.rows, self.separations = problem, start, rows, separations

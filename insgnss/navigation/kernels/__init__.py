@@ -8,11 +8,13 @@ records        what kernels take and fill: intervals, epochs, models, scratch
 strapdown      the nominal state from one epoch to the next
 error_model    transition and process noise of the errors over the same interval
 measurements   innovation and derivative of each kind of measured triple
-update         innovation gate, scalar update, covariance reset, feedback
+update         innovation gate, update with three scalars, covariance reset, feedback
 forward        the filter over all epochs
 backward       the smoother over all epochs
 outage         the smoothed covariance between fixes that are far apart
+transitions    of all errors from each camera event to the next
 copies         of vectors and matrices, element by element
+blas           what multiplies matrices, without the package around it
 ============== ===================================================================
 
 Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops

@@ -7,7 +7,8 @@ which a flight uses three addresses. The module itself takes 4 ms and needs noth
 
 Here it is loaded from its file, numba is led to take the addresses, and it is forgotten again:
 whoever imports `scipy.linalg` afterwards gets all of it as ever. Where anything is not as expected
-nothing is done, and numba imports what it always did.
+nothing is done, and numba imports what it always did. Whoever runs a kernel that multiplies asks
+for it first.
 """
 
 import sys
@@ -19,7 +20,34 @@ from pathlib import Path
 
 import numpy as np
 
+from ...base.compilation import njit
+
 PACKAGE, MODULE = "scipy.linalg", "scipy.linalg.cython_blas"
+
+
+@njit(cache=True)
+def products(A, x, out, image):
+    """Multiply two matrices, a matrix and a vector, and two vectors.
+
+    Parameters
+    ----------
+    A : ndarray
+        (n, n) the matrix.
+    x : ndarray
+        (n,) the vector.
+    out : ndarray
+        (n, n) A A, filled in place.
+    image : ndarray
+        (n,) A x, filled in place.
+
+    Returns
+    -------
+    float
+        x' x.
+    """
+    np.dot(A, A, out)
+    np.dot(A, x, image)
+    return np.dot(x, x)
 
 
 @cache
@@ -31,7 +59,7 @@ def link_blas() -> bool:
     bool
         Whether that was done; not where the package is imported already, or not to be found.
     """
-    if PACKAGE in sys.modules or MODULE in sys.modules:
+    if PACKAGE in sys.modules:
         return False
     with suppress(Exception):
         scipy = find_spec("scipy")
@@ -54,7 +82,5 @@ def link_blas() -> bool:
 
 def _multiply() -> None:
     """Call each function of BLAS that kernels use."""
-    from ._kernels import products
-
     A = np.eye(2)
     products(A, A[0], np.empty((2, 2)), np.empty(2))
