@@ -70,7 +70,15 @@ def interpolate(instant: float, X: Array, dX: Array, step: float, out: Array) ->
 
 @njit(cache=True, allocates=False)
 def differences(
-    cell: Array, coef: Array, X: Array, dX: Array, E: Array, step: float, a: Array, da: Array, D: Array
+    cell: Array,
+    coef: Array,
+    X: Array,
+    dX: Array,
+    E: Array,
+    step: float,
+    a: Array,
+    da: Array,
+    D: Array,
 ) -> None:
     """Sum differences of X, of its derivative dX and of E, with derivatives dX and E of the former.
 
