@@ -244,6 +244,7 @@ def _solve(
         _requested(flight),
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
+        recording.events is not None,
     )
     step("align")
     spells: tuple[Spell, ...] = ()
