@@ -67,7 +67,8 @@ class MountingTable:
     antenna_sigma_m: float = option(
         0.005,
         "standard deviation of each component of the lever arm from the IMU to the antenna: what a "
-        "caliper gives, carried as states, so that every covariance holds it; 0: exact",
+        "caliper gives, carried as states, so that every covariance holds it; 0: exact, "
+        "never estimated but where filter.lever_arm asks for it",
         unit="m",
         low=0.0,
         high=10.0,

@@ -48,7 +48,11 @@ LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock r
 
 
 def advice(
-    mounting: Mounting, solution: Solution, suspected: Hypothesis, rivals: Sequence[Hypothesis] = ()
+    mounting: Mounting,
+    solution: Solution,
+    suspected: Hypothesis,
+    rivals: Sequence[Hypothesis] = (),
+    exposures: bool = False,
 ) -> list[Check]:
     """Say which constants contradict the flight file, and what would put them right.
 
@@ -62,6 +66,9 @@ def advice(
         The constants that are suspected.
     rivals : sequence of Hypothesis
         What the flight does not tell apart from it.
+    exposures : bool
+        Whether there are any: their place depends on that of the IMU in the mounting, of which a
+        lever arm tells as much as of the antenna's.
 
     Returns
     -------
@@ -90,7 +97,8 @@ def advice(
         checks.append((max(size for name, size in sizes.items() if of in name), check))
 
     if any(lever):
-        add(LEVER_ARM, _lever_arm(mounting, lever, by, _shown(LEVER_ARM, suspected, rivals)))
+        strong = _shown(LEVER_ARM, suspected, rivals)
+        add(LEVER_ARM, _lever_arm(mounting, lever, by, strong, exposures))
     if OFFSET in values:
         strong = _shown(OFFSET, suspected, rivals)
         check = _time_offset(*values[OFFSET], speed, by, strong)
@@ -151,7 +159,7 @@ def unseen(
     )
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
     parts, hidden = [], []
-    if not LEVER_ARM.startswith(constants.requested):
+    if not LEVER_ARM.startswith((*constants.requested, *constants.exact)):
         sigmas = [alone.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
         each = " / ".join(_millimetres(sigma) for sigma in sigmas)
         parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
@@ -238,24 +246,27 @@ def message(errors: FixErrors) -> str:
 
 
 def _lever_arm(
-    mounting: Mounting, lever: Sequence[tuple[float, float] | None], by: str, strong: bool
+    mounting: Mounting,
+    lever: Sequence[tuple[float, float] | None],
+    by: str,
+    strong: bool,
+    exposures: bool,
 ) -> Check:
     """Check the antenna lever arm."""
     value: Array = np.array([0.0 if one is None else one[0] for one in lever])
     sigma = max(one[1] for one in lever if one is not None)
-    antenna = mounting.antenna_m + mounting.C_cb @ value
     estimate = ", ".join(
         f"{axis} {one[0]:+.3f} +- {one[1]:.3f}"
         for axis, one in zip(AXES, lever, strict=True)
         if one is not None
     )
     contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
-    advised = (
-        "set filter.lever_arm = true to have it estimated, or mounting.antenna_m ="
-        f" [{', '.join(f'{v:.3f}' for v in antenna)}] would be it, with antenna_sigma_m ="
-        f" {max(sigma, 1e-3):.3f}; that is if imu_m is right: the flight sees the antenna from the"
-        " IMU, and where imu_m is wrong instead the images stay off by as much: measure both"
-    )
+    exact = mounting.antenna_sigma_m == 0.0
+    advised = _either(mounting, value, sigma, exposures)
+    if exact:
+        advised += "; mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+    elif not exposures:
+        advised = f"set filter.lever_arm = true to have it estimated, or {advised}"
     turns = _other_cameras(mounting, lever) if contradicts else []
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
@@ -266,10 +277,31 @@ def _lever_arm(
         )
     return Check(
         LEVER_ARM,
-        f"from the IMU off by {estimate} m{by}",
-        f"the flight file's, or less than {NEGLIGIBLE_M:g} m off",
+        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
+        f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off",
         "contradiction" if contradicts else "note",
         advised,
+    )
+
+
+def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
+    """Say which places of the antenna, and of the IMU where images depend on it, would be it.
+
+    The flight sees the antenna from the IMU alone, so that both explain it alike.
+    """
+    off = mounting.C_cb @ value
+    antenna, imu = (
+        f"[{', '.join(f'{v:.3f}' for v in position)}]"
+        for position in (mounting.antenna_m + off, mounting.imu_m - off)
+    )
+    how_well = f"antenna_sigma_m = {max(sigma, 1e-3):.3f}"
+    if not exposures:
+        return f"mounting.antenna_m = {antenna} would be it, with {how_well}"
+    return (
+        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would be it, with {how_well}:"
+        " the flight sees the antenna from the IMU alone and does not tell which of both is wrong,"
+        f" and the images of one are {float(np.linalg.norm(value)):.3f} m off those of the other;"
+        " measure both before you take either"
     )
 
 

@@ -26,6 +26,9 @@ flight file follows the constants beside (`diagnosis.sensitivity`), which gives 
 innovations depend on them linearly, as they do near the flight file's numbers. Where that evidence
 comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone counts.
 
+A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
+explains as much, that is taken; where none does, the contradiction is told and nothing estimated.
+
 Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
 beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no
 hypothesis. They compete as variances (`diagnosis.variances`), and constants are judged again under
@@ -117,6 +120,8 @@ class ConstantsEvidence:
         (c,) b of (D.1).
     requested : tuple of str
         Beginnings of the names of groups that are estimated in any case.
+    exact : tuple of str
+        Beginnings of the names of groups that the flight file states as exact.
     """
 
     names: tuple[str, ...]
@@ -126,6 +131,11 @@ class ConstantsEvidence:
     information: Array
     vector: Array
     requested: tuple[str, ...] = ()
+    exact: tuple[str, ...] = ()
+
+    def denied(self, hypothesis: Hypothesis) -> bool:
+        """Tell whether a hypothesis suspects what the flight file states as exact."""
+        return any(group.startswith(self.exact) for group in hypothesis.groups)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -169,13 +179,15 @@ class ConstantsEvidence:
         Returns
         -------
         Hypothesis or None
-            The one of fewest groups within `OTHERS` of the strongest; None where that is not beyond
-            `TAKEN`: nothing is suspected.
+            The one of fewest groups within `OTHERS` of the strongest, of those that leave alone
+            what is stated as exact where there are any; None where that is not beyond `TAKEN`:
+            nothing is suspected.
         """
         every = self.hypotheses
         if not every:
             return None
         close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
+        close = [one for one in close if not self.denied(one)] or close
         simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
         return simplest if simplest.evidence >= TAKEN else None
 
@@ -190,12 +202,14 @@ class ConstantsEvidence:
         Returns
         -------
         list of Hypothesis
-            Those of as few groups whose evidence is within `OTHERS` of it.
+            Those of as few groups whose evidence is within `OTHERS` of it; beside one that leaves
+            alone what is stated as exact, none that suspects it.
         """
         return [
             one
             for one in self.hypotheses
             if one.groups != of.groups
+            and (self.denied(of) or not self.denied(one))
             and len(one.groups) <= len(of.groups)
             and one.evidence > of.evidence - OTHERS
         ]
@@ -263,6 +277,7 @@ def constants_evidence(
     own: StateLayout,
     layout: StateLayout,
     requested: tuple[str, ...] = (),
+    exact: tuple[str, ...] = (),
 ) -> ConstantsEvidence | None:
     """Run the filter once with every candidate constant as a state.
 
@@ -276,6 +291,8 @@ def constants_evidence(
         Its states and the candidates besides, with their wide a-priori sigmas.
     requested : tuple of str
         Beginnings of the names of those that are estimated in any case and not suspected.
+    exact : tuple of str
+        Beginnings of the names of those that the flight file states as exact.
 
     Returns
     -------
@@ -299,7 +316,7 @@ def constants_evidence(
     names = tuple(layout.names[s] for s in states)
     own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
     stated = np.array([own_sigma.get(name, 0.0) for name in names])
-    return _evidence(names, sigma, stated, L - np.eye(sigma.size), L @ x, requested)
+    return _evidence(names, sigma, stated, L - np.eye(sigma.size), L @ x, requested, exact)
 
 
 def _evidence(
@@ -309,10 +326,11 @@ def _evidence(
     information: Array,
     vector: Array,
     requested: tuple[str, ...],
+    exact: tuple[str, ...],
 ) -> ConstantsEvidence:
     """Return the evidence of candidates, each in its group."""
     groups = tuple(group_of(name) for name in names)
-    return ConstantsEvidence(names, groups, wide, stated, information, vector, requested)
+    return ConstantsEvidence(names, groups, wide, stated, information, vector, requested, exact)
 
 
 def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensitivity | None:
@@ -343,7 +361,10 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensiti
 
 
 def settled_evidence(
-    solution: Solution, followed: Sensitivity | None, requested: tuple[str, ...] = ()
+    solution: Solution,
+    followed: Sensitivity | None,
+    requested: tuple[str, ...] = (),
+    exact: tuple[str, ...] = (),
 ) -> ConstantsEvidence | None:
     """Return the evidence that was followed beside the filter of a solution, where it settles it.
 
@@ -355,6 +376,8 @@ def settled_evidence(
         What went along with its first pass; that of another problem is not taken.
     requested : tuple of str
         Beginnings of the names of those that are estimated in any case and not suspected.
+    exact : tuple of str
+        Beginnings of the names of those that the flight file states as exact.
 
     Returns
     -------
@@ -370,7 +393,7 @@ def settled_evidence(
     if beyond > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
         return None
     constants, data = followed.constants, followed.of_the_data()
-    evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested)
+    evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested, exact)
     every = evidence.hypotheses
     return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
 

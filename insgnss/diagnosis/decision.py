@@ -18,7 +18,7 @@ from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
 from ..records.verdicts import ConstantEstimate
-from .advice import advice, message, unseen, variance_check
+from .advice import LEVER_ARM, advice, message, unseen, variance_check
 from .candidates import (
     AS_STATED,
     ErrorModel,
@@ -87,6 +87,8 @@ class ErrorModelSearch:
         suspected.
     events_with_fixes : bool
         Whether the clock of the fixes stamps the exposures.
+    exposures : bool
+        Whether there are any, whose place depends on that of the IMU in the mounting.
     """
 
     requested_errors: FixErrors
@@ -98,6 +100,13 @@ class ErrorModelSearch:
     requested: tuple[str, ...] = ()
     variances: bool = True
     events_with_fixes: bool = False
+    exposures: bool = False
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Beginnings of the names of constants that the flight file states as exact."""
+        of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
+        return (LEVER_ARM,) if of_arm else ()
 
     def layout(self, model: ErrorModel) -> StateLayout:
         """Return the error states of an error model."""
@@ -108,7 +117,8 @@ class ErrorModelSearch:
     ) -> ConstantsEvidence | None:
         """Return what a flight says of its constants under an error model."""
         wide = self.layout(with_every_constant(model))
-        return constants_evidence(problem, start, self.layout(model), wide, self.requested)
+        own = self.layout(model)
+        return constants_evidence(problem, start, own, wide, self.requested, self.exact)
 
     def followed(self, problem: EstimationProblem) -> Sensitivity | None:
         """Return what is to go along with the first pass over a flight.
@@ -181,7 +191,7 @@ def diagnose(
     constants = None
     for _ in range(ROUNDS):
         search.progress("what the innovations say of the constants")
-        settled = settled_evidence(here.solution, followed, search.requested)
+        settled = settled_evidence(here.solution, followed, search.requested, search.exact)
         constants = settled or search.constants(*posed, here.model) or constants
         there = _next(search, posed, here, constants)
         if there is None:
@@ -230,12 +240,13 @@ def _next(
         if left > suspected.evidence:
             remedied = None  # a remedy that leaves more than it explains is none
         elif left < LEAST_PROMISE and remedied is not None:
-            return remedied
+            return _as_allowed(here, remedied, constants, suspected)
     candidates = [_variance(search, posed, here, variances)] if promising else []
     if suspicious is not None:
         candidates.append(_time_correlated(search, posed, here, variances, suspicious))
-    if suspected is not None and remedied is not None:
-        candidates.append((suspected.evidence, lambda: remedied))
+    if constants is not None and suspected is not None and remedied is not None:
+        allowed = _as_allowed(here, remedied, constants, suspected)
+        candidates.append((suspected.evidence, lambda: allowed))
     ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
     return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 
@@ -258,10 +269,28 @@ def _with_constants(
     gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
     if gain < EXPLAINED * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
-    checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
+    solved = _as_solved(suspected, solution)
+    checks = advice(search.mounting, solution, solved, rivals, search.exposures)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
     attempted = here.attempted | set(suspected.groups)
     return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
+
+
+def _as_allowed(
+    here: _State, remedied: _State, constants: ConstantsEvidence, suspected: Hypothesis
+) -> _State:
+    """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
+    if not constants.denied(suspected):
+        return remedied
+    names = [group for group in suspected.groups if group.startswith(constants.exact)]
+    sentence = (
+        f"stated as exact and not estimated, log evidence {suspected.evidence:.0f}:"
+        f" {', '.join(names)}"
+    )
+    new = remedied.checks[len(here.checks) :]
+    checks = (*here.checks, *(check for check in new if check.name.startswith(constants.exact)))
+    history = (*here.history, sentence)
+    return replace(here, checks=checks, history=history, attempted=remedied.attempted)
 
 
 def _variance(
@@ -402,7 +431,8 @@ def explain_failure(
     candidate = _solved(quiet, (problem, start), model)
     if candidate is None or not _follows(candidate):
         return None
-    checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
+    solved = _as_solved(suspected, candidate)
+    checks = advice(search.mounting, candidate, solved, rivals, search.exposures)
     return next((check for check in checks if check.verdict == "contradiction"), None)
 
 

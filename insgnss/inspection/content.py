@@ -224,7 +224,7 @@ def _units(
     if units:
         draft.add("imu", "units", units, "; ".join(why))
     sign = recognition.finding("force sign")
-    if recognition.accel_sign < 0:
+    if recognition.accel_sign < 0 and not recognition.exchanges:
         mirrored = (
             "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
             " check them"

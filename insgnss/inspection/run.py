@@ -21,6 +21,7 @@ from ..processing.progress import Progress, quiet
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
 from .event_clock import clock_of_events
+from .exchanged_axes import right_handed
 from .result import InspectionData
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
 from .tables.halves import of_two_halves
@@ -156,6 +157,10 @@ def inspect_files(
     )
     progress("recognising")
     recognition, unrecognised = recognised(imu, gnss)
+    if recognition is not None and recognition.exchanges:
+        imu_source, imu, recognition = right_handed(imu_source, imu, recognition)
+        others = [source for source in sources if source.role != "imu"]
+        sources = (imu_source, *others)
     if recognition is not None:
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
@@ -296,6 +301,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
     """Recognise the samples; None and the reason where that cannot be done."""
     from ..prepare.gaps import nominal_interval
+    from ..recognise.handedness import with_exchanges
     from ..recognise.recognition import recognise
 
     if gnss is None:
@@ -311,7 +317,7 @@ def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | 
         )
     if imu.gps_week == NO_WEEK:  # no real week, so it must not give the leap seconds
         imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
-    return recognise(imu, gnss), ""
+    return with_exchanges(recognise(imu, gnss), imu, gnss, recognise), ""
 
 
 def _name(paths: Sequence[Path]) -> str:

@@ -1,6 +1,7 @@
 """A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from ..stochastic.model import NoiseModel
 
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
+# contradictions that a left-handed or reversed triad leads to, with advice about imu.axes
+OF_AXES = ("axes, vertical", "turn rate, gyro against GNSS course")
 LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
 
 
@@ -194,10 +197,11 @@ def read_recording(flight: Flight) -> Recording:
     )
     checks += _images_left_out(all_cameras, cameras)
     recognition = None
-    contradicted = any(check.verdict == "contradiction" for check in checks)
-    if flight.gnss.stationary is None and not contradicted:
+    contradicted = {check.name for check in checks if check.verdict == "contradiction"}
+    if flight.gnss.stationary is None and contradicted <= set(OF_AXES):
         recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
-        checks += disagreements
+        checks = _with_recognised(checks, disagreements, recognition, bool(contradicted))
+        recognition = None if contradicted else recognition
     stationary = stationary_periods(imu, gnss)
     first_fix, end_fix = (np.searchsorted(gnss.time, stationary.time[:, k]) for k in (0, 1))
     stationary = stationary.where(end_fix > first_fix)
@@ -373,22 +377,74 @@ def _turn_on_bias(
         return f"no turn-on bias from the stationary periods: {error}"
 
 
+def _with_recognised(
+    checks: list[Check], disagreements: list[Check], recognition: "Recognition", contradicted: bool
+) -> list[Check]:
+    """Add what the recogniser says, in front of contradictions whose advice would mislead.
+
+    Gravity and turns alone take left-handed readings and a reversed force for other axes.
+    """
+    if not contradicted:
+        return checks + disagreements
+    bad = [check for check in disagreements if check.verdict == "contradiction"]
+    reversed_force = [c.name for c in bad] == ["recognised sign"] and not recognition.exchanged
+    if not (recognition.exchanges or reversed_force):
+        return checks
+    why = f"see {bad[0].name}" if bad else "see recognised axes"
+    explained = [
+        replace(c, advice=why) if c.name in OF_AXES and c.verdict == "contradiction" else c
+        for c in checks
+    ]
+    return [*disagreements, *explained]
+
+
+def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> str:
+    """Say how the flight file exchanges two axes of gyros and accelerometers alike."""
+    from ..formats.imu.exchanged_columns import exchanged_columns
+    from ..recognise.claims import exchange_in_words
+
+    options, (a, b) = flight.imu, ("xyz"[k] for k in pair)
+    if not isinstance(options.file, Path):
+        return f"exchange {a} and {b} in gyro and accel of the samples"
+    columns = exchanged_columns(
+        options.file, pair, options.columns, options.rate_hz, options.accel_file
+    )
+    if columns is not None:
+        return f"set imu.columns = {_toml(columns)}"
+    if options.accel_file is not None:
+        return exchange_in_words(pair)
+    return f"exchange {a} and {b} of gyro and accelerometer in the file (convert it to a table)"
+
+
+def _toml(names: Mapping[str, str] | Sequence[str]) -> str:
+    """Return the names of columns as the flight file has them."""
+    if isinstance(names, Mapping):
+        return "{ " + ", ".join(f"{key} = {json.dumps(name)}" for key, name in names.items()) + " }"
+    return json.dumps(list(names))
+
+
 def _recognised(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
 ) -> "tuple[Recognition, list[Check]]":
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
-    from ..recognise.recognition import compare, recognise_liveliest
+    from ..recognise.claims import compare
+    from ..recognise.handedness import with_exchanges
+    from ..recognise.recognition import recognise_liveliest
 
     options = flight.imu
-    recognition = recognise_liveliest(imu, gnss)
+    accel_sign = int(options.accel_sign)
+    recognition = with_exchanges(
+        recognise_liveliest(imu, gnss), imu, gnss, recognise_liveliest, accel_sign
+    )
     of_file = imu.units if isinstance(options.file, Path) else {}  # of an object it is in SI
     units = {f"{key}_unit": unit for key, unit in of_file.items() if unit in UNIT_WORDS}
     disagreements = compare(
         recognition,
         C_b_imu,
         quantity=imu.quantity,
-        accel_sign=int(options.accel_sign),
+        accel_sign=accel_sign,
         time_offset_s=flight.gnss.time_offset_s - options.time_offset_s,
+        remedy=lambda pair: _exchange_remedy(flight, pair),
         **units,
     )
     return recognition, disagreements

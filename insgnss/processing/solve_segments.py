@@ -226,15 +226,11 @@ def solve_segment(
     return solved
 
 
-def _solve(
-    flight: Flight,
-    recording: Recording,
-    prepared: PreparedSegment,
-    step: Progress,
-    expected_offset: float = 0.0,
-) -> Segment:
-    """Align, filter and smooth a segment, and look for its error model."""
-    search = ErrorModelSearch(
+def _search(
+    flight: Flight, recording: Recording, prepared: PreparedSegment, step: Progress
+) -> ErrorModelSearch:
+    """Return what the search for the error model of a segment may vary."""
+    return ErrorModelSearch(
         prepared.requested_errors,
         prepared.layout_factory,
         flight.mounting,
@@ -244,7 +240,19 @@ def _solve(
         _requested(flight),
         flight.filter.adaptive_noise == "auto",
         recording.of_receiver,
+        recording.events is not None,
     )
+
+
+def _solve(
+    flight: Flight,
+    recording: Recording,
+    prepared: PreparedSegment,
+    step: Progress,
+    expected_offset: float = 0.0,
+) -> Segment:
+    """Align, filter and smooth a segment, and look for its error model."""
+    search = _search(flight, recording, prepared, step)
     step("align")
     spells: tuple[Spell, ...] = ()
     noisy: tuple[Check, ...] = ()

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from ..geodesy.rotation import right_angle_rotations
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
-from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
+from ..records import Array, GnssFixes, ImuSamples, Quantity
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
 from .findings import MOST, NAMES, Finding
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
 from .signal import ImuGrid, dead_channel, imu_grid
-from .units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
+from .units import ForceUnit, force_unit, gyro_unit, unknown_force
 from .verdict import (
     TELLING,
     exchange_odds,
@@ -32,18 +32,11 @@ from .verdict import (
 EXCHANGED_ADVICE = (
     "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
 )
-SURE = 0.99  # a confidence above which a claim is contradicted
-INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
-SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
-LEAST_OFFSET_S = 0.02  # a time offset that is reported
 COMMON_S, WIDE_S = (
     10.0,
     900.0,
 )  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
 LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed for all that motion can show
-OFFSET_LIMIT_S = (
-    0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +76,9 @@ class Recognition:
     exchanged : bool
         Whether latitude and longitude are; the sign of the force and the axes are then abstained
         from.
+    exchanges : tuple of Exchange
+        Of readings of left-handed axes the exchanges of two axes that explain the motion, where
+        they were tried (`handedness.with_exchanges`).
     """
 
     quantity: Quantity
@@ -98,10 +94,32 @@ class Recognition:
     findings: tuple[Finding, ...]
     curves: dict[str, Array]
     exchanged: bool = False
+    exchanges: "tuple[Exchange, ...]" = ()
 
     def finding(self, name: str) -> Finding:
         """Return the finding of that name."""
         return next(f for f in self.findings if f.name == name)
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """Two axes exchanged in gyros and accelerometers alike, with which the motion is explained.
+
+    Parameters
+    ----------
+    pair : tuple of int
+        The two axes, 0 to 2.
+    recognition : Recognition
+        What the readings show with both exchanged, of specific force.
+    """
+
+    pair: tuple[int, int]
+    recognition: Recognition
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """The letters of both axes."""
+        return "xyz"[self.pair[0]], "xyz"[self.pair[1]]
 
 
 def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
@@ -160,7 +178,7 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     if relation.fit is None:
         why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
         return _abstained(force, per_sample, why, _scores(relation))
-    mirrored = _mirrored(relation, grid, gnss, sound, force, reach)
+    mirror = _mirrored(relation, grid, gnss, sound, force, reach)
     return _recognised(
         relation,
         force,
@@ -168,7 +186,7 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
         imu.gps_week or gnss.gps_week,
         poses(relation, gnss, sound),
         shift,
-        mirrored,
+        mirror,
     )
 
 
@@ -191,11 +209,13 @@ def _mirrored(
 ) -> float:
     """What specific force explains with latitude and longitude exchanged.
 
-    It is -inf where that need not, or cannot, be looked at.
+    It is -inf where that need not, or cannot, be looked at. That exchange mirrors the world, not
+    the sensor: it leaves the gyros as they are.
     """
     scan = relation.scan
     if (
-        scan.up[scan.best] >= scan.down[scan.best]
+        not np.array_equal(relation.triads, np.eye(3))
+        or scan.up[scan.best] >= scan.down[scan.best]
         or gnss.velocity_ned is not None
         or np.abs(gnss.lon).max() >= 0.5 * np.pi
     ):
@@ -223,13 +243,13 @@ def _recognised(
     week: int | None,
     pose: Pose,
     shift: float,
-    mirrored: float,
+    mirror: float,
 ) -> Recognition:
     """All answers, each at most as sure as the findings that it is based on."""
     of_unit, triads = of_gyro(relation, force, interval)
     trusted = min(force.of_unit.confidence or MOST, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
-    sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirrored)
+    sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
     vertical = down(pose)
     of_down = of_vertical(vertical, of_force.confidence)
     ahead = forward(pose, vertical)
@@ -278,8 +298,8 @@ def _recognised(
         | _motion(relation, pose, C_b_imu if axes else np.eye(3))
         | _orientations(vertical, ahead),
         clock.of_offset.confidence > 0.0
-        and bool(np.isfinite(mirrored))
-        and exchange_odds(relation, mirrored) > TELLING,
+        and bool(np.isfinite(mirror))
+        and exchange_odds(relation, mirror) > TELLING,
     )
 
 
@@ -348,205 +368,3 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
         "turn_gnss": pose.course_rate,
         "turn_gyro": rate,
     }
-
-
-def compare(
-    recognition: Recognition,
-    C_b_imu: Array,
-    *,
-    quantity: str = "mean_rate",
-    gyro_unit: str = "rad/s",
-    accel_unit: str = "m/s^2",
-    accel_sign: int = 1,
-    time_offset_s: float = 0.0,
-) -> list[Check]:
-    """Compare the flight file's claim with the data.
-
-    Parameters
-    ----------
-    recognition : Recognition
-        Of the records as the claim makes them: converted to SI from the claimed units, force with
-        the claimed sign, GNSS with the claimed time offset, IMU in its own axes. It has factor 1,
-        sign +1 and no offset if the claim is right.
-    C_b_imu : ndarray, shape (3, 3)
-        The claimed axes; this and the following go into the advice.
-    quantity, gyro_unit, accel_unit : str
-    accel_sign : int
-        +1 or -1.
-    time_offset_s : float, s
-        GNSS minus IMU offset.
-
-    Returns
-    -------
-    list of Check
-        "recognised units", "recognised axes", "recognised sign" and "recognised clock":
-        "contradiction" where the data are surer than `SURE` of something else (of a clock: by more
-        than `OFFSET_LIMIT_S`), "note" where they do not determine it or are less sure, "ok"
-        otherwise.
-    """
-    return [
-        _compare_units(recognition, quantity, gyro_unit, accel_unit),
-        _compare_axes(recognition, C_b_imu),
-        _compare_sign(recognition, accel_sign),
-        _compare_clock(recognition, time_offset_s),
-    ]
-
-
-def _compare_units(
-    recognition: Recognition, quantity: str, gyro_unit: str, accel_unit: str
-) -> Check:
-    """Compare the units. A factor other than 1 shows by what the claim is wrong."""
-    name, expected = (
-        "recognised units",
-        f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}",
-    )
-    sensors = (
-        (
-            "gyro",
-            recognition.finding("gyro unit"),
-            recognition.gyro_factor,
-            GYRO_UNITS | INCREMENT_UNITS,
-            gyro_unit,
-        ),
-        (
-            "accel",
-            recognition.finding("accelerometer unit"),
-            recognition.accel_factor,
-            ACCEL_UNITS | INCREMENT_UNITS,
-            accel_unit,
-        ),
-    )
-    wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
-    advice, sure, evidence = [], 1.0, []
-    for sensor, finding, factor, units, claimed in sensors:
-        evidence.append(f"{finding.name} {finding.value}: {finding.evidence}")
-        if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
-            continue
-        true = factor * units[claimed]
-        of_quantity = INCREMENT_UNITS if recognition.quantity == "increments" else units
-        unit = next(
-            (
-                u
-                for u, f in of_quantity.items()
-                if abs(np.log(true / f)) < 1e-6 and u in SENSOR_UNITS[sensor]
-            ),
-            None,
-        )
-        look = f'the numbers look like imu.units {sensor} = "{unit}"'
-        advice.append(
-            look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
-        )
-        sure = min(sure, finding.confidence)
-    if wrong_quantity and recognition.finding("quantity").confidence:
-        advice.append(f'they look like imu.quantity = "{recognition.quantity}"')
-    if advice:
-        verdict: Verdict = "contradiction" if sure > SURE else "note"
-        return Check(name, "; ".join(evidence), expected, verdict, "; ".join(advice))
-    silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
-    return Check(
-        name,
-        "; ".join(evidence),
-        expected,
-        "note" if silent else "ok",
-        f"the data do not determine the {' and '.join(silent)}" if silent else "",
-    )
-
-
-REVERSED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
-
-
-def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
-    """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
-    name, claimed = "recognised axes", axes_words(C_b_imu)
-    finding, vertical, triads = (
-        recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
-    )
-    if triads.value not in ("aligned", "unknown"):
-        advice = (
-            f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
-            " in the file"
-        )
-        if triads.value == REVERSED and recognition.accel_sign < 0:
-            advice += (
-                "; two axes that are exchanged in gyro and accelerometer alike look so, too, as do"
-                " six reversed signs: look at the order of the columns first"
-            )
-        return Check(
-            name,
-            f"{triads.value}; {triads.evidence}",
-            claimed,
-            "contradiction" if triads.confidence > SURE else "note",
-            advice,
-        )
-    statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
-    if recognition.axes == claimed:
-        return Check(name, statement, claimed)
-    down_word = vertical.value.split()[0]
-    if vertical.confidence > SURE and down_word != _imu_word(C_b_imu[2]):
-        hint = (
-            f'imu.axes = "{recognition.axes}"'
-            if recognition.axes
-            else f"imu.axes must have the IMU's {down_word} down"
-        )
-        return Check(name, statement, claimed, "contradiction", f"the data look like {hint}")
-    if recognition.axes is None:
-        return Check(
-            name, statement, claimed, "note", "the data do not determine which axis is forward"
-        )
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    advice = f'the data look like imu.axes = "{recognition.axes}"'
-    if verdict == "note":
-        advice += ", if it moves nose first"
-    return Check(name, statement, claimed, verdict, advice)
-
-
-def _imu_word(direction: Array) -> str:
-    k = int(np.argmax(np.abs(direction)))
-    return ("+" if direction[k] > 0 else "-") + "xyz"[k]
-
-
-def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
-    name, finding = "recognised sign", recognition.finding("force sign")
-    expected = "specific force (up at rest)" + (
-        ", with the sign of the claim" if accel_sign < 0 else ""
-    )
-    statement = f"{finding.value}: {finding.evidence}"
-    if recognition.exchanged:
-        return Check(name, statement, expected, "contradiction", EXCHANGED_ADVICE)
-    if not finding.confidence:
-        return Check(
-            name, statement, expected, "note", "the data do not determine the sign of the force"
-        )
-    if recognition.accel_sign > 0:
-        return Check(name, statement, expected)
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    advice = (
-        f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
-        " longitude are exchanged, or one of them has the wrong sign"
-    )
-    return Check(name, statement, expected, verdict, advice)
-
-
-def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
-    name, finding = "recognised clock", recognition.finding("time offset")
-    expected, statement = (
-        f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s",
-        f"{finding.value}: {finding.evidence}",
-    )
-    if not finding.confidence:
-        return Check(name, statement, expected, "note", "the data do not determine the time offset")
-    offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
-    if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
-        return Check(name, statement, expected)
-    advice = (
-        f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
-    )
-    if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
-        advice += f" ({recognition.time_scale}, leap seconds)"
-    return Check(
-        name,
-        statement,
-        expected,
-        "contradiction" if abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE else "note",
-        advice,
-    )

@@ -158,6 +158,43 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     assert shared.verdict == "ok"
 
 
+def test_antenna_and_imu_are_offered_alike_where_images_depend_on_both():
+    """Oracle: vector addition; the mounting with either of the advised places has the lever arm
+    that was estimated, and the camera stands elsewhere by as much.
+    """
+    lever = np.array([0.2, -0.05, 0.15])
+    values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True)}
+    (arm,) = advice(ASKEW, SOLUTION, hypothesis(values), exposures=True)
+    assert arm.advice.startswith("mounting.imu_m = [")
+    assert "filter.lever_arm" not in arm.advice
+    wanted = ASKEW.antenna_lever_b + lever
+    cameras = []
+    for key in ("antenna_m", "imu_m"):
+        numbers = re.search(rf"mounting\.{key} = \[(.*?)\]", arm.advice)
+        assert numbers is not None
+        advised = replace(ASKEW, **{key: [float(v) for v in numbers[1].split(",")]})
+        assert np.abs(advised.antenna_lever_b - wanted).max() < 2e-3
+        cameras.append(advised.camera_lever_b)
+    apart = re.search(r"the images of one are (\S+) m off", arm.advice)
+    assert apart is not None
+    assert float(apart[1]) == pytest.approx(
+        float(np.linalg.norm(cameras[0] - cameras[1])), abs=2e-3
+    )
+
+
+def test_an_exact_lever_arm_is_contradicted_and_not_estimated():
+    """Oracle: the contract; a sigma of 0 states it as exact."""
+    values = {LEVER[0]: (0.2, 0.004)}
+    (arm,) = advice(replace(ASKEW, antenna_sigma_m=0.0), SOLUTION, hypothesis(values))
+    assert arm.verdict == "contradiction"
+    assert arm.found.startswith("another one explains the innovations, from the IMU off by")
+    assert "stated as exact" in arm.expected
+    assert "filter.lever_arm" not in arm.advice
+    assert "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated" in arm.advice
+    (arm,) = told(values)
+    assert "exact" not in str(arm)
+
+
 @pytest.mark.parametrize(
     ("forward_m", "position_m", "hidden"),
     [(0.0049, 0.004, None), (0.0068, 0.004, "27 mm"), (0.0068, 0.01, None)],
@@ -167,7 +204,7 @@ def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
     A lever arm 2 cm off, known to 7 mm, moved images of 5 mm by 4 sigma in silence.
     """
     alone = dict(zip(LEVER, (forward_m, 0.003, 0.003), strict=True)) | {"GNSS time offset": 1e-4}
-    constants: Any = SimpleNamespace(requested=(), known_to=lambda: alone)
+    constants: Any = SimpleNamespace(requested=(), exact=(), known_to=lambda: alone)
     P = np.diag([position_m**2] * 3)[None]
     solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, nav_covariance=lambda: P)
     check = unseen(solution, constants)

@@ -64,6 +64,29 @@ def cost(problem: EstimationProblem, start: InitialState) -> float:
     return float(np.sum(np.log(S) + y**2 / S))
 
 
+def test_what_is_stated_as_exact_gives_way_to_what_explains_as_much(clean):
+    """Oracle: by hand; of two hypotheses within three of each other the one that leaves the exact
+    lever arm alone is taken, and it has no rival that does not; a weaker one is no explanation.
+    """
+    arm, scale = "antenna lever arm right", "gyro scale factors"
+    found = replace(evidence(clean), exact=("antenna lever arm",))
+    one = max(found.hypotheses, key=lambda each: each.groups == (arm,))
+    for weaker, taken in ((58.0, scale), (50.0, arm)):
+        every = (
+            replace(one, evidence=60.0),
+            replace(one, groups=(scale,), evidence=weaker),
+        )
+        found.__dict__["hypotheses"] = every
+        suspected = found.strongest()
+        assert suspected is not None
+        assert suspected.groups == (taken,)
+        assert found.denied(suspected) == (taken == arm)
+        assert found.rivals(suspected) == []
+    found = replace(found, exact=())
+    found.__dict__["hypotheses"] = every
+    assert not found.denied(every[0])
+
+
 @pytest.mark.parametrize("lever", [(0.0, 0.0, 0.0), (0.0, 0.1, 0.0)])
 def test_evidence_is_the_ratio_of_two_likelihoods(clean, lever):
     """Oracle: the densities of all innovations of two filters, one with the constants as states and

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import insgnss
+from insgnss.report.mood import mood
 
 
 @pytest.fixture(scope="module")
@@ -16,9 +17,9 @@ def sim():
     return insgnss.simulate("ign8", 5.0, imu_rate_hz=100.0, seed=52)
 
 
-def run(sim, imu=None, gnss=None, lever=(0.0, 0.0, 0.0), **changes):
+def run(sim, imu=None, gnss=None, lever=(0.0, 0.0, 0.0), mounting=None, **changes):
     """The flight with other samples, fixes, or the antenna off by `lever` in the flight file."""
-    mounting = sim.mounting
+    mounting = mounting or sim.mounting
     off = mounting.C_cb @ np.array(lever)
     return insgnss.estimate(
         imu or sim.imu,
@@ -185,6 +186,42 @@ def test_what_is_stated_not_to_be_known_exactly_is_in_every_covariance(sim):
     assert np.abs(normalised(sim, stated)).max() < 4.0
     # carried, not reported as something that was asked for
     assert stated.states == ()
+
+
+def test_an_exact_lever_arm_is_contradicted_and_never_estimated(sim):
+    """Oracle: what was planted, 10 cm; the contract, that a sigma of 0 is exact. A right one
+    that is stated so is left alone.
+    """
+    exact = replace(sim.mounting, antenna_sigma_m=0.0)
+    words = "another one explains the innovations.*states it as exact, so it is not estimated"
+    with pytest.raises(insgnss.InputError, match=words):
+        run(sim, lever=(0, 0.1, 0), mounting=exact)
+    result = run(sim, lever=(0, 0.1, 0), mounting=exact, accept=["antenna lever arm"])
+    assert not any(state.name.startswith("antenna lever arm") for state in result.states)
+    assert any("stated as exact and not estimated" in line for line in result.report["history"])
+    (check,) = [check for check in result.checks if check.name == "antenna lever arm"]
+    assert check.verdict == "contradiction"
+    assert mood(result.report)[0] == "bad"
+    right = run(sim, mounting=exact)
+    assert "antenna lever arm" not in {check.name for check in right.checks}
+
+
+def test_a_wrong_place_of_the_imu_does_not_end_calmly(sim):
+    """Oracle: what was planted, an IMU 20 cm off in the mounting; taking the advised imu_m leaves
+    images within their sigmas, having the antenna's place estimated instead leaves them off by it.
+    """
+    wrong = replace(sim.mounting, imu_m=sim.mounting.imu_m + [0.0, 0.2, 0.0])
+    with pytest.raises(insgnss.InputError, match="does not tell which of both") as refusal:
+        run(sim, mounting=wrong)
+    advised = re.search(r"mounting\.imu_m = \[(.*?)\] or mounting\.antenna_m", str(refusal.value))
+    assert advised is not None
+    imu_m = [float(v) for v in advised[1].split(",")]
+    right = run(sim, mounting=replace(wrong, imu_m=imu_m, antenna_sigma_m=0.02))
+    assert np.abs(normalised(sim, right)).max() < 4.0
+    estimated = run(sim, mounting=wrong, filter__lever_arm=True)
+    assert np.abs(normalised(sim, estimated)).max() > 10.0
+    assert "the place of the images is in doubt" in estimated.report["headline"]
+    assert mood(estimated.report)[0] == "doubtful"
 
 
 def test_a_sigma_that_cannot_be_is_refused():

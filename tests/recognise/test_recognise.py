@@ -11,8 +11,9 @@ import pytest
 from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.prepare.axes import parse_axes
 from insgnss.recognise.axes import axes_words
+from insgnss.recognise.claims import compare
 from insgnss.recognise.findings import MOST, NAMES
-from insgnss.recognise.recognition import compare, recognise
+from insgnss.recognise.recognition import recognise
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
 

@@ -10,6 +10,7 @@ import pytest
 
 from insgnss.orient.mounting import boresight_from_angles
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from insgnss.report.mood import mood
 from insgnss.report.rules.verdict import (
     MOST_SENTENCES,
     NOTHING_IN_THE_DATA,
@@ -240,6 +241,40 @@ def test_an_estimated_lever_arm_says_what_the_flight_sees(diagnostics) -> None:
     (found,) = (one for one in run(diagnostics(states=states))["limits"] if "beside" in one["text"])
     assert "antenna lever arm forward -0.211 +- 0.007 m" in found["text"]
     assert "where imu_m is wrong instead, the images are off" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("value", "stated", "asked", "doubtful"),
+    [
+        (-0.198, 0.005, 0.3, True),
+        (-0.198, 0.0, 0.3, True),
+        (-0.198, 0.1, 0.3, False),  # within 3 of what is stated
+        (-0.198, 0.005, 0.31, False),  # the same, as filter.lever_arm_sigma_m says it
+        (-0.018, 0.001, 0.3, False),  # a right one may come out so
+    ],
+)
+def test_a_lever_arm_far_from_its_statement_leaves_the_images_in_doubt(
+    diagnostics, eo, value, stated, asked, doubtful
+) -> None:
+    """Oracle: the geometry; the axes of the camera are those of the body turned by 180 deg about
+    down, and antenna minus IMU is what the flight sees.
+    """
+    states = (StateVerdict("antenna lever arm right", value, 0.0047, asked, 0.005, True),)
+    turn, none = [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]], np.eye(3).tolist()
+    mounting = {"antenna_m": [0.462, -0.001, -0.065], "imu_m": [0.113, 0.22, 0.0]}
+    mounting |= {"antenna_sigma_m": stated, "camera_from_body": turn, "boresight": none}
+    options = {"lever_arm": True, "lever_arm_sigma_m": asked}
+    flight = {"name": "f", "mounting": mounting, "filter": options}
+    s = run(diagnostics(states=states), eo(), flight)
+    assert ("the place of the images is in doubt" in s["headline"]) == doubtful
+    assert (mood(s)[0] == "doubtful") == doubtful
+    if doubtful:
+        limit = said(s, "lever arm")
+        assert limit["rank"] > 2.0
+        assert "does not tell whether imu_m or antenna_m is wrong" in limit["text"]
+        assert "mounting.imu_m = [0.113, 0.022, 0.000]" in limit["help"]
+        assert "mounting.antenna_m = [0.462, 0.197, -0.065]" in limit["help"]
+    assert "in doubt" not in run(diagnostics(states=states), None, flight)["headline"]
 
 
 def test_standing_says_nothing_of_fixes_that_were_made_up(diagnostics) -> None:

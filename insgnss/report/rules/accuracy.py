@@ -5,7 +5,7 @@ lines, an IMU of the class of a NavChip); the limits stand below.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from .wording import Figures, Limit, degrees, millimetres, tilt
 
@@ -17,6 +17,10 @@ OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
+LEVER_ARM = "antenna lever arm"
+USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
+NEGLIGIBLE_ARM_M = 0.02  # what a right lever arm may come out off by (`diagnosis.advice`)
+EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
 LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight, from which on it is more than a remark
 EARTH_RATE_DEG_H = 15.041
@@ -179,6 +183,59 @@ def gyro_bias(f: Figures) -> Iterator[Limit]:
     )
 
 
+def lever_arm(f: Figures) -> Iterator[Limit]:
+    """Yield a lever arm that was estimated far from what the mounting states.
+
+    The flight sees the antenna from the IMU alone: whether the place of the one or of the other is
+    wrong, it cannot tell, and the images stand with that of the IMU. Who states a sigma that holds
+    the departure says that it is the antenna's.
+    """
+    arm = [state for state in f["states"] if state["name"].startswith(LEVER_ARM)]
+    if f["exposures"] is None or f["standing"] or not arm or "mounting" not in f["flight"]:
+        return
+    mounting, options = f["flight"]["mounting"], f["flight"]["filter"]
+    stated = mounting["antenna_sigma_m"]
+    if options["lever_arm"] and options["lever_arm_sigma_m"] != USUAL_ARM_SIGMA_M:
+        stated = max(stated, options["lever_arm_sigma_m"])
+    beyond = [
+        abs(state["value"]) / math.hypot(state["sigma"], stated)
+        for state in arm
+        if abs(state["value"]) > NEGLIGIBLE_ARM_M
+    ]
+    if not beyond or max(beyond) <= SIGNIFICANT:
+        return
+    value = [
+        next((s["value"] for s in arm if s["name"].endswith(axis)), 0.0)
+        for axis in ("forward", "right", "down")
+    ]
+    off = _in_camera(mounting, value)
+    antenna = _millimetre_list(mounting["antenna_m"], off, 1.0)
+    imu = _millimetre_list(mounting["imu_m"], off, -1.0)
+    text = (
+        f"{EITHER_WRONG}: the lever arm from the IMU to the antenna came out"
+        f" {math.hypot(*value):.3f} m = {max(beyond):.0f} sigma from what the mounting states, and"
+        " the flight does not tell whether imu_m or antenna_m is wrong; where it is imu_m, all"
+        " images are off by as much"
+    )
+    help_ = (
+        f"measure both, and set mounting.imu_m = {imu} or mounting.antenna_m = {antenna}, or state"
+        " with mounting.antenna_sigma_m that the antenna's place is known no better"
+    )
+    yield Limit("lever arm", max(beyond) / SIGNIFICANT + 1.0, text, help_)
+
+
+def _millimetre_list(position: Sequence[float], off: Sequence[float], sign: float) -> str:
+    """Return a position of the mounting moved by `off`, as a flight file has it, to the mm."""
+    return f"[{', '.join(f'{x + sign * d:.3f}' for x, d in zip(position, off, strict=True))}]"
+
+
+def _in_camera(mounting: Figures, vector: Sequence[float]) -> list[float]:
+    """Turn a vector in the body's axes into those of the camera of a mounting."""
+    for matrix in (mounting["boresight"], mounting["camera_from_body"]):
+        vector = [sum(c * x for c, x in zip(row, vector, strict=True)) for row in matrix]
+    return list(vector)
+
+
 def states(f: Figures) -> Iterator[Limit]:
     """Yield what became of the constants that the flight was to estimate.
 
@@ -209,14 +266,14 @@ def states(f: Figures) -> Iterator[Limit]:
                 f" {unit}"
             )
     if estimated:
-        of_antenna = any(one.startswith("antenna lever arm") for one in estimated)
+        of_antenna = any(one.startswith(LEVER_ARM) for one in estimated)
         yield Limit(
             "constants",
             REMARK,
             f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
             "it sees the antenna from the IMU alone: where imu_m is wrong instead, the images are"
             " off by as much; measure both"
-            if of_antenna
+            if of_antenna and not any(lever_arm(f))
             else "",
         )
     if of_imu:

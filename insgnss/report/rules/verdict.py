@@ -50,6 +50,7 @@ ON_THE_REST: tuple[Rule, ...] = (
     rules_places.gaps,
     rules_accuracy.overall_attitude,
     rules_accuracy.heights,
+    rules_accuracy.lever_arm,
     rules_accuracy.states,
     rules_accuracy.gyro_bias,
     rules_accuracy.boresight,
@@ -82,6 +83,8 @@ def headline(figures: Figures) -> str:
     }[judged(figures["consistency"]["position"])]
     if contradicted(figures):
         support = "but parts of the flight contradict them"
+    elif any(rules_accuracy.lever_arm(figures)):
+        support = f"but {rules_accuracy.EITHER_WRONG}, by its lever arm"
     text = f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
     return "; ".join([*(limit.text for limit in residuals(figures)), text])
 
