@@ -236,7 +236,7 @@ def reset_covariance(P, innovation, since_s):
 def triple_update(P, m, H, HP, nu, used, K, S, y, cross, track_cross, T):
     """Update mean and covariance with three scalars of unit variance (K.4), in place.
 
-    One after another, h_0 first, as if each came by itself: with k_i = P_i h_i and s_i = h_i' k_i + 1
+    One after another, h_0 first, as if each came by itself: with k_i = P_i h_i, s_i = h_i' k_i + 1
 
         P_i+1 = P_i - k_i k_i' / s_i        P_i+1 h_j = P_i h_j - k_i (k_i' h_j) / s_i
 
