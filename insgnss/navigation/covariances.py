@@ -128,6 +128,33 @@ class SmoothedCovariances:
             out[self._within(error, epochs), POS] += np.diag(error.cov)
         return out
 
+    def variance_of(self, index: np.ndarray, A: Array) -> Array:
+        """Return the variances of linear combinations A e of the errors e of all states.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+        A : ndarray
+            (q, n) the combinations.
+
+        Returns
+        -------
+        Array
+            (k, q), those of the diagonals of A P A', without the matrices P.
+        """
+        epochs = np.arange(len(self.nav))[index]
+        whole = A
+        if self.states is not None:
+            whole = np.zeros((len(A), self.size))
+            whole[:, self.states] = A
+        row, column = np.tril_indices(self.size)
+        factor = whole[:, row] * whole[:, column] * np.where(row == column, 1.0, 2.0)
+        out = np.asarray(self._triangles(epochs) @ factor.T)
+        for error in self.shared:
+            out[self._within(error, epochs)] += np.diag(A[:, POS] @ error.cov @ A[:, POS].T)
+        return out
+
     def piece(self, first: int, last: int) -> "SmoothedCovariances":
         """Return those of consecutive epochs.
 

@@ -22,7 +22,7 @@ from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
 from .blocks import ROWS, BlockwisePasses, Follower
-from .codes import AX, AY, AZ, IMU, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
+from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
 from .covariances import SmoothedCovariances
 from .event_chain import EventChain
 from .problem import EstimationProblem, InitialState
@@ -182,9 +182,8 @@ class Solution:
             (k, 6) rad/s and m/s^2 in body axes, and its standard deviation.
         """
         M = self.problem.layout.channel_sum()
-        spread = np.einsum(
-            "cs,mst,ct->mc", M, self.covariance(index)[:, IMU, IMU], M, optimize=True
-        )
+        A = np.concatenate([np.zeros((len(M), N_NAV)), M], axis=1)
+        spread = self.covariances.variance_of(index, A)
         return self.x[index] @ M.T, np.sqrt(np.maximum(spread, 0.0))
 
 

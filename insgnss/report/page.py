@@ -7,7 +7,6 @@ line, how it looks, what was checked and thrown away, from what it was made. Eve
 charts and the table of images are drawn by the page's own script.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -97,7 +96,11 @@ def write_report(
 
 def write_report_json(summary: Mapping[str, Any], path: str | Path) -> str:
     """Write `summary` to `path`, whole or not at all; returns the SHA-256 of the text."""
-    text = json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    import orjson
+
+    form = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
+    form |= orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
+    text = orjson.dumps(summary, default=plain, option=form).decode()
     atomic_write(path, text)
     return text_sha256(text)
 

@@ -107,6 +107,9 @@ def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypat
     fewer = piece.without(gone)
     assert_array_equal(fewer.whole(at), every[20:91][at][:, left[:, None], left])
     assert_array_equal(fewer.variance(at), piece.variance(at)[:, left])
+    A = np.random.default_rng(4).normal(size=(2, left.size))
+    of_fewer = np.einsum("qi,kij,qj->kq", A, fewer.whole(at), A)
+    assert_allclose(fewer.variance_of(at, A), of_fewer, rtol=1e-9)
     shared = np.diag([1.0, 2.0, 3.0])
     larger = piece.enlarged((SharedError(13, 20, shared),))
     expected = every[20:91].copy()
@@ -114,6 +117,9 @@ def test_a_part_of_a_solution_has_the_covariances_of_its_epochs(posed, monkeypat
     assert_array_equal(larger.whole(at), expected[at])
     assert_array_equal(larger.of_navigation(at), expected[at][:, :9, :9])
     assert_array_equal(larger.variance(at), np.diagonal(expected[at], axis1=1, axis2=2))
+    A = np.random.default_rng(5).normal(size=(2, every.shape[1]))
+    of_larger = np.einsum("qi,kij,qj->kq", A, expected[at], A)
+    assert_allclose(larger.variance_of(at, A), of_larger, rtol=1e-9)
     assert_array_equal(larger.piece(10, 30).whole(np.array([3, 11])), expected[[13, 21]])
 
 
