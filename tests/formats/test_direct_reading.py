@@ -143,6 +143,23 @@ def test_other_files_are_read_as_ever(tmp_path: Path, monkeypatch: pytest.Monkey
         check_same(path, monkeypatch)
 
 
+def test_more_rows_than_the_first_lines_promise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracles: Python's float, and the reader of rows; the later lines are a third as long."""
+    long = [f"{k}.0000000000,1.50000000,2.50000000,3.50000000,4.5,5.5,6.5,7" for k in range(40)]
+    short = [f"{40 + k}.0,1,2,3,4,5,6,7" for k in range(200)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([HEAD, *long, *short]) + "\n")
+    counted = []
+    count = direct._Work.lines
+    monkeypatch.setattr(direct._Work, "lines", lambda self: counted.append(1) or count(self))
+    got = check_same(path, monkeypatch)
+    assert isinstance(got, ImuSamples)
+    assert_array_equal(got.time, np.arange(240.0))
+    assert len(counted) == 4  # at every cut but the one that takes the file whole
+
+
 def test_of_a_large_file_pieces_are_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

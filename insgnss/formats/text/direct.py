@@ -1,9 +1,11 @@
 """Columns of a large text table straight into the arrays of a record, in two threads.
 
-The table is cut behind line ends into pieces that a processor's cache holds. A first pass counts
-the lines of each, so that the place of every row is known; then each thread takes the next piece,
-parses it into a table of that piece and puts the columns where they belong. So there is one copy of
-the numbers, and of a large file no more than a piece a thread is in memory.
+The table is cut behind line ends into pieces that a processor's cache holds. Each thread takes the
+next piece, whose lines are counted there and then, so that the place of its rows is known; parses
+it into a table of that piece and puts the columns where they belong. So the file is read once,
+there is one copy of the numbers, and of a large file no more than a piece a thread is in memory.
+How many rows there will be is guessed by the length of the first lines, with some room; where they
+are more after all, all lines are counted first.
 Pieces with lines that are no rows leave holes, which are closed at the end.
 
 Nothing is decided here: where anything is not as it should be, in whatever piece, None is returned
@@ -11,9 +13,10 @@ and `text.parse` reads the file from its beginning, row by row, and says what an
 """
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,8 @@ Bytes = NDArray[np.uint8] | FileBytes
 
 PIECE = 1 << 18  # bytes
 THREADS = 2
+ROOM = 1.1  # times the rows that the first lines promise
+NEWLINE = b"\n"
 
 
 @dataclass(frozen=True)
@@ -81,37 +86,11 @@ def read_columns(
     dict of ndarray, or None
         The arrays (n, width) by name.
     """
-    from . import _kernels
-
-    ends = _ends(buf, layout.skip_to)
-    work = _Work(buf, layout, targets, ends)
-    newlines = np.zeros(ends.size, dtype=np.int64)
-
-    def count(k: int) -> None:
-        newlines[k] = _kernels.count_newlines(work.piece(k))
-
-    work.all(count)
-    first = np.concatenate([[0], np.cumsum(newlines)])
-    arrays = {name: np.empty((int(first[-1]), width)) for name, width in widths.items()}
-    columns = {name: _columns(targets, name) for name in widths}
-    rows = np.zeros(ends.size, dtype=np.int64)
-
-    def parse(k: int) -> None:
-        share(k / ends.size)
-        table = work.parsed(k, int(newlines[k]))
-        if table is None:
-            work.stopped.set()
-            return
-        rows[k] = len(table)
-        block = slice(int(first[k]), int(first[k]) + len(table))
-        for name, taken in columns.items():
-            _kernels.take_columns(table, *taken, arrays[name][block])
-
-    share(0.0)
-    work.all(parse)
-    if work.stopped.is_set():
-        return None
-    return {name: _without_holes(array, first, rows) for name, array in arrays.items()}
+    work = _Work(buf, layout, targets)
+    arrays = work.arrays(widths, work.promised())
+    if work.full:
+        arrays = work.arrays(widths, work.lines())
+    return arrays
 
 
 def _columns(
@@ -126,58 +105,121 @@ def _columns(
     )
 
 
-@dataclass
+class _Piece(NamedTuple):
+    """Bytes that end in a newline, where they begin, and the lines before them and in them."""
+
+    buf: NDArray[np.uint8]
+    start: int
+    first: int
+    lines: int
+
+
 class _Work:
-    """Pieces of a buffer, done by threads one after the other until one of them says stop."""
+    """A buffer, whose pieces threads parse one after the other until one of them says stop."""
 
-    buf: Bytes
-    layout: Layout
-    targets: Mapping[int, Target]
-    ends: NDArray[np.int64]
+    def __init__(self, buf: Bytes, layout: Layout, targets: Mapping[int, Target]) -> None:
+        self.buf, self.layout, self.targets = buf, layout, targets
+        self.stopped, self.full = threading.Event(), False
 
-    def __post_init__(self) -> None:
-        self.stopped = threading.Event()
+    def pieces(self) -> Iterator[_Piece]:
+        """Yield the pieces in order."""
+        from . import _kernels
 
-    def piece(self, k: int) -> NDArray[np.uint8]:
-        return self.buf[self.layout.skip_to if k == 0 else self.ends[k - 1] : self.ends[k]]
+        start, first = self.layout.skip_to, 0
+        while start < self.buf.size:
+            size, end = PIECE, 0
+            while not end:
+                piece = self.buf[start : start + size]
+                whole = start + size >= self.buf.size
+                end = piece.size if whole else _after_last_newline(piece)
+                size *= 2
+            lines = int(_kernels.count_newlines(piece[:end]))
+            yield _Piece(piece[:end], start, first, lines)
+            start, first = start + end, first + lines
 
-    def parsed(self, k: int, lines: int) -> Array | None:
-        """The rows (n, m) of a piece of so many lines; None where one is not as it should be."""
+    def promised(self) -> int:
+        """Rows that the first piece promises, with some room."""
+        first = next(self.pieces(), None)
+        if first is None:
+            return 0
+        left = (self.buf.size - first.start) / first.buf.size
+        return first.lines if left <= 1.0 else int(ROOM * left * first.lines) + 1
+
+    def lines(self) -> int:
+        """All lines, counted."""
+        return sum(piece.lines for piece in self.pieces())
+
+    def arrays(self, widths: Mapping[str, int], room: int) -> dict[str, Array] | None:
+        """The arrays, of at most `room` lines; None where a row is not as it should be.
+
+        Where there are more lines, `full` is set.
+        """
+        from . import _kernels
+
+        self.stopped, self.full = threading.Event(), False
+        arrays = {name: np.empty((room, width)) for name, width in widths.items()}
+        columns = {name: _columns(self.targets, name) for name in widths}
+        placed: list[tuple[int, int]] = []  # first row and rows of each piece
+
+        def parse(piece: _Piece) -> None:
+            share(piece.start / self.buf.size)
+            if piece.first + piece.lines > room:
+                self.full = True
+                self.stopped.set()
+                return
+            table = self.parsed(piece)
+            if table is None:
+                self.stopped.set()
+                return
+            placed.append((piece.first, len(table)))
+            block = slice(piece.first, piece.first + len(table))
+            for name, taken in columns.items():
+                _kernels.take_columns(table, *taken, arrays[name][block])
+
+        share(0.0)
+        self.all(parse)
+        if self.stopped.is_set():
+            return None
+        placed.sort()
+        return {name: _without_holes(array, placed) for name, array in arrays.items()}
+
+    def parsed(self, piece: _Piece) -> Array | None:
+        """The rows (n, m) of a piece; None where one is not as it should be."""
         from . import _kernels
 
         layout = self.layout
-        table = np.empty((lines, layout.n_fields))
+        table = np.empty((piece.lines, layout.n_fields))
         bad = np.full((layout.n_fields, 2), -1, dtype=np.int64)
         delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
         # without the compiler: a mantissa of more than 18 digits wraps and is taken again
         with np.errstate(over="ignore"):
             rows, status, _, _ = _kernels.parse_rows(
-                self.piece(k),
+                piece.buf,
                 *(0, 1, delimiter, ord(layout.decimal)),
-                *(table, np.empty(lines, dtype=np.int64), bad),
+                *(table, np.empty(piece.lines, dtype=np.int64), bad),
             )
         if status != _kernels.OK or any(bad[column, 0] >= 0 for column in self.targets):
             return None
         return table[:rows]
 
-    def all(self, job: Callable[[int], None]) -> None:
+    def all(self, job: Callable[[_Piece], None]) -> None:
         """Do `job` for each piece; the first exception of a thread is raised here."""
-        todo = iter(range(self.ends.size))
-        lock, failed = threading.Lock(), list[BaseException]()
+        todo, lock, failed = self.pieces(), threading.Lock(), list[BaseException]()
 
         def work() -> None:
             while not self.stopped.is_set():
-                with lock:
-                    k = next(todo, None)
-                if k is None:
-                    return
                 try:
-                    job(k)
+                    with lock:
+                        piece = next(todo, None)
+                    if piece is None:
+                        return
+                    job(piece)
                 except BaseException as error:
                     failed.append(error)
                     self.stopped.set()
 
-        threads = [threading.Thread(target=work) for _ in range(min(THREADS, self.ends.size) - 1)]
+        several = self.buf.size - self.layout.skip_to > PIECE
+        threads = [threading.Thread(target=work) for _ in range(THREADS - 1 if several else 0)]
         for thread in threads:
             thread.start()
         work()
@@ -187,25 +229,18 @@ class _Work:
             raise failed[0]
 
 
-def _ends(buf: Bytes, start: int) -> NDArray[np.int64]:
-    """Ends of the pieces from `start` on, each behind a newline."""
-    ends = []
-    while start < buf.size:
-        end = min(start + PIECE, buf.size)
-        while end < buf.size and buf[end - 1 : end][0] != ord("\n"):
-            near = bytes(buf[end : end + 4096]).find(b"\n")
-            end = min(end + 4096, buf.size) if near < 0 else end + near + 1
-        ends.append(end)
-        start = end
-    return np.array(ends, dtype=np.int64)
+def _after_last_newline(piece: NDArray[np.uint8]) -> int:
+    """Index behind the last newline, 0 without one."""
+    near = piece[-4096:].tobytes().rfind(NEWLINE)
+    if near >= 0:
+        return piece.size - min(4096, piece.size) + near + 1
+    return piece.tobytes().rfind(NEWLINE) + 1
 
 
-def _without_holes(array: Array, first: NDArray[np.int64], rows: NDArray[np.int64]) -> Array:
+def _without_holes(array: Array, placed: Sequence[tuple[int, int]]) -> Array:
     """The rows without the holes behind those of each piece, in the same memory."""
-    if int(rows.sum()) == len(array):
-        return array
     end = 0
-    for start, count in zip(first[:-1].tolist(), rows.tolist(), strict=True):
+    for start, count in placed:
         if end < start:
             array[end : end + count] = array[start : start + count].copy()
         end += count
