@@ -1,4 +1,4 @@
-"""The update (K): innovation gate, scalar update, covariance reset, feedback."""
+"""The update (K): innovation gate, update with three scalars, covariance reset, feedback."""
 
 import numpy as np
 
