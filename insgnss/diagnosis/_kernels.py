@@ -1,7 +1,7 @@
 """What constants that the filter takes as known do to its innovations (Y.1)."""
 
 from ..base.compilation import njit
-from ..navigation.codes import ABSENT, ACCEL0, DRIFT, IMU0, N_NAV
+from ..navigation.codes import ABSENT, ACCEL0, AIDING_ERROR, DRIFT, IMU0, N_NAV
 
 
 @njit(cache=True, nogil=True, allocates=False)
@@ -22,6 +22,8 @@ def follow_constants(
     begin,
     like,
     factor,
+    since,
+    jump,
     U,
     information,
     vector,
@@ -45,8 +47,12 @@ def follow_constants(
         (c,) the state, counted from the first of navigation, whose column each constant has, or
         ABSENT for one that is a state itself.
     factor : ndarray
-        (c,) what the column is multiplied with, as of a state: DRIFT, or the channel whose measured
-        value it is.
+        (c,) what the column is multiplied with, as of a state: DRIFT, the channel whose measured
+        value it is, or AIDING_ERROR for nothing.
+    since : ndarray
+        (c,) s since the start, from which on an AIDING_ERROR acts: a step.
+    jump : ndarray
+        (c, 9) errors of navigation that it leaves besides, at the first epoch from then on.
     U : ndarray
         (n, c) errors of the states that a unit of each constant leaves, taken on in place.
     information, vector : ndarray
@@ -76,7 +82,7 @@ def follow_constants(
                             row[a] += t * U[k, a]
             for a in range(count):
                 f = factor[a]
-                if like[a] != ABSENT and f != DRIFT:
+                if like[a] != ABSENT and f != DRIFT and f != AIDING_ERROR:
                     mean = value[f] / total
                     for r in range(N_NAV):
                         top[r, a] += mean * F[e, r, like[a]]
@@ -88,6 +94,10 @@ def follow_constants(
                 if d != 1.0:
                     for a in range(count):
                         U[r, a] *= d
+            for a in range(count):
+                if factor[a] == AIDING_ERROR and time[e - 1] < since[a] <= time[e]:
+                    for r in range(N_NAV):
+                        U[r, a] += jump[a, r]
         for i in range(S.shape[1]):
             if S[e, i] <= 0.0:
                 continue
@@ -102,6 +112,9 @@ def follow_constants(
                     f = factor[a]
                     if f == DRIFT:
                         V[a] += time[e] * H[e, i, like[a]]
+                    elif f == AIDING_ERROR:
+                        if time[e] >= since[a]:
+                            V[a] += H[e, i, like[a]]
                     elif f < ACCEL0:
                         V[a] += rate[e, f] * H[e, i, like[a]]
             for r in range(n):

@@ -1,0 +1,313 @@
+"""A clock that steps in mid flight: from some instant on the stamps are off by so much more.
+
+A logger that loses a block of samples and counts on, a receiver that sets its clock, a leap second
+that one side takes: the time offset of the fixes is one number before and another after. The search
+for constants (`constants`) knows no such thing. It has an offset and a rate, and calls half a step
+a rate, with all the evidence of the step.
+
+Where an offset or a rate is suspected, or estimated, one pass with both as states follows beside
+the filter what a step at each of `INSTANTS` instants does to the innovations (`sensitivity`): with
+J and j of (Y.2) and D the sigma a priori, a step at t explains in log evidence
+
+    F(t) = j^2 / (J + D^-2) / 2 - log(1 + J D^2) / 2                                          (Z.1)
+
+beyond offset and rate. Two passes more look between the neighbours of the best instant, down to the
+interval of the fixes. An IMU's clock that steps ahead leaves a gap in its stamps, which is bridged
+as if the flight had gone on meanwhile: its step puts the position off by -v as well, so that flying
+straight on shows nothing of it. Each such gap is a candidate besides, for a step as long as it is.
+
+The step is then tried: the fixes from t on are moved along the flight by
+
+    z(t) <- z(t) - [p(t + s) - p(t)]                                                          (Z.2)
+
+p the antenna of the solution, a gap is closed, and the flight is solved again, which is what mended
+stamps would give. It is shown where that follows the fixes, and its likelihood of all innovations
+(`evidence.misfit`) is better than that of whatever was adopted without it by `SHOWN`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..base.errors import DataError
+from ..geodesy.rotation import rotation_from_quaternion
+from ..navigation.codes import N_NAV, NHC, NO_CONSTRAINT, POS, QUAT, VEL
+from ..navigation.layout import StateLayout
+from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.solution import Solution, solve
+from ..records import Array, Check
+from .advice import NEGLIGIBLE_M, OFFSET
+from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, with_layout
+from .estimated import constant, rms_speed
+from .evidence import follows, misfit
+from .sensitivity import Constants, Sensitivity
+
+STEP = "clock step"
+INSTANTS = 48  # of a pass, at which a step is looked for
+PASSES = 3  # of which each looks at the neighbourhood of the best of the one before
+NEIGHBOURS = 2  # intervals on either side that are looked at again
+LACKING = 1.5  # nominal intervals, beyond which one is a gap (`prepare.gaps`)
+GAPS = 16  # of the IMU, the longest, that may be a step of its clock
+REFINED = 3  # times that the size is estimated with the fixes moved
+# log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
+# best of a hundred instants reaches 6 by chance, slow errors of the fixes somewhat more
+SHOWN = 20.0
+EDGE_FIXES = 20  # on either side of a step, without which it is a matter of the ends
+
+
+@dataclass(frozen=True)
+class ClockStep:
+    """A step of a clock that explains a flight.
+
+    Parameters
+    ----------
+    before, after : float
+        The last fix before it and the first one after, s, GPST.
+    size, sigma : float
+        What the stamps of the fixes lack from then on, more than before, and its sigma, s.
+    offset : float
+        What they lack before, s.
+    evidence : float
+        Logarithm, against what was adopted without a step.
+    in_gap : bool
+        Whether samples of the IMU lack there.
+    solution : Solution
+        The flight with the fixes after it moved.
+    """
+
+    before: float
+    after: float
+    size: float
+    sigma: float
+    offset: float
+    evidence: float
+    in_gap: bool
+    solution: Solution
+
+
+def find_clock_step(
+    problem: EstimationProblem,
+    start: InitialState,
+    layout: StateLayout,
+    against: Solution | None,
+    second_pass: Literal["auto", "on", "off"] = "auto",
+    progress: Callable[[str], None] = lambda _: None,
+) -> ClockStep | None:
+    """Look for a step of a clock that explains a flight better than whatever was adopted.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The flight, and the state that it starts from.
+    layout : StateLayout
+        Its states with a wide time offset of the fixes and its rate among them.
+    against : Solution or None
+        What was adopted without a step; None where there is no solution.
+    second_pass : {"auto", "on", "off"}
+        Of the solution with the step, as `navigation.solution.solve` takes it.
+    progress : callable
+        Receives the name of each step.
+
+    Returns
+    -------
+    ClockStep or None
+        None where no step is shown, or where it moves the positions by less than matters.
+    """
+    progress("whether a clock steps")
+    posed = widened(*with_layout(problem, start, layout), problem.layout)
+    try:
+        found = _strongest(*posed)
+        if found is None:
+            return None
+        stepped, step_s, sigma = _refined(*posed, *found)
+        tried = solve(stepped, posed[1], second_pass, progress)
+    except DataError:
+        return None
+    gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(tried))
+    if not follows(tried) or gained < SHOWN or abs(step_s) * rms_speed(tried) < NEGLIGIBLE_M:
+        return None
+    since, gap = found[1], found[2]
+    epochs, begin = problem.epochs, float(problem.inc.marks[0])
+    fixes = epochs.time[epochs.has_position]
+    k = int(np.searchsorted(fixes, since))
+    offset = constant(tried, layout.names.index(OFFSET))[0]
+    before, after = begin + float(fixes[k - 1]), begin + float(fixes[k])
+    return ClockStep(before, after, step_s, sigma, offset, float(gained), gap is not None, tried)
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """A gap of the IMU's stamps that was bridged: its epochs, its integration intervals, s."""
+
+    epochs: np.ndarray
+    intervals: np.ndarray
+    step_s: float
+
+
+def _strongest(
+    problem: EstimationProblem, start: InitialState
+) -> tuple[Solution, float, _Gap | None, float] | None:
+    """Return the solution without a step, the instant that shows one, its gap and its size."""
+    fixes = problem.epochs.time[problem.epochs.has_position]
+    if fixes.size < 2 * EDGE_FIXES:
+        return None
+    first, last = float(fixes[EDGE_FIXES]), float(fixes[-EDGE_FIXES])
+    low, high, opened = first, last, _fixes_alone(problem)
+    gaps = _gaps(problem)
+    for round_ in range(PASSES):
+        instants = np.linspace(low, high, INSTANTS)
+        if round_ == 0:
+            at_gap = [float(problem.epochs.time[gap.epochs[0]]) for gap in gaps]
+            instants = np.concatenate([instants, at_gap])
+        jump = np.zeros((instants.size, N_NAV))
+        if instants.size > INSTANTS:
+            first_pass = solve(opened, start, "off", separations=0)
+            jump[INSTANTS:, POS] = -first_pass.nav[
+                [gap.epochs[0] for gap in gaps], VEL
+            ]
+        solution, size, _, evidence = _scanned(opened, start, instants, jump)
+        k = int(np.argmax(evidence))
+        if evidence[k] < SHOWN:
+            return None
+        if k >= INSTANTS:
+            gap = gaps[k - INSTANTS]
+            return solution, float(instants[k]), gap, gap.step_s
+        best, step_s = float(instants[k]), float(size[k])
+        reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
+        low, high = max(best - reach, first), min(best + reach, last)
+    return solution, best, None, step_s
+
+
+def _refined(
+    problem: EstimationProblem,
+    start: InitialState,
+    solution: Solution,
+    since: float,
+    gap: _Gap | None,
+    step_s: float,
+) -> tuple[EstimationProblem, float, float]:
+    """Return the problem with a step mended, its size and its sigma, which the rest tells."""
+    problem = problem if gap is None else _closed(problem, gap)
+    instants, none = np.array([since]), np.zeros((1, N_NAV))
+    for _ in range(REFINED):
+        stepped = _moved(problem, solution, since, step_s)
+        solution, size, sigma, _ = _scanned(_fixes_alone(stepped), start, instants, none)
+        step_s += float(size[0])
+        if abs(size[0]) < sigma[0]:
+            break
+    return _moved(problem, solution, since, step_s), step_s, float(sigma[0])
+
+
+def step_check(step: ClockStep) -> Check:
+    """Say that a clock steps, and how to mend it.
+
+    Parameters
+    ----------
+    step : ClockStep
+        The step.
+
+    Returns
+    -------
+    Check
+        A contradiction: one time scale holds for a whole flight.
+    """
+    speed = rms_speed(step.solution)
+    beyond = "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond a rate"
+    gap = "; the IMU's stamps have a gap of that length there, so its clock it is" if step.in_gap else ""
+    whose = (
+        f"add {-step.size:+.4f} s to the IMU's stamps from there on, and to events of its clock"
+        if step.in_gap
+        else f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
+        f" clock stepped, {-step.size:+.4f} s to the IMU's if its did, and to events of that clock"
+    )
+    return Check(
+        STEP,
+        f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
+        f" more than before, {abs(step.size) * speed:.2f} m at {speed:.1f} m/s{beyond}{gap}",
+        f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m",
+        "contradiction",
+        f"{whose}: solved so, the flight follows its fixes; or process two flight files, one with"
+        f" end_tow = {step.before:.2f}, one with start_tow = {step.after:.2f} and {step.size:+.4f}"
+        " added to gnss.time_offset_s",
+    )
+
+
+def _fixes_alone(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem with its gate open and the measurements of the fixes alone."""
+    epochs = problem.epochs
+    if (epochs.constraint == NHC).any() or (epochs.barometer_variance > 0.0).any():
+        epochs = epochs._replace(
+            barometer_variance=np.zeros_like(epochs.barometer_variance),
+            constraint=np.full_like(epochs.constraint, NO_CONSTRAINT),
+        )
+    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=np.inf)
+
+
+def _scanned(
+    problem: EstimationProblem, start: InitialState, since: Array, jump: Array
+) -> tuple[Solution, Array, Array, Array]:
+    """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
+    wide = FAR * WIDE_TIME_OFFSET_S
+    steps = Sensitivity.before(problem, Constants.steps(problem.layout, since, jump, wide))
+    solution = solve(problem, start, "off", separations=0, follower=steps.through)
+    J, j = np.diag(steps.information), steps.vector
+    weight = J + wide**-2
+    evidence = 0.5 * j**2 / weight - 0.5 * np.log(weight * wide**2)
+    return solution, j / weight, weight**-0.5, evidence
+
+
+def _gaps(problem: EstimationProblem) -> list[_Gap]:
+    """Return the longest bridged gaps of the IMU, `GAPS` at most."""
+    stop, dt = problem.epochs.stop, problem.inc.dt
+    longer = LACKING * problem.inc.nominal_s
+    rows = np.flatnonzero((problem.epochs.gap > 0.0).any(axis=1))
+    gaps = []
+    for epochs in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+        if epochs.size == 0:
+            continue
+        inside = np.arange(stop[max(epochs[0] - 1, 0)], stop[epochs[-1]])
+        intervals = inside[dt[inside] > longer]
+        if intervals.size:
+            step_s = float(dt[intervals].sum()) - problem.inc.nominal_s
+            gaps.append(_Gap(epochs, intervals, step_s))
+    return sorted(gaps, key=lambda gap: -gap.step_s)[:GAPS]
+
+
+def _closed(problem: EstimationProblem, gap: _Gap) -> EstimationProblem:
+    """Return the problem with a gap of the IMU's stamps as one sample: no time went by in it."""
+    inc, k = problem.inc, gap.intervals
+    share = inc.nominal_s / float(inc.dt[k].sum())
+    dt, dtheta, dvel = inc.dt.copy(), inc.dtheta.copy(), inc.dvel.copy()
+    for values in (dt, dtheta, dvel):
+        values[k] *= share
+    variance = problem.epochs.gap.copy()
+    variance[gap.epochs] = 0.0
+    epochs = problem.epochs._replace(gap=variance)
+    return replace(problem, inc=replace(inc, dt=dt, dtheta=dtheta, dvel=dvel), epochs=epochs)
+
+
+def _moved(
+    problem: EstimationProblem, solution: Solution, since: float, step_s: float
+) -> EstimationProblem:
+    """Return the problem with its fixes from an instant on moved by a step (Z.2)."""
+    epochs = problem.epochs
+    late = (epochs.time >= since) & epochs.has_position
+    at = np.flatnonzero(late)
+    time, velocity = epochs.time, solution.nav[:, VEL]
+    arm = rotation_from_quaternion(solution.nav[:, QUAT]) @ problem.antenna_lever_b
+    then = time[at] + step_s
+    before = np.clip(np.searchsorted(time, then, side="right") - 1, 0, time.size - 2)
+    length = time[before + 1] - time[before]
+    tau = (then - time[before])[:, None]
+    within = (then >= time[0]) & (then <= time[-1])
+    grows = (velocity[before + 1] - velocity[before]) * (within / length)[:, None]
+    along = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2.0
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
+    way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[at]
+    turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[at]
+    position, own = epochs.position.copy(), epochs.velocity.copy()
+    position[at] -= way + turned
+    own[at] -= velocity[before] + tau * grows - velocity[at]
+    return replace(problem, epochs=epochs._replace(position=position, velocity=own))
