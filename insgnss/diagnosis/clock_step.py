@@ -13,8 +13,10 @@ J and j of (Y.2) and D the sigma a priori, a step at t explains in log evidence
 
 beyond offset and rate. Two passes more look between the neighbours of the best instant, down to the
 interval of the fixes. An IMU's clock that steps ahead leaves a gap in its stamps, which is bridged
-as if the flight had gone on meanwhile: its step puts the position off by -v as well, so that flying
-straight on shows nothing of it. Each such gap is a candidate besides, for a step as long as it is.
+as if the flight had gone on meanwhile, and one that steps back has its samples left out until the
+stamps go on: such a step puts the position off by -v as well, so that flying straight on shows
+nothing of it. Each gap is a candidate besides, for a step as long as it is, each instant one for a
+step back.
 
 The step is then tried: the fixes from t on are moved along the flight by
 
@@ -71,8 +73,8 @@ class ClockStep:
         What they lack before, s.
     evidence : float
         Logarithm, against what was adopted without a step.
-    in_gap : bool
-        Whether samples of the IMU lack there.
+    of_imu : bool
+        Whether it is the IMU's clock that steps, as its stamps show.
     solution : Solution
         The flight with the fixes after it moved.
     """
@@ -83,7 +85,7 @@ class ClockStep:
     sigma: float
     offset: float
     evidence: float
-    in_gap: bool
+    of_imu: bool
     solution: Solution
 
 
@@ -121,75 +123,105 @@ def find_clock_step(
         found = _strongest(*posed)
         if found is None:
             return None
-        stepped, step_s, sigma = _refined(*posed, *found)
+        stepped, step_s, sigma = _refined(*posed, found)
         tried = solve(stepped, posed[1], second_pass, progress)
     except DataError:
         return None
     gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(tried))
     if not follows(tried) or gained < SHOWN or abs(step_s) * rms_speed(tried) < NEGLIGIBLE_M:
         return None
-    since, gap = found[1], found[2]
     epochs, begin = problem.epochs, float(problem.inc.marks[0])
     fixes = epochs.time[epochs.has_position]
-    k = int(np.searchsorted(fixes, since))
+    k = int(np.searchsorted(fixes, found.since))
     offset = constant(tried, layout.names.index(OFFSET))[0]
     before, after = begin + float(fixes[k - 1]), begin + float(fixes[k])
-    return ClockStep(before, after, step_s, sigma, offset, float(gained), gap is not None, tried)
+    of_imu = found.lapse is not None
+    return ClockStep(before, after, step_s, sigma, offset, float(gained), of_imu, tried)
 
 
 @dataclass(frozen=True)
-class _Gap:
-    """A gap of the IMU's stamps that was bridged: its epochs, its integration intervals, s."""
+class _Lapse:
+    """Where the stamps of the IMU lapse: its clock steps ahead over a gap, or back over samples.
+
+    `epochs` are those that a gap was bridged at, `intervals` are put right, by `step_s` in all.
+    """
 
     epochs: np.ndarray
     intervals: np.ndarray
     step_s: float
 
 
-def _strongest(
-    problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, float, _Gap | None, float] | None:
-    """Return the solution without a step, the instant that shows one, its gap and its size."""
-    fixes = problem.epochs.time[problem.epochs.has_position]
+@dataclass(frozen=True)
+class _Found:
+    """The instant that shows a step best, its size, the lapse of the IMU's clock, if it is its."""
+
+    solution: Solution
+    since: float
+    step_s: float
+    lapse: _Lapse | None
+
+
+def _strongest(problem: EstimationProblem, start: InitialState) -> _Found | None:
+    """Return the instant that shows a step best; None where none shows one."""
+    time, has = problem.epochs.time, problem.epochs.has_position
+    fixes = time[has]
     if fixes.size < 2 * EDGE_FIXES:
         return None
     first, last = float(fixes[EDGE_FIXES]), float(fixes[-EDGE_FIXES])
-    low, high, opened = first, last, _fixes_alone(problem)
+    opened = _fixes_alone(problem)
+    velocity = solve(opened, start, "off", separations=0).nav[:, VEL]
     gaps = _gaps(problem)
+    at_gap = np.array([float(time[gap.epochs[-1]]) for gap in gaps])
+    low, high, of_imu = first, last, np.repeat([False, True], INSTANTS)
     for round_ in range(PASSES):
-        instants = np.linspace(low, high, INSTANTS)
-        if round_ == 0:
-            at_gap = [float(problem.epochs.time[gap.epochs[0]]) for gap in gaps]
-            instants = np.concatenate([instants, at_gap])
-        jump = np.zeros((instants.size, N_NAV))
-        if instants.size > INSTANTS:
-            first_pass = solve(opened, start, "off", separations=0)
-            jump[INSTANTS:, POS] = -first_pass.nav[
-                [gap.epochs[0] for gap in gaps], VEL
-            ]
-        solution, size, _, evidence = _scanned(opened, start, instants, jump)
+        grid = np.tile(np.linspace(low, high, INSTANTS), of_imu.size // INSTANTS)
+        more = at_gap if round_ == 0 else at_gap[:0]
+        instants, kind = np.append(grid, more), np.append(of_imu, more > 0.0)
+        solution, size, evidence = _shown(opened, start, instants, kind, velocity)
+        evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
         k = int(np.argmax(evidence))
         if evidence[k] < SHOWN:
             return None
-        if k >= INSTANTS:
-            gap = gaps[k - INSTANTS]
-            return solution, float(instants[k]), gap, gap.step_s
         best, step_s = float(instants[k]), float(size[k])
+        if k >= grid.size:
+            gap = gaps[k - grid.size]
+            return _Found(solution, best, gap.step_s, gap)
+        of_imu = np.full(INSTANTS, kind[k])
         reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
-    return solution, best, None, step_s
+    lapse = _stepping_back(problem, best, step_s) if of_imu[0] else None
+    return _Found(solution, best, step_s, lapse)
+
+
+def _shown(
+    problem: EstimationProblem,
+    start: InitialState,
+    instants: Array,
+    of_imu: np.ndarray,
+    velocity: Array,
+) -> tuple[Solution, Array, Array]:
+    """Return the solution, and size and (Z.1) of steps of the fixes' clock or of the IMU's."""
+    time = problem.epochs.time
+    epochs = np.minimum(np.searchsorted(time, instants), time.size - 1)
+    jump = np.zeros((instants.size, N_NAV))
+    jump[of_imu, POS] = -velocity[epochs[of_imu]]
+    solution, size, _, evidence = _scanned(problem, start, instants, jump)
+    return solution, size, evidence
+
+
+def _stepping_back(problem: EstimationProblem, instant: float, step_s: float) -> _Lapse:
+    """Return the lapse of a clock that steps back at an instant: samples before it are left out."""
+    stop = problem.epochs.stop
+    e = max(int(np.searchsorted(problem.epochs.time, instant)), 1)
+    return _Lapse(np.zeros(0, dtype=np.int64), np.arange(stop[e - 1], stop[e]), step_s)
 
 
 def _refined(
-    problem: EstimationProblem,
-    start: InitialState,
-    solution: Solution,
-    since: float,
-    gap: _Gap | None,
-    step_s: float,
+    problem: EstimationProblem, start: InitialState, found: _Found
 ) -> tuple[EstimationProblem, float, float]:
     """Return the problem with a step mended, its size and its sigma, which the rest tells."""
-    problem = problem if gap is None else _closed(problem, gap)
+    since, step_s, solution = found.since, found.step_s, found.solution
+    problem = problem if found.lapse is None else _without_lapse(problem, found.lapse)
     instants, none = np.array([since]), np.zeros((1, N_NAV))
     for _ in range(REFINED):
         stepped = _moved(problem, solution, since, step_s)
@@ -214,23 +246,37 @@ def step_check(step: ClockStep) -> Check:
         A contradiction: one time scale holds for a whole flight.
     """
     speed = rms_speed(step.solution)
-    beyond = "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond a rate"
-    gap = "; the IMU's stamps have a gap of that length there, so its clock it is" if step.in_gap else ""
-    whose = (
-        f"add {-step.size:+.4f} s to the IMU's stamps from there on, and to events of its clock"
-        if step.in_gap
-        else f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
-        f" clock stepped, {-step.size:+.4f} s to the IMU's if its did, and to events of that clock"
+    beyond = (
+        "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond any rate"
     )
+    back = step.of_imu and step.size < 0.0
+    how = "go back near there" if back else "have a gap as long there"
+    whose = f"; the IMU's stamps {how}, so its clock it is" if step.of_imu else ""
+    to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
+    if back:
+        mended = f"add {to_imu} from the row on where they go back, and to events of its clock"
+    elif step.of_imu:
+        mended = f"add {to_imu} from there on, and to events of its clock"
+    else:
+        mended = (
+            f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
+            f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
+        )
+    parts = (
+        ""
+        if back
+        else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
+        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to gnss.time_offset_s"
+    )
+    about = "some seconds about " if back else ""
     return Check(
         STEP,
-        f"from {step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +- {step.sigma:.4f} s"
-        f" more than before, {abs(step.size) * speed:.2f} m at {speed:.1f} m/s{beyond}{gap}",
+        f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
+        f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
+        f" {speed:.1f} m/s{beyond}{whose}",
         f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m",
         "contradiction",
-        f"{whose}: solved so, the flight follows its fixes; or process two flight files, one with"
-        f" end_tow = {step.before:.2f}, one with start_tow = {step.after:.2f} and {step.size:+.4f}"
-        " added to gnss.time_offset_s",
+        f"{mended}: solved so, the flight follows its fixes{parts}",
     )
 
 
@@ -258,7 +304,7 @@ def _scanned(
     return solution, j / weight, weight**-0.5, evidence
 
 
-def _gaps(problem: EstimationProblem) -> list[_Gap]:
+def _gaps(problem: EstimationProblem) -> list[_Lapse]:
     """Return the longest bridged gaps of the IMU, `GAPS` at most."""
     stop, dt = problem.epochs.stop, problem.inc.dt
     longer = LACKING * problem.inc.nominal_s
@@ -271,20 +317,25 @@ def _gaps(problem: EstimationProblem) -> list[_Gap]:
         intervals = inside[dt[inside] > longer]
         if intervals.size:
             step_s = float(dt[intervals].sum()) - problem.inc.nominal_s
-            gaps.append(_Gap(epochs, intervals, step_s))
+            gaps.append(_Lapse(epochs, intervals, step_s))
     return sorted(gaps, key=lambda gap: -gap.step_s)[:GAPS]
 
 
-def _closed(problem: EstimationProblem, gap: _Gap) -> EstimationProblem:
-    """Return the problem with a gap of the IMU's stamps as one sample: no time went by in it."""
-    inc, k = problem.inc, gap.intervals
-    share = inc.nominal_s / float(inc.dt[k].sum())
+def _without_lapse(problem: EstimationProblem, lapse: _Lapse) -> EstimationProblem:
+    """Return the problem whose IMU's clock does not lapse.
+
+    A gap is one sample, as no time went by in it; where the stamps step back, the samples that were
+    left out for it are made up for by their neighbours.
+    """
+    inc, k = problem.inc, lapse.intervals
+    share = 1.0 - lapse.step_s / float(inc.dt[k].sum())
     dt, dtheta, dvel = inc.dt.copy(), inc.dtheta.copy(), inc.dvel.copy()
     for values in (dt, dtheta, dvel):
         values[k] *= share
-    variance = problem.epochs.gap.copy()
-    variance[gap.epochs] = 0.0
-    epochs = problem.epochs._replace(gap=variance)
+    variance, has = problem.epochs.gap.copy(), problem.epochs.has_position.copy()
+    variance[lapse.epochs] = 0.0
+    has[lapse.epochs[:-1]] = False  # fixes of instants that its clock left out
+    epochs = problem.epochs._replace(gap=variance, has_position=has)
     return replace(problem, inc=replace(inc, dt=dt, dtheta=dtheta, dvel=dvel), epochs=epochs)
 
 

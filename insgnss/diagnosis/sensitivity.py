@@ -76,9 +76,7 @@ class Constants:
     jump: Array | None = None
 
     @classmethod
-    def steps(
-        cls, layout: StateLayout, since: Array, jump: Array, wide_s: float
-    ) -> "Constants":
+    def steps(cls, layout: StateLayout, since: Array, jump: Array, wide_s: float) -> "Constants":
         """Return steps of the time offset of the fixes, one at each of some instants.
 
         Parameters
