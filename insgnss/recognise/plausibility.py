@@ -77,6 +77,7 @@ NAMES = (
     "antenna lever arm",
     "GNSS time offset",
     "clock rate",
+    "clock step",
     "exposure clock",
     "IMU scale factors",
     "IMU misalignments",
