@@ -72,6 +72,7 @@ NAMES = (
     "motion",
     "mounting",
     "mounting file",
+    "bore-sight",
     "barometer",
     "GNSS quality",
     "antenna lever arm",
