@@ -40,9 +40,9 @@ from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..records import Array, Check
-from .advice import NEGLIGIBLE_M, OFFSET
+from .advice import NEGLIGIBLE_M
 from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, with_layout
-from .estimated import constant, rms_speed
+from .estimated import rms_speed
 from .evidence import follows, misfit
 from .sensitivity import Constants, Sensitivity
 
@@ -69,8 +69,6 @@ class ClockStep:
         The last fix before it and the first one after, s, GPST.
     size, sigma : float
         What the stamps of the fixes lack from then on, more than before, and its sigma, s.
-    offset : float
-        What they lack before, s.
     evidence : float
         Logarithm, against what was adopted without a step.
     of_imu : bool
@@ -83,7 +81,6 @@ class ClockStep:
     after: float
     size: float
     sigma: float
-    offset: float
     evidence: float
     of_imu: bool
     solution: Solution
@@ -120,23 +117,22 @@ def find_clock_step(
     progress("whether a clock steps")
     posed = widened(*with_layout(problem, start, layout), problem.layout)
     try:
-        found = _strongest(*posed)
-        if found is None:
+        candidate = _strongest(*posed)
+        if candidate is None:
             return None
-        stepped, step_s, sigma = _refined(*posed, found)
-        tried = solve(stepped, posed[1], second_pass, progress)
+        stepped, step_s, sigma = _refined(*posed, candidate)
+        solution = solve(stepped, posed[1], second_pass, progress)
     except DataError:
         return None
-    gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(tried))
-    if not follows(tried) or gained < SHOWN or abs(step_s) * rms_speed(tried) < NEGLIGIBLE_M:
+    gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
+    if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
         return None
     epochs, begin = problem.epochs, float(problem.inc.marks[0])
     fixes = epochs.time[epochs.has_position]
-    k = int(np.searchsorted(fixes, found.since))
-    offset = constant(tried, layout.names.index(OFFSET))[0]
+    k = int(np.searchsorted(fixes, candidate.since))
     before, after = begin + float(fixes[k - 1]), begin + float(fixes[k])
-    of_imu = found.lapse is not None
-    return ClockStep(before, after, step_s, sigma, offset, float(gained), of_imu, tried)
+    of_imu = candidate.lapse is not None
+    return ClockStep(before, after, step_s, sigma, float(gained), of_imu, solution)
 
 
 @dataclass(frozen=True)
@@ -152,7 +148,7 @@ class _Lapse:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Candidate:
     """The instant that shows a step best, its size, the lapse of the IMU's clock, if it is its."""
 
     solution: Solution
@@ -161,7 +157,7 @@ class _Found:
     lapse: _Lapse | None
 
 
-def _strongest(problem: EstimationProblem, start: InitialState) -> _Found | None:
+def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | None:
     """Return the instant that shows a step best; None where none shows one."""
     time, has = problem.epochs.time, problem.epochs.has_position
     fixes = time[has]
@@ -185,12 +181,12 @@ def _strongest(problem: EstimationProblem, start: InitialState) -> _Found | None
         best, step_s = float(instants[k]), float(size[k])
         if k >= grid.size:
             gap = gaps[k - grid.size]
-            return _Found(solution, best, gap.step_s, gap)
+            return _Candidate(solution, best, gap.step_s, gap)
         of_imu = np.full(INSTANTS, kind[k])
         reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
         low, high = max(best - reach, first), min(best + reach, last)
     lapse = _stepping_back(problem, best, step_s) if of_imu[0] else None
-    return _Found(solution, best, step_s, lapse)
+    return _Candidate(solution, best, step_s, lapse)
 
 
 def _shown(
@@ -217,11 +213,11 @@ def _stepping_back(problem: EstimationProblem, instant: float, step_s: float) ->
 
 
 def _refined(
-    problem: EstimationProblem, start: InitialState, found: _Found
+    problem: EstimationProblem, start: InitialState, candidate: _Candidate
 ) -> tuple[EstimationProblem, float, float]:
     """Return the problem with a step mended, its size and its sigma, which the rest tells."""
-    since, step_s, solution = found.since, found.step_s, found.solution
-    problem = problem if found.lapse is None else _without_lapse(problem, found.lapse)
+    since, step_s, solution = candidate.since, candidate.step_s, candidate.solution
+    problem = problem if candidate.lapse is None else _without_lapse(problem, candidate.lapse)
     instants, none = np.array([since]), np.zeros((1, N_NAV))
     for _ in range(REFINED):
         stepped = _moved(problem, solution, since, step_s)
@@ -344,11 +340,11 @@ def _moved(
 ) -> EstimationProblem:
     """Return the problem with its fixes from an instant on moved by a step (Z.2)."""
     epochs = problem.epochs
-    late = (epochs.time >= since) & epochs.has_position
-    at = np.flatnonzero(late)
+    after = (epochs.time >= since) & epochs.has_position
+    index = np.flatnonzero(after)
     time, velocity = epochs.time, solution.nav[:, VEL]
     arm = rotation_from_quaternion(solution.nav[:, QUAT]) @ problem.antenna_lever_b
-    then = time[at] + step_s
+    then = time[index] + step_s
     before = np.clip(np.searchsorted(time, then, side="right") - 1, 0, time.size - 2)
     length = time[before + 1] - time[before]
     tau = (then - time[before])[:, None]
@@ -356,9 +352,9 @@ def _moved(
     grows = (velocity[before + 1] - velocity[before]) * (within / length)[:, None]
     along = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2.0
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
-    way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[at]
-    turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[at]
+    way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[index]
+    turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[index]
     position, own = epochs.position.copy(), epochs.velocity.copy()
-    position[at] -= way + turned
-    own[at] -= velocity[before] + tau * grows - velocity[at]
+    position[index] -= way + turned
+    own[index] -= velocity[before] + tau * grows - velocity[index]
     return replace(problem, epochs=epochs._replace(position=position, velocity=own))
