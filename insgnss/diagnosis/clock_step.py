@@ -115,6 +115,9 @@ def find_clock_step(
         None where no step is shown, or where it moves the positions by less than matters.
     """
     progress("whether a clock steps")
+    # fixes that were withheld for standing apart may do so by the step alone
+    every = problem.epochs._replace(withheld=np.zeros_like(problem.epochs.withheld))
+    problem = replace(problem, epochs=every)
     posed = widened(*with_layout(problem, start, layout), problem.layout)
     try:
         candidate = _strongest(*posed)

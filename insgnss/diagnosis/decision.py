@@ -222,8 +222,12 @@ Candidate = tuple[float, Callable[[], _State | None]]
 
 
 def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check | None:
-    """Say that a clock steps, where an offset or a rate of it was adopted or is requested."""
-    if not any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested)):
+    """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
+
+    So may what reset the covariance: fixes that went on elsewhere along the flight.
+    """
+    of_clock = any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested))
+    if not of_clock and _resets(here.solution) == 0:
         return None
     for model in dict.fromkeys((ErrorModel(search.requested_errors), here.model)):
         layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))

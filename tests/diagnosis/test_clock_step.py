@@ -95,6 +95,20 @@ def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, o
     assert ("start_tow" in check.advice) == (not of_imu or size > 0.0)
 
 
+def test_fixes_that_were_withheld_are_heard_again(clean):
+    """Oracle: what was planted; after the first turn behind a step its fixes stand apart, and were
+    taken for incorrect ones: 30 ms were called a rate of 300 ppm.
+    """
+    flown = posed(clean, step(0.03), same)
+    withheld = flown.problem.epochs.time > AT_S + 15.0
+    epochs = flown.problem.epochs._replace(withheld=withheld)
+    one = find_clock_step(
+        replace(flown.problem, epochs=epochs), start_near(flown, SIGMA), with_clock(), None
+    )
+    assert one is not None
+    assert one.size == pytest.approx(0.03, abs=2e-3)
+
+
 @pytest.mark.parametrize(
     ("imu", "gnss"),
     [
@@ -109,3 +123,14 @@ def test_a_step_is_found_with_its_size_and_its_instant(clean, imu, gnss, size, o
 def test_what_is_no_step_is_not_called_one(clean, imu, gnss):
     """Oracle: what was planted: nothing, an offset, a rate, a gap, a step that moves by 6 mm."""
     assert found(posed(clean, imu, gnss)) is None
+
+
+def test_fixes_that_jump_are_no_clock_that_steps(clean):
+    """Oracle: what was planted: from then on all fixes lie half a metre to one side, as after an
+    incorrect ambiguity; flying another way shows that it is no time.
+    """
+    problem = clean.problem
+    epochs = problem.epochs
+    position = epochs.position + np.where(epochs.time > AT_S, 0.5, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    jumped = replace(problem, epochs=epochs._replace(position=position))
+    assert found(replace(clean, problem=jumped)) is None
