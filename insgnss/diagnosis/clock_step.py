@@ -23,8 +23,9 @@ The step is then tried: the fixes from t on are moved along the flight by
     z(t) <- z(t) - [p(t + s) - p(t)]                                                          (Z.2)
 
 p the antenna of the solution, a gap is closed, and the flight is solved again, which is what mended
-stamps would give. It is shown where that follows the fixes, and its likelihood of all innovations
-(`evidence.misfit`) is better than that of whatever was adopted without it by `SHOWN`.
+stamps would give. It is shown where that follows the fixes without a covariance reset, which fixes that jump to
+one side would need as well, and its likelihood of all innovations (`evidence.misfit`) is better
+than that of whatever was adopted without it by `SHOWN`.
 """
 
 from collections.abc import Callable
@@ -35,7 +36,16 @@ import numpy as np
 
 from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion
-from ..navigation.codes import N_NAV, NHC, NO_CONSTRAINT, POS, QUAT, VEL
+from ..navigation.codes import (
+    COVARIANCE_RESET,
+    N_NAV,
+    NHC,
+    NO_CONSTRAINT,
+    POS,
+    POSITION,
+    QUAT,
+    VEL,
+)
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
@@ -127,6 +137,8 @@ def find_clock_step(
         solution = solve(stepped, posed[1], second_pass, progress)
     except DataError:
         return None
+    if (solution.verdict[:, POSITION] == COVARIANCE_RESET).any():
+        return None  # positions jump as well, or instead
     gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
     if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
         return None
