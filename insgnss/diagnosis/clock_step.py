@@ -23,9 +23,9 @@ The step is then tried: the fixes from t on are moved along the flight by
     z(t) <- z(t) - [p(t + s) - p(t)]                                                          (Z.2)
 
 p the antenna of the solution, a gap is closed, and the flight is solved again, which is what mended
-stamps would give. It is shown where that follows the fixes without a covariance reset, which fixes that jump to
-one side would need as well, and its likelihood of all innovations (`evidence.misfit`) is better
-than that of whatever was adopted without it by `SHOWN`.
+stamps would give. It is shown where that follows the fixes without a covariance reset, which fixes
+that jump to one side would need as well, and its likelihood of all innovations (`evidence.misfit`)
+is better than that of whatever was adopted without it by `SHOWN`.
 """
 
 from collections.abc import Callable
