@@ -386,6 +386,34 @@ def test_advice_for_arrays_says_by_what_to_multiply(records, flight, sensor, fac
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("of", ["imu", "gnss", "events"])
+def test_times_a_week_apart_are_called_so(records, flight, of):
+    """Oracle: what was added; 604800 s were to be added to the stamps of the fixes."""
+    given = dict(zip(("imu", "gnss", "events"), records, strict=True))
+    weeks = {"imu": 1, "gnss": -3, "events": 1}[of]
+    given[of] = replace(given[of], time=given[of].time + weeks * 604800.0)
+    words = "3 GPS weeks" if of == "gnss" else "a GPS week"
+    with pytest.raises(insgnss.InputError, match=words):
+        insgnss.estimate(*given.values(), mounting=flight.mounting, tangent_plane=origin(flight))
+
+
+def test_angles_of_arrays_in_radians_are_no_key_of_a_flight_file(records, flight):
+    """Oracle: what an array takes: `gnss__units` is refused for one."""
+    imu, gnss, events = records
+    gnss = replace(gnss, lat=np.radians(gnss.lat), lon=np.radians(gnss.lon))
+    with pytest.raises(insgnss.InputError, match=r"np\.degrees .* lat_rad") as refusal:
+        insgnss.estimate(imu, gnss, events, mounting=flight.mounting)
+    assert "gnss__units" not in str(refusal.value)
+
+
+def test_increments_called_rates_are_no_unit_first(records, flight):
+    """Oracle: what was made of the rates; at 100 Hz they are 102 times smaller than g as well."""
+    imu, gnss, events = records
+    imu = replace(imu, gyro=0.01 * imu.gyro, accel=0.01 * imu.accel)
+    with pytest.raises(insgnss.InputError, match='look like imu_quantity = "increments"'):
+        insgnss.estimate(imu, gnss, events, mounting=flight.mounting)
+
+
 def test_fixes_that_fit_no_motion_are_no_lack_of_manoeuvres():
     """Oracle: a block flown from the ground, heights in feet; the note on a bore-sight of 15 deg,
     which a result would show, is said as well.

@@ -105,6 +105,29 @@ def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
     }
 
 
+def changed_products(content: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield the products that are not what a run wrote.
+
+    Parameters
+    ----------
+    content : mapping
+        The JSON document of the results; without `PRODUCTS` nothing is known of them.
+    folder : Path
+        The directory of the document.
+
+    Yields
+    ------
+    tuple of str
+        The name of the product, and "missing" or "changed".
+    """
+    for name, value in (content.get(PRODUCTS) or {}).items():
+        path = folder / name
+        if not path.is_file():
+            yield name, "missing"
+        elif sha256(path) != value:
+            yield name, "changed"
+
+
 def paths_named_by(options: Any) -> Iterator[Path]:
     """Yield every path that options hold, at any depth: an option that is new is not forgotten.
 

@@ -1,7 +1,7 @@
 """What constants that the filter takes as known do to its innovations (Y.1)."""
 
 from ..base.compilation import njit
-from ..navigation.codes import ABSENT, ACCEL0, DRIFT, IMU0, N_NAV
+from ..navigation.codes import ABSENT, ACCEL0, AIDING_ERROR, DRIFT, IMU0, N_NAV
 from ..navigation.kernels.update import one_after_another, take_off, weigh
 
 
@@ -23,6 +23,8 @@ def follow_constants(
     begin,
     like,
     factor,
+    since,
+    jump,
     U,
     information,
     vector,
@@ -47,8 +49,12 @@ def follow_constants(
         (c,) the state, counted from the first of navigation, whose column each constant has, or
         ABSENT for one that is a state itself.
     factor : ndarray
-        (c,) what the column is multiplied with, as of a state: DRIFT, or the channel whose measured
-        value it is.
+        (c,) what the column is multiplied with, as of a state: DRIFT, the channel whose measured
+        value it is, or AIDING_ERROR for nothing.
+    since : ndarray
+        (c,) s since the start, from which on an AIDING_ERROR acts: a step.
+    jump : ndarray
+        (c, 9) errors of navigation that it leaves besides, at the first epoch from then on.
     U : ndarray
         (n, c) errors of the states that a unit of each constant leaves, taken on in place.
     information, vector : ndarray
@@ -78,7 +84,7 @@ def follow_constants(
                             row[a] += t * U[k, a]
             for a in range(count):
                 f = factor[a]
-                if like[a] != ABSENT and f != DRIFT:
+                if like[a] != ABSENT and f != DRIFT and f != AIDING_ERROR:
                     mean = value[f] / total
                     for r in range(N_NAV):
                         top[r, a] += mean * F[e, r, like[a]]
@@ -90,6 +96,10 @@ def follow_constants(
                 if d != 1.0:
                     for a in range(count):
                         U[r, a] *= d
+            for a in range(count):
+                if factor[a] == AIDING_ERROR and time[e - 1] < since[a] <= time[e]:
+                    for r in range(N_NAV):
+                        U[r, a] += jump[a, r]
         for first in range(0, S.shape[1], 3):
             if S[e, first] <= 0.0:
                 continue
@@ -101,6 +111,10 @@ def follow_constants(
                     if f == DRIFT:
                         for i in range(3):
                             V[i, a] += time[e] * h[i, like[a]]
+                    elif f == AIDING_ERROR:
+                        if time[e] >= since[a]:
+                            for i in range(3):
+                                V[i, a] += h[i, like[a]]
                     elif f < ACCEL0:
                         for i in range(3):
                             V[i, a] += rate[e, f] * h[i, like[a]]

@@ -11,16 +11,17 @@ import numpy as np
 
 from ..base.beside import Beside
 from ..base.errors import DataError
-from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
 from ..records.verdicts import ConstantEstimate
-from .advice import LEVER_ARM, advice, message, unseen, variance_check
+from .advice import LEVER_ARM, OFFSET, RATE, advice, message, unseen, variance_check
 from .candidates import (
     AS_STATED,
+    FAR,
     ErrorModel,
     LayoutFactory,
     guesses,
@@ -31,6 +32,7 @@ from .candidates import (
     with_layout,
     with_time_correlated_error,
 )
+from .clock_step import find_clock_step, step_check
 from .constants import (
     OF_FIXES,
     STRONG,
@@ -41,16 +43,23 @@ from .constants import (
     settled_evidence,
 )
 from .estimated import constant
-from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
+from .evidence import (
+    GAIN,
+    follows,
+    liveliest_window,
+    loses_fixes,
+    minus_two_log_likelihood,
+    misfit,
+)
 from .sensitivity import Sensitivity
 from .time_correlated import time_correlated_error
 from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
+OF_CLOCK = (OFFSET, RATE)  # groups that a step of a clock is taken for
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
-MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 # of its log evidence, that a remedy gains in `misfit` at least, but for what each group that is
 # left open costs it: twice the logarithm of what the flight reduces its sigma by
 EXPLAINED, OPEN = 0.25, 5.0
@@ -197,6 +206,9 @@ def diagnose(
         if there is None:
             break
         here = there
+    step = _clock_step(search, posed, here)
+    if step is not None:  # what was adopted instead is no finding of its own
+        return Diagnosis(here.solution, (step,), here.history)
     if constants is None:
         return Diagnosis(here.solution, here.checks, here.history)
     seen = unseen(here.solution, constants, search.events_with_fixes)
@@ -217,6 +229,23 @@ class _State:
 
 Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
+
+
+def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check | None:
+    """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
+
+    So may what reset the covariance: fixes that went on elsewhere along the flight.
+    """
+    of_clock = any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested))
+    if not of_clock and _resets(here.solution) == 0:
+        return None
+    for model in dict.fromkeys((ErrorModel(search.requested_errors), here.model)):
+        layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
+        options = search.second_pass, search.progress
+        step = find_clock_step(*posed, layout, here.solution, *options)
+        if step is not None:
+            return step_check(step)
+    return None
 
 
 def _next(
@@ -429,7 +458,15 @@ def explain_failure(
     model = ErrorModel(search.requested_errors)
     model = with_constants(model, suspected.groups, suspected.factor)
     candidate = _solved(quiet, (problem, start), model)
-    if candidate is None or not _follows(candidate):
+    if candidate is not None and not follows(candidate):
+        candidate = None
+    if any(group.startswith(OF_CLOCK) for group in suspected.groups):
+        alone = with_constants(ErrorModel(search.requested_errors), OF_CLOCK[:1], FAR)
+        options = search.second_pass, search.progress
+        step = find_clock_step(problem, start, search.layout(alone), candidate, *options)
+        if step is not None:
+            return step_check(step)
+    if candidate is None:
         return None
     solved = _as_solved(suspected, candidate)
     checks = advice(search.mounting, candidate, solved, rivals, search.exposures)
@@ -470,7 +507,7 @@ def rescue(
                 return None
             model, check = larger, variance_check(winner)
             solution = _solved(search, (problem, start), model)
-            if solution is not None and _follows(solution):
+            if solution is not None and follows(solution):
                 return solution, (check,)
             again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
             shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
@@ -497,7 +534,7 @@ def _with_errors_of_imu(
         solution = solve(gated, posed[1], search.second_pass, search.progress, about=first)
     except DataError:
         return None
-    if not _follows(solution):
+    if not follows(solution):
         return None
     return solution, tuple(advice(search.mounting, solution, suspected, rivals))
 
@@ -545,15 +582,6 @@ def _as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
-def _follows(solution: Solution) -> bool:
-    """Tell whether a solution follows its fixes: a remedy that leaves the innovations is none."""
-    verdict = solution.verdict[:, POSITION]
-    rejected = np.count_nonzero(verdict == REJECTED)
-    used = solution.nis[verdict == USED, POSITION]
-    few = rejected <= MOST_LOST * np.count_nonzero(verdict != NOT_MEASURED)
-    return bool(few and np.mean(used) / 3.0 < MOST_NIS)
-
-
 def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorModel) -> _State:
     """Solve again with a time-correlated GNSS error.
 
@@ -568,7 +596,7 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
         again = _solved(search, posed, model)
         if again is not None:
             gain = before - misfit(again)
-            if _follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
+            if follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:
                 most, keeps_most = max(most, gain), (model, again)
             if not loses_fixes(again, here.solution):
                 adopted = (model, again) if gain >= LEAST_OF_GAIN * most else keeps_most

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.errors import DataError
 from ..calibrate.innovation_noise import sub_solution
-from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, VEL
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
 from ..navigation.filter import make_history, run_filter
 from ..navigation.problem import EstimationProblem, InitialState, sub_problem
 from ..navigation.solution import Solution
@@ -24,6 +24,7 @@ from ..navigation.solution import Solution
 WINDOW_FIXES = 900  # of the window over which candidates are compared
 GAIN = 20.0  # in -2 log L, from which a candidate is accepted
 IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
+MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
 
 
@@ -137,3 +138,24 @@ def loses_fixes(solution: Solution, before: Solution) -> bool:
     (rejected, resets), (rejected_before, resets_before) = count
     offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
     return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
+
+
+def follows(solution: Solution) -> bool:
+    """Tell whether a solution follows its fixes: a remedy that leaves the innovations is none.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    bool
+        Whether it rejects few (`MOST_LOST`), and the mean NIS of the others is near its expectation
+        (`MOST_NIS`).
+    """
+    verdict = solution.verdict[:, POSITION]
+    rejected = np.count_nonzero(verdict == REJECTED)
+    used = solution.nis[verdict == USED, POSITION]
+    few = rejected <= MOST_LOST * np.count_nonzero(verdict != NOT_MEASURED)
+    return bool(few and np.mean(used) / 3.0 < MOST_NIS)

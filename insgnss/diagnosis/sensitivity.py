@@ -8,7 +8,8 @@ states. From epoch to epoch, with the gains K that the filter has without it,
 and the innovations y of variance S have the mean V d. G and B are what the constant adds to
 transition and measurement directly: the column of the state that acts in the same way, times a
 measured value. A scale factor or misalignment of channel c towards channel f acts like the bias of
-c times what f measures, the rate of a time offset like the offset times the time that has gone by.
+c times what f measures, the rate of a time offset like the offset times the time that has gone by,
+a step of a clock like the offset from some instant on.
 A constant that is a state already is followed from U = 1 at that state on: by how much it is off
 from the beginning, beyond what its a-priori sigma allows for. Over all innovations
 
@@ -30,7 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..navigation.codes import ABSENT, BIAS, DRIFT, N_CHANNELS, N_NAV
+from ..navigation.codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from ..navigation.kernels.records import Epochs, FilterHistory, IntegrationIntervals
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem
@@ -53,11 +54,16 @@ class Constants:
     like : ndarray
         (c,) of another one, the state that acts in the same way, else ABSENT.
     factor : ndarray
-        (c,) and what it is multiplied with: a channel, or `codes.DRIFT`, the time since the start.
+        (c,) and what it is multiplied with: a channel, `codes.DRIFT`, the time since the start, or
+        `codes.AIDING_ERROR`, nothing.
     stated : Array
         (c,) the a-priori sigma of those that are states, else 0.
     wide : Array
         (c,) the wide one under which they are suspected.
+    since : Array, optional
+        (c,) s since the start, from which on one with an AIDING_ERROR acts.
+    jump : Array, optional
+        (c, 9) errors of navigation that it leaves besides, at the first epoch from then on.
     """
 
     names: tuple[str, ...]
@@ -66,6 +72,34 @@ class Constants:
     factor: np.ndarray
     stated: Array
     wide: Array
+    since: Array | None = None
+    jump: Array | None = None
+
+    @classmethod
+    def steps(cls, layout: StateLayout, since: Array, jump: Array, wide_s: float) -> "Constants":
+        """Return steps of the time offset of the fixes, one at each of some instants.
+
+        Parameters
+        ----------
+        layout : StateLayout
+            States with the time offset among them.
+        since : Array
+            (c,) s since the start.
+        jump : Array
+            (c, 9) errors of navigation that a step of a second leaves at its instant.
+        wide_s : float
+            A-priori sigma of a step, s.
+
+        Returns
+        -------
+        Constants
+            c of them.
+        """
+        none = np.full(since.size, ABSENT)
+        like, factor = np.full_like(none, N_NAV + layout.offset), np.full_like(none, AIDING_ERROR)
+        names = tuple(f"step at {time:.2f} s" for time in since)
+        zero, wide = np.zeros(since.size), np.full(since.size, wide_s)
+        return cls(names, none, like, factor, zero, wide, since, jump)
 
     @classmethod
     def of(cls, own: StateLayout, wide: StateLayout, states: list[int]) -> "Constants | None":
@@ -169,9 +203,10 @@ class Sensitivity:
         sums = self.errors, self.information, self.vector
         sizes = (N_NAV, count), (3, count), (3, count), N_CHANNELS
         scratch = tuple(np.empty(size) for size in sizes)
-        follow_constants(
-            *intervals, *measured, *records, begin, own.like, own.factor, *sums, *scratch
-        )
+        since = np.zeros(count) if own.since is None else own.since
+        jump = np.zeros((count, N_NAV)) if own.jump is None else own.jump
+        acts = own.like, own.factor, since, jump
+        follow_constants(*intervals, *measured, *records, begin, *acts, *sums, *scratch)
 
     def of_the_data(self) -> tuple[Array, Array]:
         """Return what the data alone say of the constants (Y.3).

@@ -228,3 +228,24 @@ def unwrap_week(tow: ArrayLike) -> Array:
     tow = np.asarray(tow, dtype=np.float64)
     falls = np.diff(tow) < -0.5 * WEEK_S
     return tow + WEEK_S * np.concatenate([[0.0], np.cumsum(falls)]) if falls.any() else tow.copy()
+
+
+def weeks_apart(offset_s: float, slack_s: float = 60.0) -> str:
+    """Say by how many whole GPS weeks two times are apart, in words.
+
+    Parameters
+    ----------
+    offset_s : float
+        Their difference, s.
+    slack_s : float
+        By how much it may differ from whole weeks, s.
+
+    Returns
+    -------
+    str
+        "a GPS week", "3 GPS weeks"; empty where it is none or no whole number.
+    """
+    weeks = round(offset_s / WEEK_S)
+    if weeks == 0 or abs(offset_s - weeks * WEEK_S) > slack_s:
+        return ""
+    return "a GPS week" if abs(weeks) == 1 else f"{abs(weeks)} GPS weeks"

@@ -6,11 +6,12 @@ from typing import TypeVar
 import numpy as np
 
 from ..base.errors import DataError, InputError
-from ..geodesy.gpstime import WEEK_S
+from ..geodesy.gpstime import WEEK_S, weeks_apart
 from ..records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 
 Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents, BarometerHeights)
 SHORTEST_S = 10.0
+LONG_S = 43200.0  # of recordings: between longer ones whole weeks are no finding, ms look like them
 
 
 def common_clock(
@@ -96,6 +97,10 @@ def common_span(
     for key, value in (("start_tow", start), ("end_tow", end)):
         spans += "" if value is None else f", {key} = {value:.1f} s"
     if gnss.time[-1] < lo or gnss.time[0] > hi:
+        apart = float(gnss.time[0] + gnss.time[-1] - imu.time[0] - imu.time[-1]) / 2.0
+        slack = float(gnss.time[-1] - gnss.time[0] + imu.time[-1] - imu.time[0]) / 2.0
+        if slack < LONG_S and (weeks := weeks_apart(apart, slack)):
+            raise InputError(f"{spans}: they are {weeks} apart; give all times as of one week")
         raise InputError(
             f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
             " time_offset_s, seconds against milliseconds"
@@ -157,6 +162,14 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
     outside = np.flatnonzero((events.time < lo) | (events.time > hi))
     if outside.size:
         k = int(outside[0])
+        middle = 0.5 * (lo + hi)
+        apart = weeks_apart(float(events.time[k]) - middle, min(0.5 * (hi - lo), LONG_S))
+        if apart:
+            raise InputError(
+                f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is {apart}"
+                f" apart from the flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
+                f" {len(events.images)} images); give all times as of one week"
+            )
         raise InputError(
             f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the"
             f" flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"

@@ -20,6 +20,7 @@ from ..formats import EXPORTS, UNITS
 from ..formats.images.exif import CameraTags, camera_tags
 from ..orient.mounting import Mounting
 from ..orient.mounting_file import MountingFile
+from ..recognise.positions import VELOCITY_UNITS
 from ..records import Array, Check, GnssFixes, ImuSamples, Trajectory
 from ..records.framed import PROJECTED
 
@@ -106,6 +107,11 @@ def _factor(match: re.Match[str]) -> str:
     return f"{unit} (multiply {sensor} by {next(close, f'{factor:.6g}')})"
 
 
+def _speed(match: re.Match[str]) -> str:
+    """By what to multiply velocities that are not in m/s."""
+    return f"multiply them by {VELOCITY_UNITS[match.group(1)]:.6g}, to m/s"
+
+
 def _keyword(match: re.Match[str]) -> str:
     key = match.group()
     return named(key) if named(key) != key else key.replace(".", "__")
@@ -115,6 +121,18 @@ _OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r'imu\.units (gyro|accel) = "([^"]+)"(?: \(not in ([^)]+)\))?', _factor),
     (r"imu\.units (gyro|accel)\b", r"the unit of \1"),
     (r"imu\.(units|columns)\b", r"the \1 of the samples"),
+    (
+        r'look like gnss\.units = \{ angle = "rad" \}',
+        "look like radians (give np.degrees of them, or columns lat_rad and lon_rad)",
+    ),
+    (
+        r'set gnss\.units = \{ angle = "rad" \}',
+        "give np.degrees of them, or columns lat_rad and lon_rad",
+    ),
+    (r'set gnss\.units = \{ angle = "deg" \}', "name their columns lat_deg and lon_deg"),
+    (r'set gnss\.units = \{ velocity = "([^"]+)" \}', _speed),
+    (r"exchange their names in gnss\.columns(?: or in the file)?", "exchange their columns"),
+    (r"\bgnss\.(units|columns)\b", r"the \1 of the fixes"),
     (r"\b(?:imu|gnss|camera|barometer|filter|output)\.[a-z]\w*", _keyword),
     (r"= (true|false)\b", lambda match: match.group().title()),
     (r"as the flight file is\b", "with the values as they are"),

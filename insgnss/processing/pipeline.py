@@ -37,7 +37,13 @@ from .diagnostics import constants_of, report_rows, run_diagnostics
 from .history import run_history
 from .input_files import input_files
 from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
-from .products import RunResult, output_directory, refuse_image_names, write_products
+from .products import (
+    RunResult,
+    output_directory,
+    overwriting,
+    refuse_image_names,
+    write_products,
+)
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .segment import Segment
@@ -152,13 +158,18 @@ def process(
     UsageError
         Where the products cannot go into `out`.
     """
-    directory = output_directory(flight, out, force) if write else None
+    directory = output_directory(flight, out) if write else None
+    others = None if directory is None or force else overwriting(flight, directory, out)
+    if others is not None and flight.gnss.raw is not None:
+        raise others  # the engine would take minutes
     clock = StepClock(progress)
 
     clock.step("read")
     inputs = Beside(lambda: _digests(flight))
     recording = read_recording(flight)
     refuse_contradictions(flight, recording.checks)
+    if others is not None:
+        raise others  # a file that is broken was said before
     if write and recording.cameras:
         refuse_image_names(flight, [i for c in recording.cameras for i in c.events.images])
     week = recording.gps_week

@@ -76,7 +76,7 @@ class RunResult:
     common: CommonErrors | None = None
 
 
-def output_directory(flight: Flight, out: Path | None, force: bool = False) -> Path:
+def output_directory(flight: Flight, out: Path | None) -> Path:
     """Return the directory of the products, once it is clear that they can be written there.
 
     Parameters
@@ -85,8 +85,6 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
         The flight file.
     out : Path or None
         The directory that takes the place of the flight file's.
-    force : bool
-        Whether results of other measurements are overwritten.
 
     Returns
     -------
@@ -96,9 +94,8 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
     Raises
     ------
     UsageError, InputError
-        Where the directory cannot be written to, holds results of other measurements, or a product
-        would take the place of an input: the first where `out` names it, the second where the
-        flight file does.
+        Where the directory cannot be written to, or a product would take the place of an input: the
+        first where `out` names it, the second where the flight file does.
     """
     from ..formats import EXPORTS
 
@@ -128,10 +125,35 @@ def output_directory(flight: Flight, out: Path | None, force: bool = False) -> P
                 f"{where}: {file} is a directory and in the way of a product; give "
                 "another directory"
             )
-    if not force and (reason := other_results(directory / REPORT, measurements(flight))):
-        other = "another directory with --out" if out is None else "another --out"
-        raise refusal(f"{where}: {reason}; give {other}, or --force")
     return directory
+
+
+def overwriting(flight: Flight, directory: Path, out: Path | None) -> InsgnssError | None:
+    """Return the error of products that would take the place of others' results.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    directory : Path
+        Of the products.
+    out : Path or None
+        That directory where it takes the place of the flight file's.
+
+    Returns
+    -------
+    UsageError, InputError or None
+        The first where `out` names it, the second where the flight file does; None where nothing is
+        there, or results of these measurements. Files that are broken are no other measurements:
+        whoever reads them says so first.
+    """
+    reason = other_results(directory / REPORT, measurements(flight))
+    if reason is None:
+        return None
+    if out is not None:
+        return UsageError(f"--out: {reason}; give another --out, or --force")
+    where = f"{flight.path}: output.directory"
+    return InputError(f"{where}: {reason}; give another directory with --out, or --force")
 
 
 def refuse_image_names(flight: Flight, images: Sequence[str]) -> None:

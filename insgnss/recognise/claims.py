@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..geodesy.gpstime import WEEK_S, weeks_apart
 from ..records import Array, Check, Verdict
 from .axes import axes_words
 from .handedness import LEFT_HANDED, of_axes, what_is_wrong
@@ -259,6 +260,14 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
     advice = (
         f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
     )
+    if weeks := weeks_apart(offset):
+        sense = "behind" if offset > 0.0 else "ahead of"
+        statement = f"the fixes are {weeks} {sense} the IMU: {statement}"
+        whole = time_offset_s + WEEK_S * round(offset / WEEK_S)
+        advice = (
+            "the times of one of them are of another week, or count from another one: give both as"
+            f" times of one week; gnss.time_offset_s = {whole:.1f} would do it"
+        )
     if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
         advice += f" ({recognition.time_scale}, leap seconds)"
     return Check(

@@ -72,11 +72,13 @@ NAMES = (
     "motion",
     "mounting",
     "mounting file",
+    "bore-sight",
     "barometer",
     "GNSS quality",
     "antenna lever arm",
     "GNSS time offset",
     "clock rate",
+    "clock step",
     "exposure clock",
     "IMU scale factors",
     "IMU misalignments",
@@ -341,11 +343,11 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
             "gyro and accelerometer look exchanged; correct imu.columns",
         )
     guesses = [
+        quantity_guess(imu, dt),  # said of all channels at once, a unit of one sensor alone
         (1.0 / STANDARD_GRAVITY, 'imu.units accel = "g"'),
         (STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in g)'),
         (1e-3 * STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in mg)'),
         (1e3 / STANDARD_GRAVITY, 'imu.units accel = "mg"'),
-        quantity_guess(imu, dt),
     ]
     close = [
         advice

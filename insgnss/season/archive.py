@@ -19,7 +19,7 @@ from typing import Any
 from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import sha256
-from ..base.provenance import DIRECTORY, KEY, PRODUCTS
+from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
 from ..base.scratch import PREFIXES
 from ..base.wording import relative
 from .gathering import FLIGHT_FILE
@@ -290,11 +290,10 @@ def _inputs(hashes: Mapping[str, str], base: Path) -> Iterator[str]:
 
 def _products(content: Mapping[str, Any], folder: Path) -> Iterator[str]:
     """Yield which products are missing or not what the run wrote."""
-    for name, value in (content.get(PRODUCTS) or {}).items():
-        path = folder / name
-        if not path.is_file():
+    for name, how in changed_products(content, folder):
+        if how == "missing":
             yield f"product {name} is missing"
-        elif sha256(path) != value:
+        else:
             yield f"product {name} is not what the run wrote: changed since"
 
 

@@ -104,6 +104,7 @@ class SeasonResult:
         broken = [one for one in self.outcomes if one.status == FAILED]
         lines = [f"{self.headline}, in {duration(self.seconds)}"]
         lines += [f"failed: {one.name}: {one.reason}" for one in broken]
+        lines += [f"kept: {o.name}: {o.reason}" for o in self.outcomes if o.is_changed]
         lines += [trend.sentence() for trend in self.trends if trend.odd]
         lines += [f"wrote {file}" for file in self.files]
         return "\n".join(lines)

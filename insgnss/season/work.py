@@ -10,7 +10,7 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,15 @@ from typing import Any
 from .. import __version__
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import sha256
+from ..base.provenance import PRODUCTS, changed_products
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
+CHANGED = "changed since:"  # how the reason of a kept flight begins whose products were
+MOST_NAMED = 3  # of its products
 INTERNAL = InsgnssError.exit_code
 _ONE_AT_A_TIME = threading.Lock()  # warnings are caught for a whole process
 
@@ -84,6 +87,11 @@ class Outcome:
     def reason(self) -> str:
         """Why it failed, or what limits it; empty of a good flight."""
         return str(self.row.get("reason") or "")
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether it was kept although somebody changed its products."""
+        return self.status == KEPT and self.reason.startswith(CHANGED)
 
 
 def process_task(task: Task) -> Outcome:
@@ -174,6 +182,8 @@ def _processed(task: Task) -> tuple[str, Row]:
         status, report = DONE, process(flight, out, force=task.force).report
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
+    if status == KEPT and (changed := names_of_changed(report, directory)):
+        row["reason"] = "; ".join(filter(None, (changed_since(changed), row["reason"])))
     row |= {"report": str(directory / PAGE)} | equipment_of(flight)
     row |= boresight_of(flight)
     return status, row
@@ -210,9 +220,41 @@ def report_in_force(flight: Flight, directory: Path) -> dict[str, Any] | None:
     if set(files) != set(hashes):
         return None
     changed = any(sha256(file) != hashes[name] for name, file in files.items())
-    products = [directory / export["file"] for export in report.get("exports", ())]
+    names = [export["file"] for export in report.get("exports", ())]
+    # the PPK solution beside them is missing where they alone were published
+    names += [name for name in report.get(PRODUCTS, ()) if not name.startswith("..")]
+    products = [directory / name for name in names]
     missing = any(not product.exists() for product in products)
     return None if changed or missing else report
+
+
+def names_of_changed(report: Mapping[str, Any], directory: Path) -> tuple[str, ...]:
+    """Return which products of a flight are not what its run wrote, as `insgnss archive` does.
+
+    Parameters
+    ----------
+    report : mapping
+        What report.json holds.
+    directory : Path
+        Of the products.
+    """
+    different = changed_products(report, directory)
+    return tuple(name for name, how in different if how == "changed")
+
+
+def changed_since(names: Sequence[str]) -> str:
+    """Say that products were changed after the run, and what makes them again.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the products.
+    """
+    others = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return (
+        f"{CHANGED} {', '.join(names[:MOST_NAMED])}{others}: not what the run wrote, and kept as"
+        " changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
+    )
 
 
 def _verdict(error: Exception) -> tuple[int, str]:

@@ -133,7 +133,7 @@ def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, 
     monkeypatch.setattr(decision, "_solved", lambda *_: next(left))
     monkeypatch.setattr(decision, "misfit", lambda solution: -solution.gain)
     monkeypatch.setattr(decision, "loses_fixes", lambda solution, _: solution.loses)
-    monkeypatch.setattr(decision, "_follows", lambda _: True)
+    monkeypatch.setattr(decision, "follows", lambda _: True)
     search = SimpleNamespace(progress=lambda _: None)
     here = decision._State(before, ErrorModel(FixErrors()))
     after = decision._adopted(search, None, here, model)

@@ -66,8 +66,8 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
     imu = read_imu(imu_file(tmp_path, rows))
     assert np.array_equal(imu.gyro[499], TABLE[499, 1:4])
     assert (
-        "1 rows that contradict an earlier one of their stamp left out, of 1001"
-        in imu.notes[0].found
+        "1 rows that contradict an earlier one of their stamp left out, the first at"
+        f" {TABLE[499, 0]:.3f} s, of 1001" in imu.notes[0].found
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from written import image_positions
 
-from insgnss.base.errors import DataError, InputError
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.provenance import KEY, hashes_of
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
@@ -315,8 +315,11 @@ def test_each_file_of_a_receiver_is_a_measurement(tmp_path, of):
     (tmp_path / "out").mkdir()
     made_from = hashes_of(measurements(flight), tmp_path)
     (tmp_path / "out" / "report.json").write_text(json.dumps({KEY: made_from}))
-    assert products.output_directory(flight, None) == tmp_path / "out"
+    out = products.output_directory(flight, None)
+    assert out == tmp_path / "out"
+    assert products.overwriting(flight, out, None) is None
     (tmp_path / names[of][1]).write_text("of another flight")
-    with pytest.raises(InputError, match=f"{names[of][1]} is not what report.json was made from"):
-        products.output_directory(flight, None)
-    assert products.output_directory(flight, None, force=True) == tmp_path / "out"
+    for named, kind in ((None, InputError), (out, UsageError)):
+        error = products.overwriting(flight, out, named)
+        assert type(error) is kind
+        assert f"{names[of][1]} is not what report.json was made from" in str(error)

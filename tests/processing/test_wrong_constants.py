@@ -50,6 +50,26 @@ def test_a_right_flight_file_is_left_alone(sim):
     assert np.abs(normalised(sim, result)).max() < 4.0
 
 
+@pytest.mark.parametrize("estimated", [False, True])
+def test_a_clock_that_steps_is_no_rate(sim, estimated):
+    """Oracle: what was planted, whether offset and rate are estimated or not: 50 ms from the middle
+    of the flight on were called a rate of 200 ppm; exit code 3.
+    """
+    imu = sim.imu
+    middle = 0.5 * (imu.time[0] + imu.time[-1])
+    imu = replace(imu, time=imu.time + np.where(imu.time > middle, 0.05, 0.0))
+    options = {"filter__time_offset": True} if estimated else {}
+    with pytest.raises(insgnss.InputError, match="clock step: from") as refusal:
+        run(sim, imu, **options)
+    assert refusal.value.exit_code == 3
+    assert "clock rate" not in str(refusal.value)
+    at, size = re.search(
+        r"from (\S+) s on the fixes' stamps lack (\S+) ", str(refusal.value)
+    ).groups()
+    assert float(at) == pytest.approx(middle, abs=0.3)
+    assert float(size) == pytest.approx(0.05, abs=0.002)
+
+
 @pytest.mark.parametrize(
     ("change", "name", "number", "within"),
     [

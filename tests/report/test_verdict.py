@@ -406,6 +406,24 @@ def test_a_boresight_that_turns_the_heading_is_said(diagnostics, eo, yaw, sigmas
     assert (s["verdict"][0] == NOTHING_IN_THE_DATA) == (abs(yaw) < 2.0)
 
 
+@pytest.mark.parametrize(
+    ("flight", "told"),
+    [
+        ({}, True),
+        ({"accept": ["mounting"]}, True),
+        ({"accept": ["bore-sight"]}, False),
+        ({"mounting_files": [{"keys": ["boresight"], "made": {"boresight_cov": [[1]]}}]}, False),
+        ({"mounting_files": [{"keys": ["boresight"], "made": {"boresight_cov": None}}]}, True),
+        ({"mounting_files": [{"keys": ["antenna_m"], "made": {"boresight_cov": [[1]]}}]}, True),
+    ],
+)
+def test_a_boresight_that_is_known_is_not_said(diagnostics, eo, flight, told) -> None:
+    """Oracle: definition; one of a calibration, or one that the flight file accepts."""
+    B = boresight_from_angles("rpy", [0.0, 0.0, 3.0])
+    s = run(diagnostics(), dataclasses.replace(eo(), boresight=B), flight)
+    assert any(limit["topic"] == "bore-sight" for limit in s["limits"]) == told
+
+
 def test_a_boresight_within_the_sigma_of_heading_is_not_said(diagnostics, eo) -> None:
     """Oracle: by hand; 0.015 deg of heading against 0.02; 0.7 deg of roll turn no heading."""
     for angles in ([0.0, 0.0, 0.015], [0.7, 0.0, 0.0]):

@@ -55,6 +55,45 @@ def test_it_is_kept_as_long_as_nothing_has_changed(flight: Path) -> None:
         assert run(flight).status == "kept"
 
 
+def test_a_product_that_was_changed_is_named_and_kept(flight: Path) -> None:
+    """Oracle: what was changed; that --again writes it anew; what `archive` says of it."""
+    product = flight / OUT / "metashape.csv"
+    run(flight, force=True)
+    assert not run(flight).is_changed
+    written = product.read_bytes()
+    product.write_bytes(written + b"# mine\n")
+    again = run(flight)
+    assert again.status == "kept"
+    assert again.is_changed
+    assert "metashape.csv: not what the run wrote" in again.reason
+    assert "--again" in again.reason
+    assert product.read_bytes() == written + b"# mine\n"
+    said = str(examine_archive(flight, False, lambda *_: None))
+    assert "metashape.csv is not what the run wrote" in said
+    assert not run(flight, again=True).is_changed
+    assert product.read_bytes() == written
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_broken_file_is_told_where_there_are_results(flight: Path, force: bool) -> None:
+    """Oracle: the line that was broken; `--force` is no remedy for it, and is one for others."""
+    run(flight, force=True)
+    file = flight / IMU
+    whole = file.read_text()
+    lines = whole.splitlines(keepends=True)
+    try:
+        file.write_text("".join([*lines[:1000], "205201.5,oops,0,0,0,0,-9.8\n", *lines[1000:]]))
+        broken = run(flight, force=force)
+        assert broken.status == "failed"
+        assert ":1001" in broken.reason
+        assert "--force" not in broken.reason
+        file.write_text("".join(lines[:-1]))
+        assert ("--force" in run(flight, force=force).reason) == (not force)
+    finally:
+        file.write_text(whole)
+        run(flight, force=True)
+
+
 def test_the_row_is_that_of_the_report(flight: Path) -> None:
     """Oracle: report.json, and the lever arm of the simulation, (0.462 - 0.113) m along the
     camera's x, within four sigmas.

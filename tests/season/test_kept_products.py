@@ -11,7 +11,7 @@ import pytest
 from insgnss import __version__
 from insgnss.config.load import load_flight
 from insgnss.report.summary import plain
-from insgnss.season.work import report_in_force
+from insgnss.season.work import names_of_changed, report_in_force
 
 
 @pytest.fixture
@@ -31,12 +31,16 @@ def flight(tmp_path: Path) -> Path:
         "versions": {"insgnss": __version__},
         "constants": [],
         "exports": [{"file": "eo.json"}],
+        "products_sha256": {
+            name: hashlib.sha256(b"").hexdigest() for name in ("eo.json", "trajectory.csv")
+        },
     }
     (tmp_path / "out").mkdir()
     for name, content in (
         ("report.json", json.dumps(report)),
         ("report.html", ""),
         ("eo.json", ""),
+        ("trajectory.csv", ""),
     ):
         (tmp_path / "out" / name).write_text(content)
     return tmp_path
@@ -57,6 +61,7 @@ def write(name: str, text: str) -> Callable[[Path], object]:
         write("wing.toml", "[gnss]\ngate_sigma = 6\n"),
         write("wing.toml", "[gnss]\ngate_sigma = 4\n# another line\n"),
         lambda root: (root / "out" / "eo.json").unlink(),
+        lambda root: (root / "out" / "trajectory.csv").unlink(),
         lambda root: (root / "out" / "report.html").unlink(),
         write("out/report.json", "{"),
         lambda root: (root / "out" / "report.json").write_text(
@@ -69,3 +74,12 @@ def test_any_change_ends_it(flight: Path, change: Callable[[Path], object]) -> N
     assert in_force(flight)
     change(flight)
     assert not in_force(flight)
+
+
+def test_a_product_that_somebody_changed_is_known_by_its_hash(flight: Path) -> None:
+    """Oracle: what was changed. It may be on purpose, and ends nothing."""
+    report, out = json.loads((flight / "out" / "report.json").read_text()), flight / "out"
+    assert names_of_changed(report, out) == ()
+    (out / "trajectory.csv").write_text("an edit\n")
+    assert in_force(flight)
+    assert names_of_changed(report, out) == ("trajectory.csv",)

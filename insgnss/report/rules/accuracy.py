@@ -22,6 +22,7 @@ USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of th
 NEGLIGIBLE_ARM_M = 0.02  # what a right lever arm may come out off by (`diagnosis.advice`)
 EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
+BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
 LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight, from which on it is more than a remark
 EARTH_RATE_DEG_H = 15.041
 
@@ -149,9 +150,10 @@ def boresight(f: Figures) -> Iterator[Limit]:
     """Yield a bore-sight that turns the heading of the images by more than its sigma.
 
     Nothing in a flight shows whether its signs are right; it is one number that a person can check.
+    One that a calibration found has no signs to be mistaken, and one that is accepted was checked.
     """
     turn = f["boresight_heading_deg"]
-    if turn is None or f["exposures"] is None:
+    if turn is None or f["exposures"] is None or _known_boresight(f["flight"]):
         return
     sigma = f["exposures"]["attitude_deg"]["median"][2]
     if abs(turn) <= sigma:
@@ -161,7 +163,23 @@ def boresight(f: Figures) -> Iterator[Limit]:
         f" {abs(turn) / sigma:.1f} sigma, which no data of this flight can tell: check its signs"
     )
     rank = abs(turn) / LARGE_TURN_DEG
-    yield Limit(BORESIGHT, rank, text, "see mounting.boresight, or calibrate it on control points")
+    yield Limit(
+        BORESIGHT,
+        rank,
+        text,
+        f'see mounting.boresight, or calibrate it on control points; accept = ["{BORESIGHT}"] in'
+        " the flight file says that they are right",
+    )
+
+
+def _known_boresight(flight: Figures) -> bool:
+    """Tell whether a flight file took its bore-sight from a calibration, or accepts it."""
+    sources = flight.get("mounting_files") or ()
+    calibrated = any(
+        BORESIGHT_KEY in source["keys"] and source["made"]["boresight_cov"] is not None
+        for source in sources
+    )
+    return calibrated or BORESIGHT in (flight.get("accept") or ())
 
 
 def gyro_bias(f: Figures) -> Iterator[Limit]:
