@@ -3,13 +3,18 @@
 The backward pass needs of every epoch what the forward pass worked out there: P, F, H and K, 13 kB
 of 34 states, and nothing of it is wanted afterwards. A flight is therefore divided into blocks of
 `BLOCK` epochs. The forward pass keeps where it stood before each block (a checkpoint: nominal,
-mean, P), and the records of as many of the last blocks as `RECORDS_BYTES` hold. The backward pass
-goes from the last block to the first; a block whose records are gone is filtered once more from its
-checkpoint, which gives the same records to the last bit, since the filter sees nothing else. That
-is done beside the backward pass over the block behind it, whose records are other rows.
+mean, P), and the records of one block at a time. The backward pass goes from the last block to the
+first; each is filtered once more from its checkpoint, which gives the same records to the last bit,
+since the filter sees nothing else. Of short flights, which are often solved again and again while a
+model is looked for, all records are kept.
 
-    memory   m / BLOCK checkpoints, and the records of some blocks
+    memory   m / BLOCK checkpoints, and the records of one block
     work     a short flight: nothing more; a long one: one forward pass more
+
+That pass costs no more than its absence would. The records of a block lie in the processor's cache,
+where both passes find them; to write those of a whole flight to memory and to read them back takes
+13 microseconds an epoch, to filter it again 11. Nor is it done beside the backward pass over the
+block behind it: two passes at once, on two cores of one processor, were as long in all.
 
 What stays of every epoch are nominal, innovations and the navigation block of the smoothed
 covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Where another one is
@@ -27,13 +32,11 @@ What a flight needs of memory is forecast before it is filtered (`forecast`), wi
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from ..base.advance import through
-from ..base.beside import Beside
 from ..records import Array
 from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
 from .event_chain import EventChain, EventTransitions
@@ -63,7 +66,6 @@ from .smoother import Smoothed, SmootherRoom, last_state
 BLOCK = 256  # epochs
 WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
 ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
-RECORDS_BYTES = 80_000_000  # of a longer one; what of it is kept saves the share of a forward pass
 
 TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
 MEASUREMENT_BYTES = 450  # of an epoch: `navigation.kernels.records.Epochs`, and its stamp
@@ -150,8 +152,8 @@ def forecast(
     of_epoch = 8 * (N_NOMINAL + ns + N_NAV + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
     of_epoch += TRIPLE_BYTES * triples
     of_block = 8 * (3 * n * n + 4 * N_NAV * n)
-    records = epochs * record_bytes(states, 3 * triples, False)
-    records = records if records <= WHOLE_BYTES else RECORDS_BYTES
+    each = record_bytes(states, 3 * triples, False)
+    records = epochs * each if epochs * each <= WHOLE_BYTES else BLOCK * each
     whole = (min(ROWS, epochs) + exposures) * 4 * n * (n + 1)
     solution = epochs * of_epoch + epochs // BLOCK * of_block + whole
     estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
@@ -181,8 +183,8 @@ class BlockwisePasses:
         Number of epochs at which the forward/backward separation is worked out.
     block : int
         Epochs of a block.
-    whole_bytes, records_bytes : int
-        What records may take where that holds all of them, and else.
+    whole_bytes : int
+        What records may take where all of them are kept.
     """
 
     def __init__(
@@ -193,11 +195,9 @@ class BlockwisePasses:
         separations: int,
         block: int | None = None,
         whole_bytes: int | None = None,
-        records_bytes: int | None = None,
     ) -> None:
         link_blas()
         whole_bytes = WHOLE_BYTES if whole_bytes is None else whole_bytes
-        records_bytes = RECORDS_BYTES if records_bytes is None else records_bytes
         self.problem, self.start, self.rows, self.separations = problem, start, rows, separations
         epochs, layout = problem.epochs, problem.layout
         m = epochs.stop.size
@@ -205,15 +205,11 @@ class BlockwisePasses:
         self.first = np.arange(0, m, self.size)
         self.outages = bool((outages(epochs) != ABSENT).any())
         each = record_bytes(layout.size, measured_slots(epochs, layout)[1].size, self.outages)
-        blocks = self.first.size
-        if m * each > whole_bytes:
-            blocks = min(blocks, max(1, int(records_bytes // (each * self.size))))
-        # the latest blocks stay; the row in front of a block is that of the epoch before it
-        self.kept_from = max(self.first.size - blocks, 0)
-        self.alternates = blocks > 1  # whether there is room for two blocks at a time
-        room = min(blocks * self.size, m) + 1
+        self.whole = m * each <= whole_bytes  # whether all records are kept
+        # the row in front of a block is that of the epoch before it
+        room = (m if self.whole else min(self.size, m)) + 1
         self.history = make_history(epochs, layout, records=room)
-        self.fresh = False  # whether the records of the kept blocks are those of the latest pass
+        self.held = ABSENT  # the block whose records are there, where not all of them are
         self.checkpoints: list[FilterState] = []
         self.adjoints: list[SmootherState] = []
         self.transitions: EventTransitions | None = None
@@ -227,11 +223,8 @@ class BlockwisePasses:
             yield b, first, min(first + self.size, m)
 
     def _front_row(self, b: int) -> int:
-        """Return the row in front of the records of a block, which no pass over it touches."""
-        if b >= self.kept_from:
-            return (b - self.kept_from) * self.size
-        # beside the records of the block behind it
-        return (self.kept_from - b) % 2 * self.size if self.alternates else 0
+        """Return the row in front of the records of a block."""
+        return b * self.size if self.whole else 0
 
     def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
         """Return epochs and room of a block, with the epoch before it in front, and its begin."""
@@ -267,14 +260,14 @@ class BlockwisePasses:
         for b, first, last in through(list(self._blocks())):
             self.checkpoints.append(_copied(state))
             epochs, records, begin = self._of_block_views(b, first, last)
-            if b < self.kept_from and unread:
+            if unread and not self.whole and last < problem.epochs.stop.size:
                 records = _unread(records)
             _forward(inputs, epochs, state, records, begin)
             if self.transitions is not None:
                 self.transitions.through(epochs.event, records, begin)
             if follower is not None:
                 follower(inputs[0], epochs, records, begin)
-        self.fresh = True
+        self.held = self.first.size - 1
         refuse_divergence(problem, history)
 
     def smooth(self, full: bool = True) -> Smoothed:
@@ -297,33 +290,17 @@ class BlockwisePasses:
         inputs = forward_inputs(problem, self.closed_loop)
         state, unset = last_state(n), last_state(n)
         self.adjoints = []
-        blocks = list(self._blocks())
-        ahead: Beside[None] | None = None
-        for b, first, last in through(blocks[::-1]):
+        for b, first, last in through(list(self._blocks())[::-1]):
             epochs, records, begin = self._of_block_views(b, first, last)
-            if ahead is not None:
-                ahead.result()
-            elif self._gone(b):
-                self._filter_again(inputs, *blocks[b])
-            ahead = None
-            if b > 0 and self.alternates and self._gone(b - 1):
-                ahead = Beside(partial(self._filter_again, inputs, *blocks[b - 1]))
+            if not (self.whole or self.held == b):
+                _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
+                self.held = b
             self._keep_sigma(records.P[begin:], first, last)
             self.adjoints.append(_adjoint(state, unset))
             own = room.piece(first - begin, last)
             run_backward(epochs.event, records, full, state, begin, *own)
         self.adjoints.reverse()
-        self.fresh = self.kept_from == 0
         return room.smoothed()
-
-    def _gone(self, b: int) -> bool:
-        """Tell whether the records of a block are not those of the latest forward pass."""
-        return b < self.kept_from or not self.fresh
-
-    def _filter_again(self, inputs: ForwardInputs, b: int, first: int, last: int) -> None:
-        """Filter a block from its checkpoint, for its records."""
-        epochs, records, begin = self._of_block_views(b, first, last)
-        _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
 
     def _keep_sigma(self, P: Array, first: int, last: int) -> None:
         """Keep the filter's sigmas at the rows among epochs first..last - 1 with covariances P."""

@@ -1,14 +1,12 @@
 """Work beside the main line."""
 
 import threading
-from itertools import pairwise
 
 import pytest
 
 from insgnss.base import beside
 from insgnss.base.beside import Beside
 from insgnss.base.errors import DataError
-from insgnss.navigation import blocks
 
 
 @pytest.fixture(params=[1, 2])
@@ -43,14 +41,3 @@ def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(processors):
         with pytest.raises(DataError) as caught:
             work.result()
         assert caught.value is error
-
-
-def test_rows_of_neighbouring_blocks_are_apart():
-    """Oracle: the rows themselves; the row in front of a block is written by nobody."""
-    passes = blocks.BlockwisePasses.__new__(blocks.BlockwisePasses)
-    passes.size, passes.alternates, count = 4, True, 10
-    for passes.kept_from in (0, 5, 8):
-        front = [passes._front_row(b) for b in range(count)]
-        own = [set(range(row + 1, row + 5)) for row in front]
-        assert all(not one & other for one, other in pairwise(own))
-        assert max(front) + 4 == 4 * (count - passes.kept_from)
