@@ -166,7 +166,7 @@ def test_of_a_large_file_pieces_are_in_memory(
     """Oracle: tracemalloc: of a file of megabytes a piece a thread, and what is read of it."""
     monkeypatch.setattr(text, "PIECES_FROM", 1)
     path = tmp_path / "big.csv"
-    path.write_text("\n".join([HEAD, *(lines_of(7) * 500)]) + "\n")
+    path.write_text("\n".join([HEAD, *(lines_of(7) * 1500)]) + "\n")
     with text.loaded(path) as (buf, complete):
         assert complete
         assert isinstance(buf, FileBytes)
@@ -179,7 +179,7 @@ def test_of_a_large_file_pieces_are_in_memory(
         finally:
             tracemalloc.stop()
     assert table is not None
-    assert len(table["g"]) == 120 * 500
+    assert len(table["g"]) == 120 * 1500
     assert peak < table["g"].nbytes + 12 * direct.PIECE < 0.8 * path.stat().st_size
 
 

@@ -29,7 +29,7 @@ from .pieces import FileBytes
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8] | FileBytes
 
-PIECE = 1 << 18  # bytes
+PIECE = 1 << 19  # bytes
 THREADS = 2
 ROOM = 1.1  # times the rows that the first lines promise
 NEWLINE = b"\n"
