@@ -214,4 +214,4 @@ def _antenna_variance(solution: Solution, rows: np.ndarray, C: Array, a: Array) 
     H = np.concatenate(blocks, axis=2)
     of = np.array(columns)
     P = solution.covariance(rows)[:, of[:, None], of]
-    return np.maximum(np.einsum("kis,kst,kit->ki", H, P, H, optimize=True), 0.0)
+    return np.maximum(np.einsum("kit,kit->ki", H @ P, H), 0.0)

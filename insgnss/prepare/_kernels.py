@@ -111,14 +111,14 @@ def build_segments(
             width = 0.5 * (t0 - time[i - 1]) + 0.5 * h
         elif has_after:
             width = 0.5 * (time[i + 2] - t1) + 0.5 * h
+        lo, hi, inverse = r[1] if has_before else r[2], r[3] if has_after else r[2], 1.0 / width
         for c in range(6):
-            lo = r[1, c] if has_before else r[2, c]
-            hi = r[3, c] if has_after else r[2, c]
-            slope[c] = (hi - lo) / width
+            slope[c] = (hi[c] - lo[c]) * inverse
             extra[c] = 0.0
         if even_spacing(time, i):
+            inverse = 1.0 / (120.0 * h)
             for c in range(6):
-                fine[c] = (82.0 * (r[3, c] - r[1, c]) - 11.0 * (r[4, c] - r[0, c])) / (120.0 * h)
+                fine[c] = (82.0 * (r[3, c] - r[1, c]) - 11.0 * (r[4, c] - r[0, c])) * inverse
                 second[c] = 0.5 * (r[3, c] + r[1, c]) - r[2, c]
             bracket(r[2], fine, h * h / 12.0, extra)
             bracket(second, fine, -h * h / 360.0, extra)
