@@ -33,6 +33,7 @@ from ..geodesy.rotation import (
     rotation_from_vector,
 )
 from ..navigation.codes import (
+    ABSENT,
     ACCEL0,
     AZ,
     BIAS,
@@ -308,11 +309,10 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     ep = back.epochs
     # of the interval that now ends at the epoch
     gap = np.concatenate([np.zeros((1, N_CHANNELS)), ep.gap[:-1]])
-    return replace(
-        back,
-        backward=True,
-        epochs=ep._replace(velocity=-ep.velocity, zaru_rate=-ep.zaru_rate, gap=gap),
-    )
+    # nothing is asked of the camera's events, whose covariances would be carried along
+    no_event = np.full(epochs.size, ABSENT)
+    other = {"velocity": -ep.velocity, "zaru_rate": -ep.zaru_rate, "gap": gap, "event": no_event}
+    return replace(back, backward=True, epochs=ep._replace(**other))
 
 
 def _run_back(
