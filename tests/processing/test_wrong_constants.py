@@ -50,7 +50,7 @@ def test_a_right_flight_file_is_left_alone(sim):
     assert np.abs(normalised(sim, result)).max() < 4.0
 
 
-@pytest.mark.parametrize("estimated", [False, True])
+@pytest.mark.parametrize("estimated", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_clock_that_steps_is_no_rate(sim, estimated):
     """Oracle: what was planted, whether offset and rate are estimated or not: 50 ms from the middle
     of the flight on were called a rate of 200 ppm; exit code 3.
@@ -208,6 +208,7 @@ def test_what_is_stated_not_to_be_known_exactly_is_in_every_covariance(sim):
     assert stated.states == ()
 
 
+@pytest.mark.slow
 def test_an_exact_lever_arm_is_contradicted_and_never_estimated(sim):
     """Oracle: what was planted, 10 cm; the contract, that a sigma of 0 is exact. A right one
     that is stated so is left alone.
