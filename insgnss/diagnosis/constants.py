@@ -27,7 +27,7 @@ innovations depend on them linearly, as they do near the flight file's numbers. 
 comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone counts.
 
 A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
-explains as much, that is taken; where none does, the contradiction is told and nothing estimated.
+explains as much, that is taken; where none does, the contradiction is shown, nothing estimated.
 
 Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
 beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no

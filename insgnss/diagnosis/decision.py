@@ -239,13 +239,18 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check |
     of_clock = any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested))
     if not of_clock and _resets(here.solution) == 0:
         return None
-    for model in dict.fromkeys((ErrorModel(search.requested_errors), here.model)):
-        layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
-        options = search.second_pass, search.progress
-        step = find_clock_step(*posed, layout, here.solution, *options)
-        if step is not None:
-            return step_check(step)
-    return None
+    models = dict.fromkeys((ErrorModel(search.requested_errors), here.model))
+    steps = (_step_under(search, posed, model, here.solution) for model in models)
+    return next((step for step in steps if step is not None), None)
+
+
+def _step_under(
+    search: ErrorModelSearch, posed: Posed, model: ErrorModel, against: Solution | None
+) -> Check | None:
+    """Say that a clock steps, if that explains more under an error model than another solution."""
+    layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
+    step = find_clock_step(*posed, layout, against, search.second_pass, search.progress)
+    return None if step is None else step_check(step)
 
 
 def _next(
@@ -461,11 +466,10 @@ def explain_failure(
     if candidate is not None and not follows(candidate):
         candidate = None
     if any(group.startswith(OF_CLOCK) for group in suspected.groups):
-        alone = with_constants(ErrorModel(search.requested_errors), OF_CLOCK[:1], FAR)
-        options = search.second_pass, search.progress
-        step = find_clock_step(problem, start, search.layout(alone), candidate, *options)
+        own = ErrorModel(search.requested_errors)
+        step = _step_under(search, (problem, start), own, candidate)
         if step is not None:
-            return step_check(step)
+            return step
     if candidate is None:
         return None
     solved = _as_solved(suspected, candidate)

@@ -222,14 +222,10 @@ class BlockwisePasses:
         for b, first in enumerate(self.first.tolist()):
             yield b, first, min(first + self.size, m)
 
-    def _front_row(self, b: int) -> int:
-        """Return the row in front of the records of a block."""
-        return b * self.size if self.whole else 0
-
     def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
         """Return epochs and room of a block, with the epoch before it in front, and its begin."""
         front = max(first - 1, 0)
-        row = self._front_row(b) + 1 - (first - front)
+        row = (b * self.size if self.whole else 0) + 1 - (first - front)
         history = _piece_of_history(self.history, front, last, row, self.outages)
         return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
 

@@ -31,6 +31,12 @@ ROUNDS = 5
 WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
+def imu_word(direction: Array) -> str:
+    """Signed letter of the IMU's axis along a direction (3,) in its axes, "-z" for one."""
+    k = int(np.argmax(np.abs(direction)))
+    return ("+" if direction[k] > 0 else "-") + "xyz"[k]
+
+
 def axes_words(C_b_imu: Array) -> str:
     """Return the words of `axes` for a signed permutation (3, 3)."""
     return " ".join(

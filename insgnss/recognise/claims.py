@@ -10,12 +10,11 @@ import numpy as np
 
 from ..geodesy.gpstime import WEEK_S, weeks_apart
 from ..records import Array, Check, Verdict
-from .axes import axes_words
-from .handedness import LEFT_HANDED, of_axes, what_is_wrong
+from .axes import axes_words, imu_word
+from .handedness import LEFT_HANDED, SURE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, Recognition
 from .units import ACCEL_UNITS, GYRO_UNITS
 
-SURE = 0.99  # a confidence above which a claim is contradicted
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
 LEAST_OFFSET_S = 0.02  # a time offset that is reported
@@ -162,7 +161,7 @@ def _compare_axes(
     if recognition.axes == claimed:
         return Check(name, statement, claimed)
     down_word = vertical.value.split()[0]
-    if vertical.confidence > SURE and down_word != _imu_word(C_b_imu[2]):
+    if vertical.confidence > SURE and down_word != imu_word(C_b_imu[2]):
         hint = (
             f'imu.axes = "{recognition.axes}"'
             if recognition.axes
@@ -214,11 +213,6 @@ def _left_handed(
         verdict,
         f"{remedy(exchange.pair)}{sign}{axes}",
     )
-
-
-def _imu_word(direction: Array) -> str:
-    k = int(np.argmax(np.abs(direction)))
-    return ("+" if direction[k] > 0 else "-") + "xyz"[k]
 
 
 def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:

@@ -16,11 +16,12 @@ import numpy as np
 
 from ..prepare.axes import parse_axes
 from ..records import Array, GnssFixes, ImuSamples
+from .axes import imu_word
 from .recognition import Exchange, Recognition
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 MIRRORED = "gyro -x -y -z"  # of the words of `verdict.triads_words`
-SURE = 0.99  # a confidence of the trial from which it explains the motion
+SURE = 0.99  # a confidence beyond which a trial explains the motion, and a claim is contradicted
 LETTERS = "xyz"
 LEFT_HANDED = "the readings are of left-handed axes"
 
@@ -122,9 +123,8 @@ def of_axes(exchanges: Iterable[Exchange], C_b_imu: Array) -> Exchange | None:
                 return exchange
             continue
         down = trial.finding("vertical axis").value.split()[0]
-        k = int(np.argmax(np.abs(C_b_imu[2])))
-        moved = k in exchange.pair
-        if down == ("+" if C_b_imu[2, k] > 0.0 else "-") + LETTERS[k] and not moved:
+        moved = int(np.argmax(np.abs(C_b_imu[2]))) in exchange.pair
+        if down == imu_word(C_b_imu[2]) and not moved:
             return exchange
     return None
 
