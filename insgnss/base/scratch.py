@@ -1,17 +1,19 @@
-"""Directories of one run, beside what it writes: locked while it lives, swept by the next run.
+"""Directories of one run, beside what it writes: locked while it lives, swept by a later run.
 
-The lock is on the directory itself and ends with the process, however that ends. Where a file
-system or an operating system has no such locks, a file says whose directory it is: that of a
-process of this machine that is no more is swept, and any that has not changed for `OLD_S`.
+A run that is killed leaves its scratch directory behind. A later run removes it, and nothing that
+is not certainly such a directory: it has a name as `mkdtemp` makes them, belongs to this user, is
+closed to others, is no symbolic link, and no process holds its lock. Nothing that stands in it is
+believed or followed. Where a file system or an operating system has no such locks, a directory in
+which nothing changed for `OLD_S` is taken for deserted.
 """
 
 import atexit
-import json
 import os
+import re
 import shutil
+import stat
 import tempfile
 import time
-import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,13 +26,10 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-PREFIX, ENGINE = ".insgnss-", ".engine-"
-PREFIXES = (PREFIX, ENGINE)
-JOURNAL, LEAD, OWNER = "journal.json", "lead", "owner"
-OLD_S = 7 * 86400.0  # no run lasts as long
-MOST_WAIT_S = 10.0
-Moves = list[tuple[str, str, str | None]]
-"""Source, goal, where the goal's old file goes; all relative to the directory of the journal."""
+PREFIX = ".insgnss-run-"
+NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
+OLD_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
+MOST_WAIT_S = 10.0  # wait (s) for another run's moves, which take milliseconds
 
 
 class Scratch:
@@ -40,14 +39,12 @@ class Scratch:
     ----------
     where : Path
         The existing directory that holds it; what dead runs left there is swept first.
-    prefix : str
-        Of its name, one of `PREFIXES`.
     """
 
-    def __init__(self, where: Path, prefix: str = PREFIX) -> None:
+    def __init__(self, where: Path) -> None:
         sweep(where)
         with deferred():
-            self.path, self._lock = _locked(where, prefix)
+            self.path, self._lock = _locked(where)
             self._owner = os.getpid()
             _OPEN.add(self)
 
@@ -57,11 +54,20 @@ class Scratch:
             if self in _OPEN and self._owner == os.getpid():
                 _OPEN.discard(self)
                 shutil.rmtree(self.path, ignore_errors=True)
-                self.leave()
+                self._unlock()
 
-    def leave(self) -> None:
-        """Give up the lock and leave the directory, with its journal, to the next run."""
-        _OPEN.discard(self)
+    def keep(self) -> None:
+        """Leave the directory, under a name that no run sweeps: it holds files of the user."""
+        with deferred():
+            _OPEN.discard(self)
+            kept = self.path.with_name(self.path.name.replace(PREFIX, "insgnss-kept-"))
+            with suppress(OSError):
+                os.chmod(self.path, 0o755)  # not swept where renaming fails
+                os.rename(self.path, kept)
+                self.path = kept
+            self._unlock()
+
+    def _unlock(self) -> None:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -72,26 +78,26 @@ _OPEN: set[Scratch] = set()
 
 @atexit.register
 def _close_all() -> None:
-    for own in tuple(_OPEN):
-        own.close()
+    for scratch in tuple(_OPEN):
+        scratch.close()
 
 
 @contextmanager
-def scratch_directory(where: Path, prefix: str = PREFIX) -> Iterator[Path]:
+def scratch_directory(where: Path) -> Iterator[Path]:
     """Give a directory of this run, in the directory `where`, for intermediate files."""
-    own = Scratch(where, prefix)
+    scratch = Scratch(where)
     try:
-        yield own.path
+        yield scratch.path
     finally:
-        own.close()
+        scratch.close()
 
 
-def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
+def _locked(where: Path) -> tuple[Path, int | None]:
     """Make a directory and lock it; again where a sweep was faster than the lock."""
     while True:
-        path = Path(tempfile.mkdtemp(prefix=prefix, dir=where))
+        path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=where))
         if fcntl is None:
-            return _signed(path), None
+            return path, None
         try:
             descriptor = os.open(path, os.O_RDONLY)
         except FileNotFoundError:
@@ -103,40 +109,10 @@ def _locked(where: Path, prefix: str) -> tuple[Path, int | None]:
             continue
         except OSError:  # a file system without locks
             os.close(descriptor)
-            return _signed(path), None
+            return path, None
         if path.exists():
             return path, descriptor
         os.close(descriptor)
-
-
-def _machine() -> str:
-    return os.uname().nodename if hasattr(os, "uname") else ""
-
-
-def _signed(path: Path) -> Path:
-    """Say whose directory this is, which has no lock."""
-    (path / OWNER).write_text(f"{_machine()} {os.getpid()}", encoding="utf-8")
-    return path
-
-
-def _deserted(path: Path) -> bool:
-    """Tell whether the process is no more that a directory without lock belongs to.
-
-    On Windows, where asking after a process may end it, only its age tells.
-    """
-    with suppress(OSError, ValueError):
-        newest = max(entry.stat().st_mtime for entry in (path, *path.iterdir()))
-        if time.time() - newest > OLD_S:
-            return True
-        host, _, number = (path / OWNER).read_text(encoding="utf-8").rpartition(" ")
-        if os.name == "posix" and host == _machine():
-            try:
-                os.kill(int(number), 0)
-            except ProcessLookupError:
-                return True
-            except PermissionError:  # of another user
-                return False
-    return False
 
 
 @contextmanager
@@ -150,10 +126,11 @@ def alone(directories: Iterable[Path]) -> Iterator[None]:
     """
     descriptors: list[int] = []
     try:
-        own = {os.path.realpath(scratch.path) for scratch in _OPEN}  # locked by this run
-        for directory in sorted({os.path.realpath(d) for d in directories} - own) if fcntl else ():
-            descriptors.append(os.open(directory, os.O_RDONLY))
-            _wait_for(descriptors[-1], directory)
+        locked = {os.path.realpath(scratch.path) for scratch in _OPEN}  # by this run
+        for directory in sorted({os.path.realpath(d) for d in directories} - locked):
+            if fcntl is not None:
+                descriptors.append(os.open(directory, os.O_RDONLY))
+                _wait_for(descriptors[-1], directory)
         yield
     finally:
         for descriptor in descriptors:
@@ -177,126 +154,49 @@ def _wait_for(descriptor: int, directory: str) -> None:
             return
 
 
-def sweep(*directories: Path) -> None:
-    """Remove what dead runs left in directories; undo moves within which they were killed.
+def sweep(directory: Path) -> None:
+    """Remove the scratch directories of this user's dead runs in a directory, which may be missing.
 
-    The directories need not exist. A warning names files that were put back.
+    Parameters
+    ----------
+    directory : Path
+        The directory; those below it are not looked at.
     """
-    for directory in directories:
-        try:
-            with os.scandir(directory) as entries:
-                names = [entry.path for entry in entries if entry.name.startswith(PREFIXES)]
-        except OSError:
-            continue
-        for name in names:
-            _sweep(Path(name))
-
-
-def _taken(path: Path) -> tuple[bool, int | None]:
-    """Tell whether a directory is of a dead run, with the lock that keeps others off it."""
-    if path.is_symlink() or not path.is_dir():
-        return False, None
-    if fcntl is None:
-        return _deserted(path), None
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except OSError:  # no directory, of another user, or gone
-        return False, None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(descriptor)
-        locked = isinstance(error, BlockingIOError)  # its owner lives; else there are no locks
-        return not locked and _deserted(path), None
-    if (path / OWNER).exists() and not _deserted(path):  # made where it had no lock
-        os.close(descriptor)
-        return False, None
-    return True, descriptor
-
-
-def _sweep(path: Path) -> None:
-    dead, descriptor = _taken(path)
-    if not dead:
+        with os.scandir(directory) as entries:
+            paths = [Path(entry.path) for entry in entries if NAME.fullmatch(entry.name)]
+    except OSError:
         return
-    with deferred():
-        try:
-            if (lead := _lead_of(path)) is not None:
-                _sweep(lead)  # has the journal of this one
-                if (lead / JOURNAL).exists():
-                    return
-            if (path / JOURNAL).exists() and undo(path):
-                warnings.warn(
-                    f"{path.parent}: an earlier run was killed while it moved its files there; the"
-                    " files from before it were put back",
-                    stacklevel=2,
-                )
+    for path in paths:
+        with deferred(), suppress(OSError):
+            _remove_dead(path)
+
+
+def _remove_dead(path: Path) -> None:
+    """Remove a scratch directory if it is certain that its run is dead."""
+    if fcntl is None:
+        if not path.is_symlink() and _is_old(path):
             shutil.rmtree(path, ignore_errors=True)
-        except OSError as error:
-            warnings.warn(
-                f"{path}: holds files from before a run that was killed; they cannot be put back:"
-                f" {error.strerror or error}; {path / JOURNAL} says where they belong",
-                stacklevel=2,
-            )
-        finally:
-            if descriptor is not None:
-                os.close(descriptor)
+        return
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        state = os.fstat(descriptor)
+        if state.st_uid != os.geteuid() or stat.S_IMODE(state.st_mode) != 0o700:
+            return
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return
+        except OSError:  # a file system without locks
+            if not _is_old(path):
+                return
+        # by the descriptor: the directory that was looked at, whatever has its name by now
+        shutil.rmtree(".", ignore_errors=True, dir_fd=descriptor)
+        os.rmdir(path)
+    finally:
+        os.close(descriptor)
 
 
-def _lead_of(path: Path) -> Path | None:
-    """Return the directory that has the journal of `path`, where that is another one."""
-    with suppress(OSError, ValueError):
-        lead = path / str(json.loads((path / LEAD).read_text(encoding="ascii")))
-        return lead.resolve() if lead.exists() else None
-    return None
-
-
-def write_journal(lead: Path, made: list[str], moves: Moves) -> None:
-    """Write what is going to be moved, whole or not at all.
-
-    Parameters
-    ----------
-    lead : Path
-        The scratch directory that gets it.
-    made : list of str
-        Directories that are going to be made, in order.
-    moves : list
-        The moves in order.
-    """
-    text = json.dumps({"made": made, "moves": moves})
-    (lead / f"{JOURNAL}.new").write_text(text, encoding="ascii")
-    os.replace(lead / f"{JOURNAL}.new", lead / JOURNAL)
-
-
-def undo(lead: Path) -> bool:
-    """Undo the moves of a journal, however many were done; then remove the journal.
-
-    Parameters
-    ----------
-    lead : Path
-        The scratch directory that holds it.
-
-    Returns
-    -------
-    bool
-        Whether any file had been moved.
-
-    Raises
-    ------
-    OSError
-        A file that cannot be put back; the journal stays, and the next run tries again.
-    """
-    journal = json.loads((lead / JOURNAL).read_text(encoding="ascii"))
-    changed = False
-    for source, goal, aside in reversed(journal["moves"]):
-        if aside is None:
-            if os.path.lexists(lead / goal) and not os.path.lexists(lead / source):
-                os.replace(lead / goal, lead / source)
-                changed = True
-        elif os.path.lexists(lead / aside):
-            os.replace(lead / aside, lead / goal)
-            changed = True
-    for directory in reversed(journal["made"]):
-        with suppress(OSError):  # not made, or in use by now
-            os.rmdir(lead / directory)
-    os.unlink(lead / JOURNAL)
-    return changed
+def _is_old(path: Path) -> bool:
+    newest = max(entry.stat().st_mtime for entry in (path, *path.iterdir()))
+    return time.time() - newest > OLD_S

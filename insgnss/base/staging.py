@@ -1,26 +1,26 @@
 """Files that appear together: all of them, or none.
 
 They are written into scratch directories beside their places, on the same file system, and moved at
-the end. A journal says what is going to be moved: after an error the moves are undone, and after a
-kill the next run that writes there undoes them. Signals wait until the moves are over.
+the end, while signals wait. After an error the moves are undone. After a kill each file is the old
+one or the new one, and a mark names those that may not belong together (`base.unfinished`): whoever
+reads one of them is told.
 """
 
 import errno
-import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from filecmp import cmp
-from functools import cache
+from functools import partial
 from pathlib import Path
 
 from .errors import UsageError
 from .interrupts import deferred
-from .scratch import JOURNAL, LEAD, PREFIXES, Moves, Scratch, alone, sweep, undo, write_journal
-from .wording import relative
+from .scratch import NAME, Scratch, alone, sweep
+from .unfinished import MARK, flush_directory, mark, marked
 
-NEW, OLD = "new", "old"
 MOST_FLUSHED = 100
 ELSEWHERE, FREE = "give another directory", "check permission and free space"
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
@@ -75,9 +75,8 @@ class Staging:
             if target.exists() and not target.is_dir():
                 raise UsageError(f"{target}: is a file, a directory is written; give another name")
             above = next(d for d in (target, *target.absolute().parents) if d.exists())
-            sweep(target.absolute().parent)
             try:
-                own = self._within(above) / f"{NEW}{len(self._trees)}"
+                own = self._within(above) / f"new{len(self._trees)}"
                 own.mkdir()
             except OSError as error:
                 problem = f"cannot be written: {error.strerror or error}"
@@ -149,7 +148,8 @@ class Staging:
             if goal.is_dir() and not source.is_dir():
                 raise UsageError(f"{goal}: is a directory and in the way of a file; {ELSEWHERE}")
             if source.is_dir() and os.path.lexists(goal):
-                raise UsageError(f"{goal}: is a file and in the way of a directory; {ELSEWHERE}")
+                kind = "a symbolic link" if goal.is_symlink() else "a file"
+                raise UsageError(f"{goal}: is {kind} and in the way of a directory; {ELSEWHERE}")
         return made, moves
 
     def changed(self) -> list[tuple[Path, Path]]:
@@ -171,70 +171,79 @@ class Staging:
         UsageError
             Where something cannot be moved.
         """
-        with alone(self.scratch), deferred():
+        with deferred():
             made, moves = self.moves()
-            if not moves:
-                return
-            if len(moves) == 1 and not made:
-                _flush([source for source, _ in moves if source is not None])
-                _done(*moves[0])
-                return
-            lead = next(iter(self.scratch.values())).path
-            try:
-                _flush([source for source, _ in moves if source is not None])
-                asides = self._write_journals(lead, made, moves)
-                for directory in made:
-                    directory.mkdir()
-                for (source, goal), aside in zip(moves, asides, strict=True):
-                    if aside is not None:
-                        os.rename(goal, aside)
-                    if source is not None:
-                        os.rename(source, goal)
-                os.unlink(lead / JOURNAL)  # from here on the new files stand
-            except BaseException as error:
-                self._put_back(lead, error)
-                raise
+            names: dict[Path, set[str]] = {}  # of what changes, by the directory that is there
+            for _, goal in moves:
+                if goal.parent.is_dir():
+                    names.setdefault(goal.parent, set()).add(goal.name)
+            undo: list[Callable[[], None]] = []
+            with alone({*self.scratch, *names}):
+                before = {directory: marked(directory) or set() for directory in names}
+                try:
+                    _flush([source for source, _ in moves if source is not None])
+                    if len(moves) > 1 or made:
+                        self._move(made, moves, names, before, undo)
+                    elif moves:
+                        _done(*moves[0])
+                    for directory, new in names.items():  # from here on the new files stand
+                        self._mark(directory, before[directory] - new)
+                except BaseException as error:
+                    self._put_back(undo, error)
+                    raise
 
-    def _write_journals(self, lead: Path, made: list[Path], moves: list[Move]) -> list[Path | None]:
-        """Write what is going to be moved; return where old files are kept."""
-        real = cache(os.path.realpath)
+    def _move(
+        self,
+        made: list[Path],
+        moves: list[Move],
+        names: dict[Path, set[str]],
+        before: dict[Path, set[str]],
+        undo: list[Callable[[], None]],
+    ) -> None:
+        """Mark what changes, make directories and move files; `undo` gets how to undo each step."""
+        for directory, new in names.items():
+            undo.append(partial(self._mark, directory, before[directory]))
+            self._mark(directory, before[directory] | new)
+        for directory in made:
+            directory.mkdir()
+            undo.append(partial(_remove_empty, directory))
+        for i, (source, goal) in enumerate(moves):
+            if os.path.lexists(goal):
+                aside = self._owner(source, goal) / f"old{i}"
+                _keep(goal, aside, is_replaced=source is not None)
+                undo.append(partial(os.replace, aside, goal))
+            elif source is not None:
+                undo.append(partial(_take_back, goal, source))
+            if source is not None:
+                os.replace(source, goal)
+        for directory in names:
+            flush_directory(directory)
 
-        def seen_from(base: Path, path: Path) -> str:  # so that both may be moved together
-            return os.path.join(relative(real(path.parent), real(base)), path.name)
+    def _mark(self, directory: Path, names: set[str]) -> None:
+        if names or os.path.lexists(directory / MARK):
+            mark(directory, names, self._within(directory) if names else directory)
 
-        owners = {own: own.parent for own in self._trees.values()}
-        owners |= {file: file.parent.parent for file in self._files.values()}
-        asides: list[Path | None] = []
-        rows: Moves = []
-        for source, goal in moves:
-            if source is None:
-                owner = self._stale[goal]
-            else:
-                owner = next(owners[path] for path in (source, *source.parents) if path in owners)
-            aside = owner / f"{OLD}{len(rows)}" if os.path.lexists(goal) else None
-            asides.append(aside)
-            kept = None if aside is None else seen_from(lead, aside)
-            rows.append((seen_from(lead, source or goal), seen_from(lead, goal), kept))
-        for other in self.scratch.values():
-            if other.path != lead:
-                (other.path / LEAD).write_text(json.dumps(seen_from(other.path, lead)), "ascii")
-        write_journal(lead, [seen_from(lead, directory) for directory in made], rows)
-        return asides
+    def _owner(self, source: Path | None, goal: Path) -> Path:
+        """Return the scratch directory on the file system of a goal."""
+        if source is None:
+            return self._stale[goal]
+        return next(s.path for s in self.scratch.values() if s.path in source.parents)
 
-    def _put_back(self, lead: Path, error: BaseException) -> None:
-        """Undo the moves of a journal, if it was written; UsageError for an error of the system."""
+    def _put_back(self, undo: list[Callable[[], None]], error: BaseException) -> None:
+        """Undo what has been done, the last first; UsageError for an error of the system."""
         reason = getattr(error, "strerror", None) or str(error)
         path = getattr(error, "filename2", None) or getattr(error, "filename", None)
         message = f"{path or next(iter(self.scratch))}: cannot be written: {reason}"
         try:
-            if (lead / JOURNAL).exists():
-                undo(lead)
+            for step in reversed(undo):
+                step()
         except OSError as second:
-            for own in self.scratch.values():
-                own.leave()
+            for scratch in self.scratch.values():
+                scratch.keep()
+            kept = ", ".join(str(scratch.path) for scratch in self.scratch.values())
             raise UsageError(
-                f"{message}; and what was there could not all be put back: {second.strerror}: it is"
-                f" in {lead}, from where the next run that writes here puts it back"
+                f"{message}; and what was there could not all be put back: {second.strerror}:"
+                f" files from before are in {kept}"
             ) from None
         if isinstance(error, OSError):
             raise UsageError(f"{message}; all files are as they were") from None
@@ -247,16 +256,41 @@ class Staging:
 
 
 def _merged(source: Path, target: Path) -> list[Move]:
-    """Return the moves that bring a directory into another one, new branches as a whole."""
+    """Return the moves that bring a directory into another one, new branches as a whole.
+
+    A symbolic link below the target is not followed: it may lead to files of others.
+    """
     if not os.path.lexists(target):
         return [(source, target)]
     moves: list[Move] = []
     for entry in sorted(source.iterdir()):
         goal = target / entry.name
-        if entry.name.startswith(PREFIXES):
+        if NAME.fullmatch(entry.name):
             continue
-        moves += _merged(entry, goal) if entry.is_dir() and goal.is_dir() else [(entry, goal)]
+        merges = entry.is_dir() and goal.is_dir() and not goal.is_symlink()
+        moves += _merged(entry, goal) if merges else [(entry, goal)]
     return moves
+
+
+def _keep(goal: Path, aside: Path, is_replaced: bool) -> None:
+    """Keep a file under a second name; in its place, too, where the next step replaces it there."""
+    if not is_replaced:
+        os.rename(goal, aside)
+        return
+    try:
+        os.link(goal, aside, follow_symlinks=False)
+    except (OSError, NotImplementedError):  # a file system without links, a file of others
+        shutil.copy2(goal, aside, follow_symlinks=False)
+
+
+def _take_back(goal: Path, source: Path) -> None:
+    if os.path.lexists(goal) and not os.path.lexists(source):
+        os.replace(goal, source)
+
+
+def _remove_empty(directory: Path) -> None:
+    with suppress(OSError):  # in use by now
+        directory.rmdir()
 
 
 def _flush(sources: list[Path]) -> None:

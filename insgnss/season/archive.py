@@ -20,7 +20,6 @@ from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
-from ..base.scratch import PREFIXES
 from ..base.wording import relative
 from .gathering import FLIGHT_FILE
 
@@ -182,7 +181,7 @@ def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
     orphans: list[Path] = []
     above: list[Path] = []  # directories of runs that leave such products
     for folder, inner, names in os.walk(directory):
-        inner[:] = sorted(name for name in inner if not name.startswith((*PREFIXES, ".")))
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
         own = [Path(folder) / name for name in sorted(names) if name.endswith(".json")]
         own = [path for path in own if _is_document(path)]
         documents += own

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import InputError, UsageError
-from ..base.scratch import PREFIXES
 
 FLIGHT_FILE = "flight.toml"
 TABLE_COLUMNS = ("flight", "name", "out")
@@ -85,7 +84,7 @@ def _below(directory: Path) -> list[Path]:
     """Return the flight files in a directory and below, but for those of runs that have died."""
     files = []
     for folder, inner, names in os.walk(directory.absolute()):
-        inner[:] = sorted(name for name in inner if not name.startswith((*PREFIXES, ".")))
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
         if FLIGHT_FILE in names:
             files.append(Path(folder) / FLIGHT_FILE)
     return files

@@ -1,22 +1,23 @@
 """Files that appear together: every step of the moves fails once, is killed once, gets a signal
-once; the directories are the old ones or the new ones, never a mixture.
+once; the directories are the old ones or the new ones, or their readers are told.
 """
 
 import errno
+import json
 import os
 import signal
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 
 import pytest
 
-from insgnss.base.errors import UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.interrupts import ENDING, Terminated, raise_on_termination
-from insgnss.base.scratch import ENGINE, OWNER, PREFIX, Scratch, scratch_directory, sweep
+from insgnss.base.scratch import PREFIX, Scratch, scratch_directory, sweep
 from insgnss.base.staging import is_vacant, staged, together
+from insgnss.base.unfinished import MARK, is_unfinished, marked, refuse_unfinished
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
 NEW = {"eo.json": "new", "report.json": "new", "Ori/a.xml": "new", "Ori/b.xml": "new"}
@@ -58,7 +59,7 @@ def root(tmp_path: Path) -> Path:
     return write(tmp_path / "root", BEFORE)
 
 
-STEPS = ("rename", "replace", "unlink", "mkdir", "rmdir")
+STEPS = ("rename", "replace", "link", "unlink", "mkdir", "rmdir")
 
 
 class Faults:
@@ -107,7 +108,8 @@ def test_every_step_of_the_moves_fails_once(root: Path, every: int) -> None:
             except UsageError as refusal:
                 error = str(refusal)
                 assert "No space left on device" in error
-        sweep(root, root / "out")  # of a directory that could not be removed
+        for directory in (root, root / "out", root / "out/Ori"):  # one that could not be removed
+            sweep(directory)
         assert content(root) == (AFTER if error is None else BEFORE), (at, error)
         assert (root / "made").exists() == (error is None)
         assert not list(root.rglob(".*")), at
@@ -138,13 +140,13 @@ def test_a_signal_within_the_moves_waits_until_they_are_over(root: Path, number:
                 done.append(str(values[0]))
                 os.kill(os.getpid(), number)
 
-            real = os.rename
+            real = os.replace
 
-            def rename(*values: object) -> None:
+            def replace(*values: object) -> None:
                 interrupt(*values)
                 real(*values)
 
-            patch.setattr(os, "rename", rename)
+            patch.setattr(os, "replace", replace)
             with pytest.raises(KeyboardInterrupt):
                 move(root)
             assert len(done) > 5
@@ -193,44 +195,124 @@ for at in range(1, 100, int(sys.argv[3])):
 """
 
 
+MARKED = {f"out/{name}" for name in NEW} | {"noise.toml", "made"}
+"""What changes, by the directory that was there before."""
+
+
 @EVERY
-def test_a_kill_within_the_moves_is_undone_by_the_next_run(tmp_path: Path, every: int) -> None:
-    """Oracle: the files before, or after where the journal was gone; whichever of the directories
-    the next run writes to.
+def test_after_a_kill_a_mixture_is_told(tmp_path: Path, every: int) -> None:
+    """Oracle: each file is the old one or the new one, whole; where they are of both kinds, every
+    file of the run is refused by readers, and files of others are not; the next run cures it.
     """
     command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path), str(every)]
     subprocess.run(command, check=True, timeout=60)
-    mixed, outcomes = 0, []
+    outcomes = []
     for killed in sorted(tmp_path.iterdir(), key=lambda path: int(path.name)):
-        mixed += {k: v for k, v in content(killed).items() if "/." not in f"/{k}"} not in (
-            BEFORE,
-            AFTER,
-        )
-        with warnings.catch_warnings(record=True) as notes:
-            warnings.simplefilter("always")
-            for name in ("out", ".") if int(killed.name) % 2 else (".", "out"):
-                sweep(killed / name)
-        assert all("files from before it were put back" in str(note.message) for note in notes)
-        files = content(killed)
-        assert files in (BEFORE, AFTER), killed.name
+        files = {k: v for k, v in content(killed).items() if "/." not in f"/{k}"}
+        assert set(BEFORE) <= set(files), killed.name
+        assert all(text in (BEFORE.get(name), AFTER[name]) for name, text in files.items())
+        told = {name for name in (*files, "made") if is_unfinished(killed / name)}
+        assert "out/own.txt" not in told
+        if files not in (BEFORE, AFTER):
+            assert told >= MARKED & set(files), killed.name
+            with pytest.raises(InputError, match=r"killed while it moved its files into .*again"):
+                refuse_unfinished(killed / "out/eo.json")
+        outcomes.append("told" if told else files == AFTER)
+        move(killed)
+        assert content(killed) == AFTER, killed.name
         assert not list(killed.rglob(".*")), killed.name
-        outcomes.append(files == AFTER)
-    assert mixed > 1  # else nothing had to be undone
-    assert outcomes == sorted(outcomes)  # first the old files, then the new ones
-    assert set(outcomes) == {True, False}
+    order = [False, "told", True]
+    assert [o for i, o in enumerate(outcomes) if i == 0 or outcomes[i - 1] != o] == order
 
 
-def test_only_directories_of_dead_runs_are_swept(tmp_path: Path) -> None:
-    """Oracle: a lock that is held, one that is not, and names that are like these."""
-    living = Scratch(tmp_path, ENGINE)
-    for name in (f"{PREFIX}dead", f"{ENGINE}dead", ".insgnss", "of the user"):
-        (tmp_path / name).mkdir()
+def test_a_mark_keeps_names_until_they_are_written_anew(root: Path) -> None:
+    """Oracle: the names; one that is gone is not named by what is read."""
+    (root / "out" / MARK).write_text('["eo.json", "old.csv", "report.json"]')
+    atomic_write(root / "out" / "own.txt", "another export")
+    assert marked(root / "out") == {"eo.json", "old.csv", "report.json"}
+    atomic_write(root / "out" / "eo.json", "new")
+    assert [is_unfinished(root / "out" / name) for name in ("eo.json", "report.json")] == [0, 1]
+    move(root)
+    assert marked(root / "out") == {"old.csv"}
+
+
+@pytest.mark.parametrize("planted", ["{", "[" * 100_000, "5", "null"])
+def test_what_others_planted_for_a_mark_refuses_and_does_nothing_else(
+    root: Path, planted: str
+) -> None:
+    """Oracle: the files; the link is replaced and not followed."""
+    (root / "victim").write_text(planted)
+    (root / "out" / MARK).symlink_to(root / "victim")
+    assert marked(root / "out") is None
+    assert is_unfinished(root / "out" / "eo.json")
+    move(root)
+    assert content(root) == AFTER | {"victim": planted}
+    assert not is_unfinished(root / "out" / "eo.json")
+
+
+def planted_scratch(directory: Path, victim: Path) -> None:
+    """What was believed once: a journal that moves files, a lead to a directory to be removed."""
+    for name in ("dead", "run-dead1234", "run-"):
+        folder = directory / f".insgnss-{name}"
+        folder.mkdir(mode=0o700)
+        victim.mkdir(exist_ok=True)
+        (victim / "precious").write_text("of the user")
+        moves = [[os.path.relpath(victim, folder) + "/new", f"{victim}/precious", None]]
+        (folder / "journal.json").write_text(json.dumps({"made": [], "moves": moves}))
+        (folder / "lead").write_text(json.dumps(os.path.relpath(victim, folder)))
+        (folder / "owner").write_text("nowhere 1")
+        (folder / "link").symlink_to(victim)
+
+
+def test_planted_scratch_directories_have_no_effect(root: Path) -> None:
+    """Oracle: the files of a directory that they lead to."""
+    for directory in (root, root / "out"):
+        planted_scratch(directory, root.parent / "victim")
+    (root / f"{PREFIX}12345678").symlink_to(root.parent / "victim")
+    move(root)
+    assert content(root.parent / "victim") == {"precious": "of the user"}
+    assert {k: v for k, v in content(root).items() if "/." not in f"/{k}"} == AFTER
+
+
+def test_links_below_an_output_directory_are_not_followed(root: Path) -> None:
+    """Oracle: the files of the directory and of the file that the links lead to."""
+    victim = write(root.parent / "victim", {"a.xml": "of the user", "eo.json": "of the user"})
+    before = content(victim)
+    (root / "out" / "eo.json").unlink()
+    (root / "out" / "eo.json").symlink_to(victim / "eo.json")
+    move(root)
+    assert content(victim) == before
+    assert (root / "out" / "eo.json").read_text() == "new"
+    for path in (root / "out" / "Ori").iterdir():
+        path.unlink()
+    (root / "out" / "Ori").rmdir()
+    (root / "out" / "Ori").symlink_to(victim)
+    with pytest.raises(UsageError, match="Ori: is a symbolic link and in the way of a directory"):
+        move(root)
+    assert content(victim) == before
+
+
+def test_only_directories_of_dead_runs_are_swept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: a lock that is held, one that is not, names that are like these, and directories
+    that are open to others, of another user or links.
+    """
+    living = Scratch(tmp_path)
+    stay = [".insgnss-backup", ".insgnss", "of the user", f"{PREFIX}UPPER678", f"{PREFIX}open5678"]
+    for name in (f"{PREFIX}dead5678", *stay):
+        (tmp_path / name).mkdir(mode=0o755 if "open" in name else 0o700)
         (tmp_path / name / "file").write_text("x")
-    (tmp_path / f"{PREFIX}file").write_text("of the user")
+    (tmp_path / f"{PREFIX}link5678").symlink_to(tmp_path / "of the user")
+    (tmp_path / f"{PREFIX}file5678").write_text("of the user")
+    stay += [living.path.name, f"{PREFIX}link5678", f"{PREFIX}file5678"]
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+        sweep(tmp_path)
+    assert (tmp_path / f"{PREFIX}dead5678").exists()
     other = Scratch(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        [living.path.name, other.path.name, ".insgnss", "of the user", f"{PREFIX}file"]
-    )
+    assert {path.name for path in tmp_path.iterdir()} == {*stay, other.path.name}
+    assert (tmp_path / "of the user" / "file").exists()
     living.close()
     other.close()
     assert not living.path.exists()
@@ -239,7 +321,8 @@ def test_only_directories_of_dead_runs_are_swept(tmp_path: Path) -> None:
 
 def test_a_directory_is_vacant_but_for_what_dead_runs_left(tmp_path: Path) -> None:
     """Oracle: directories made here."""
-    (tmp_path / "out" / f"{PREFIX}dead").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / f"{PREFIX}dead5678").mkdir(0o700)
     assert is_vacant(tmp_path / "out")
     assert is_vacant(tmp_path / "missing")
     assert not is_vacant(tmp_path)
@@ -327,13 +410,33 @@ def test_files_are_on_the_disk_before_they_take_names(
     assert {(root / name).stat().st_ino for name, text in AFTER.items() if text == "new"} < flushed
 
 
+def test_what_cannot_be_put_back_is_kept_and_named(root: Path) -> None:
+    """Oracle: the old text, in the directory that the message names; no run sweeps it."""
+    with pytest.MonkeyPatch.context() as patch:
+        replace, calls = os.replace, 0
+
+        def failing(*values: object) -> None:
+            nonlocal calls
+            calls += 1
+            if calls > 6:
+                full(*values)
+            replace(*values)
+
+        patch.setattr(os, "replace", failing)
+        with pytest.raises(UsageError, match=r"could not all be put back.* in .*insgnss-kept-"):
+            move(root)
+    sweep(root)
+    sweep(root / "out")
+    kept = [path for path in root.rglob("old*") if "insgnss-kept-" in str(path)]
+    assert {path.read_text() for path in kept if path.is_file()} == {"old"}
+    assert is_unfinished(root / "out" / "eo.json")
+
+
 @pytest.mark.parametrize("locks", ["none", "fail"])
-def test_without_locks_the_process_or_the_age_tells(
+def test_without_locks_the_age_tells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locks: str
 ) -> None:
-    """Oracle: which directories stay: of this process, of another machine, of one that ended long
-    ago, and one that nobody changed for a year.
-    """
+    """Oracle: which directories stay: of this run, and one that somebody changed today."""
     fcntl = pytest.importorskip("fcntl")
 
     def flock(*_: object) -> None:
@@ -343,23 +446,12 @@ def test_without_locks_the_process_or_the_age_tells(
         monkeypatch.setattr(fcntl, "flock", flock)
     else:
         monkeypatch.setattr("insgnss.base.scratch.fcntl", None)
-    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], stdout=-1)
-    host, number = os.uname().nodename, int(ended.stdout)
-    for name, owner in {
-        "dead": f"{host} {number}",
-        "far": f"far {number}",
-        "": "",
-        "old": "",
-    }.items():
-        folder = tmp_path / f"{PREFIX}{name}"
-        folder.mkdir()
-        if owner:
-            (folder / OWNER).write_text(owner)
-    os.utime(tmp_path / f"{PREFIX}old", (1.0, 1.0))
-    own = Scratch(tmp_path)
-    left = {path.name for path in tmp_path.iterdir()}
-    assert left == {f"{PREFIX}far", PREFIX, own.path.name}
+    for name in ("new45678", "old45678"):
+        (tmp_path / f"{PREFIX}{name}").mkdir(0o700)
+    os.utime(tmp_path / f"{PREFIX}old45678", (1.0, 1.0))
+    scratch = Scratch(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {f"{PREFIX}new45678", scratch.path.name}
     sweep(tmp_path)
-    assert own.path.is_dir()
-    own.close()
-    assert not own.path.exists()
+    assert scratch.path.is_dir()
+    scratch.close()
+    assert not scratch.path.exists()

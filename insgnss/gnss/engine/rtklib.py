@@ -34,7 +34,7 @@ from typing import BinaryIO, NamedTuple
 from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
-from ...base.scratch import ENGINE, scratch_directory
+from ...base.scratch import scratch_directory
 from ...base.wording import DOCTOR, named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes
@@ -174,7 +174,7 @@ def solve(
     }
     checks += check_names(command, texts["forward"], options)
     target = _made(Path(directory))
-    with scratch_directory(target, ENGINE) as scratch:
+    with scratch_directory(target) as scratch:
         runs = _Runs(command, scratch, options)
         names = runs.stage(moving, standing, files)
 
