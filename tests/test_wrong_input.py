@@ -907,7 +907,7 @@ def test_an_output_directory_without_permission_is_refused(data, capsys, tmp_pat
     def refuse(prefix: str, dir: Path) -> str:
         raise PermissionError(13, "Permission denied", str(dir))
 
-    monkeypatch.setattr("insgnss.base.scratch.tempfile.mkdtemp", refuse)
+    monkeypatch.setattr("insgnss.base.output.scratch.tempfile.mkdtemp", refuse)
     _refused(
         capsys,
         data.root,

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from ..base.inputs import reading
+
 if TYPE_CHECKING:
     from ..config.flight_file import Flight
     from ..mounting_calibration.products import CalibratedMounting
@@ -34,6 +36,7 @@ def read_mounting(path: Source) -> "MountingFile":
     return read_mounting_file(path)[0]
 
 
+@reading()
 def calibrate_tripod(
     poses: Source,
     pins: Source,
@@ -80,6 +83,7 @@ def calibrate_tripod(
     return result if out is None else written(result, Path(out), force)
 
 
+@reading()
 def calibrate_similarity(
     cameras: Source,
     antenna: Source,
@@ -139,6 +143,7 @@ def calibrate_similarity(
     return result if out is None else written(result, Path(out), force)
 
 
+@reading()
 def calibrate_materialise(
     camera: Source,
     mounted: Source,
@@ -196,6 +201,7 @@ def _path(source: Source | None) -> Path | None:
     return None if source is None else Path(source)
 
 
+@reading()
 def calibrate_mounting(
     flight: "Flight | Source",
     poses: Source,

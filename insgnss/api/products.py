@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import UsageError
+from ..base.inputs import reading
 from ..records import ExteriorOrientation, Trajectory
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ Source = str | os.PathLike[str]
 FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
 
 
+@reading()
 def export(
     eo: ExteriorOrientation | Source,
     format: str,
@@ -74,6 +76,7 @@ def export(
     return write(orientation, format, Path(path), target, rename, **options)
 
 
+@reading()
 def relative_control(
     eo: ExteriorOrientation,
     noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
@@ -106,6 +109,7 @@ def relative_control(
     return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
 
 
+@reading()
 def compare(
     a: ExteriorOrientation | Trajectory | Source,
     b: ExteriorOrientation | Trajectory | Source,
@@ -195,6 +199,7 @@ def figures(
     return figure_files(Path(source), form, folder, only, width_mm, force).files
 
 
+@reading()
 def ppk(
     rover: Source,
     base: Source,

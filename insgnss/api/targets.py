@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..base.inputs import reading
 from .verbs import Progress, Source, _quiet
 
 if TYPE_CHECKING:
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from ..target_measurement.run import MeasurementResult, PredictionResult
 
 
+@reading()
 def predict_targets(
     eo: Source,
     ground: Source,
@@ -56,6 +58,7 @@ def predict_targets(
     return predicted(request, _path(out), progress, write)
 
 
+@reading()
 def measure_targets(
     eo: Source,
     ground: Source,

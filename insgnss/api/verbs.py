@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ..base.errors import UsageError, near
+from ..base.inputs import reading
 from ..records import ImuSamples, Quantity
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def _quiet(_: str) -> None:
     """No progress."""
 
 
+@reading()
 def process(
     flight: "Flight | Source",
     out: Source | None = None,
@@ -75,6 +77,7 @@ def process(
     return run(flight_file, None if out is None else Path(out), progress, write, force)
 
 
+@reading()
 def adjust_block(
     block: "BlockFile | Source",
     out: Source | None = None,
@@ -158,6 +161,7 @@ def inspect(
     )
 
 
+@reading()
 def tune(
     source: "Flight | Source | Sequence[Source]",
     *,
@@ -233,6 +237,7 @@ def tune(
     return tune_static([Path(path) for path in paths], chosen, target, force, progress)
 
 
+@reading()
 def calibrate_imu(
     imu: ImuSamples | Source,
     *,

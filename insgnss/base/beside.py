@@ -10,6 +10,7 @@ it does for those of the main line.
 import os
 import threading
 from collections.abc import Callable
+from contextvars import copy_context
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -38,7 +39,8 @@ class Beside(Generic[T]):
         self._failed: list[BaseException] = []
         self._thread: threading.Thread | None = None
         if processors() > 1:
-            self._thread = threading.Thread(target=self._run)
+            run = copy_context().run  # what the caller set holds there, too
+            self._thread = threading.Thread(target=run, args=(self._run,))
             self._thread.start()
 
     def _run(self) -> None:

@@ -1,18 +1,15 @@
-"""Beginning and hash of a file, files that appear whole or not at all, and what JSON takes."""
+"""Files that appear whole or not at all, paths of files, and what JSON takes."""
 
 import hashlib
 import math
 import os
-import time
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError, UsageError
-from .staging import Staging, together
+from .output.staging import Staging, together
 
-SETTLED_NS = 2_000_000_000  # since a file changed, within which a stamp may hide a change
 Content = str | bytes | Iterable[str | bytes]
 
 
@@ -26,30 +23,6 @@ def refuse_other_than_utf8(paths: Iterable[str | os.PathLike[str]]) -> None:
                 f"{str(path)!r}: is a name that is not UTF-8, which reports and tables cannot hold;"
                 " rename it, such as by convmv -f latin1 -t utf8"
             ) from None
-
-
-def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check the path") -> bytes:
-    """Return the first bytes of a file. Raises InputError where it cannot be read."""
-    try:
-        with Path(path).open("rb") as stream:
-            return stream.read(count)
-    except OSError as error:
-        message = f"cannot be read: {error.strerror or error}; {advice}"
-        raise InputError.at_line(path, None, message) from None
-
-
-def sha256(file: str | os.PathLike[str]) -> str:
-    """Return the SHA-256 hash of a file's bytes, hexadecimal."""
-    state = os.stat(file)
-    digest = _digest if time.time_ns() - state.st_mtime_ns > SETTLED_NS else _digest.__wrapped__
-    return digest(os.fspath(file), state.st_ino, state.st_size, state.st_mtime_ns)
-
-
-@lru_cache(maxsize=64)
-def _digest(file: str, inode: int, size: int, changed_ns: int) -> str:
-    """Return the hash of a file that is asked for before a run and after it."""
-    with open(file, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def text_sha256(text: str) -> str:

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from .errors import UsageError
-from .files import sha256
-from .staging import destination, written
+from .inputs import sha256
+from .output.staging import destination, written
 from .wording import command_line, relative
 
 KEY = "inputs_sha256"
@@ -39,7 +39,7 @@ def made_from(
     inputs : iterable of Path
         Everything that the results depend on; what is no file is left out.
     document : Path
-        The JSON document, where it is written or where it goes to (`base.staging`).
+        The JSON document, where it is written or where it goes to (`base.output.staging`).
     products : iterable of Path
         Files that have been written by now, likewise.
     start : Path, optional
@@ -95,7 +95,7 @@ def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
     Parameters
     ----------
     files : iterable of Path
-        Where they are written, or where they go to (`base.staging`).
+        Where they are written, or where they go to (`base.output.staging`).
     folder : Path
         The directory of their document.
     """
@@ -174,7 +174,7 @@ def other_results(
     if not document.is_file():
         return None
     try:
-        hashes = set(dict(json.loads(document.read_text(encoding="utf-8"))[KEY]).values())
+        hashes = set(dict(json.loads(document.read_bytes())[KEY]).values())
     except (OSError, ValueError, KeyError, TypeError):
         return f"{document} is there and does not say what it was made from"
     files = [file for file in measured if file.is_file()]

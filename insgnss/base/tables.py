@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError, near
 from .files import lines_of
+from .inputs import read_text
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -264,7 +265,7 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
             "does not exist; give the flight file, or the directory that holds flight.toml",
         )
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError.at_line(
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"

@@ -23,7 +23,7 @@ from ..adjust.normals import cost
 from ..adjust.precision import Precision, precision_of
 from ..base.errors import InputError
 from ..base.files import atomic_write, json_ready
-from ..base.staging import together
+from ..base.output.staging import together
 from ..config.block_file import BlockFile
 from ..formats.blocks.camera_toml import read_camera_toml
 from ..formats.blocks.ground_points import GroundTable

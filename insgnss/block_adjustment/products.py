@@ -21,9 +21,10 @@ import numpy as np
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from ..base.errors import InputError, UsageError
-from ..base.files import atomic_write, json_ready, sha256
+from ..base.files import atomic_write, json_ready
+from ..base.inputs import sha256
+from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by
-from ..base.staging import together
 from ..formats.blocks.camera_files import write_cameras
 from ..formats.blocks.camera_toml import write_camera_toml
 from ..formats.blocks.reading import parts_of_block

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.errors import UsageError
-from ..base.files import sha256
+from ..base.inputs import sha256
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -106,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
     from ..base.files import atomic_writes
-    from ..base.staging import together
+    from ..base.output.staging import together
     from ..comparison.compare import compare_files
 
     progress("reading and matching")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import UsageError
-from ..base.staging import together
+from ..base.output.staging import together
 from .console import Progress
 from .verb import Verb, positive, show_result
 

@@ -25,6 +25,7 @@ from ..base.advance import listening
 from ..base.caches import settle
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
+from ..base.inputs import reading
 from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from ..base.memory import out_of_memory
 from .console import Parser, Progress
@@ -73,7 +74,8 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
     refuse_other_than_utf8([*argv, os.path.abspath(".")])
     if line := settle():
         warnings.warn(line, stacklevel=2)
-    code: int = options.run(options, progress)
+    with reading():
+        code: int = options.run(options, progress)
     return code
 
 

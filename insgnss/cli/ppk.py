@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.files import atomic_write, expanded, json_ready
+from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
-from ..base.staging import together
 from ..base.wording import spoken_as
 from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
 from ..config.command_line import add_options, given_of, names_of

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
-from ..base.files import first_bytes, lines_of
+from ..base.files import lines_of
+from ..base.inputs import first_bytes
 from ..formats.returned.reading import RETURNED, returned_form
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import OptionError
+from ..base.inputs import Identity
 from .barometer_options import BarometerInput
 from .camera_options import (
     OF_FURTHER,
@@ -251,6 +252,8 @@ class Flight:
         The files that `mounting` and the camera's delay were taken from, the last taken last.
     included : tuple of Path
         The files whose keys it took over, the nearest first.
+    read : mapping
+        What the files were from which it was loaded (`base.inputs.reading`).
     name : str
         Of the data set, in titles and reports.
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
@@ -310,6 +313,7 @@ class Flight:
     barometer: BarometerInput | None = None
     mounting_files: tuple[MountingSource, ...] = ()
     included: tuple[Path, ...] = ()
+    read: dict[str, Identity] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
@@ -428,7 +432,7 @@ def resolved(file: Any) -> dict[str, Any]:
     Defaults are filled in. Paths are relative to the file where they lie below its directory.
     """
     base = file.path.parent
-    return {f.name: _plain(getattr(file, f.name), base) for f in fields(file)}
+    return {f.name: _plain(getattr(file, f.name), base) for f in fields(file) if f.compare}
 
 
 def _plain(value: Any, base: Path) -> Any:

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..base.errors import InputError, OptionError, UsageError
+from ..base.inputs import reading
 from ..base.tables import Table, read_toml
 from ..orient.mounting import (
     PAPER_CAMERA_FROM_BODY,
@@ -83,8 +84,12 @@ def load_flight(path: str | Path) -> Flight:
         For a key by a retired name.
     """
     path = Path(path)
-    if path.is_dir():
-        path = path / "flight.toml"
+    with reading() as files:
+        flight = _loaded(path / "flight.toml" if path.is_dir() else path)
+        return replace(flight, read=dict(files))
+
+
+def _loaded(path: Path) -> Flight:
     root, included = with_included(renewed(read_toml(path, known_keys())), known_keys())
     root.check_keys()
     values = take(root, [Flight])

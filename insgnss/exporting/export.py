@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.errors import InputError, UsageError, near
 from ..base.files import atomic_writes
-from ..base.staging import together
+from ..base.output.staging import together
 from ..base.units import METRE
 from ..formats.exports import EXPORTS, Export
 from ..formats.orientation.exported import UnfitName, check_names

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.errors import InputError, UsageError, near
 from ..base.files import atomic_writes
-from ..base.staging import together
+from ..base.output.staging import together
 from ..formats.exports import function_at
 from ..formats.positions.position_references import POSITION_FORMATS, PlacedCameras, PositionFormat
 from ..geodesy.projection import MapProjection, undulation

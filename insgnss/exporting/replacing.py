@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from ..base.errors import UsageError
-from ..base.staging import Staging
+from ..base.output.staging import Staging
 
 BESIDE = {
     "_import.py": b"Written by insgnss",

@@ -4,7 +4,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..base.files import first_bytes
+from ..base.inputs import first_bytes
 
 LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
 _BY_ENDING = {

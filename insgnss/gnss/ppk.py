@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import DataError
-from ..base.scratch import scratch_directory
-from ..base.staging import together
+from ..base.output.scratch import scratch_directory
+from ..base.output.staging import together
 from ..config.ppk_options import all_of
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, events_of, named

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..base.errors import UsageError
 from ..base.files import atomic_write
-from ..base.staging import together
+from ..base.output.staging import together
 from ..base.wording import relative
 from ..stochastic.model import NoiseModel, write_noise_model
 from ..stochastic.noise_file import comment_lines

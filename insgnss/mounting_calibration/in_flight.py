@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError, UsageError
-from ..base.files import sha256
+from ..base.inputs import sha256
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane

@@ -10,9 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.files import atomic_write, json_ready, sha256
+from ..base.files import atomic_write, json_ready
+from ..base.inputs import sha256
+from ..base.output.staging import together
 from ..base.provenance import made_from, other_results
-from ..base.staging import together
 from ..calibrate.materialisation import lever_arm_difference
 from ..formats.images.exif import camera_tags, time_taken
 from ..orient.mounting import metashape_offset

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from ..base.beside import Beside
-from ..base.files import json_ready, sha256
+from ..base.files import json_ready
+from ..base.inputs import reading, sha256
 from ..base.provenance import circumstances, versions
 from ..base.wording import relative
 from ..config.flight_file import Flight
@@ -158,6 +159,13 @@ def process(
     UsageError
         Where the products cannot go into `out`.
     """
+    with reading(flight.read):
+        return _process(flight, out, progress, write, force)
+
+
+def _process(
+    flight: Flight, out: Path | None, progress: Progress, write: bool, force: bool
+) -> ProcessResult:
     directory = output_directory(flight, out) if write else None
     others = None if directory is None or force else overwriting(flight, directory, out)
     if others is not None and flight.gnss.raw is not None:

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import DataError, InputError, InsgnssError, UsageError
+from ..base.output.scratch import scratch_directory
+from ..base.output.staging import together
 from ..base.provenance import PRODUCTS as HASHES
 from ..base.provenance import hashes_of_products, other_results
-from ..base.scratch import scratch_directory
-from ..base.staging import together
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.errors import UsageError
 from ..base.files import atomic_write
-from ..base.staging import is_vacant, together
+from ..base.output.staging import is_vacant, together
 from ..exporting.export import Target, export, known_format
 from ..formats.exports import Export
 from ..geodesy.projection import MapProjection

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..base.files import sha256, text_sha256
+from ..base.files import text_sha256
+from ..base.inputs import sha256
 from ..base.provenance import circumstances
 from ..records import Check
 from .charts.chart import Chart

@@ -18,7 +18,7 @@ from typing import Any
 
 from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
-from ..base.files import sha256
+from ..base.inputs import sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
 from ..base.wording import relative
 from .gathering import FLIGHT_FILE

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..base.errors import InsgnssError, UsageError
 from ..base.files import atomic_write
-from ..base.staging import together
+from ..base.output.staging import together
 from ..base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs

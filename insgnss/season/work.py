@@ -17,7 +17,7 @@ from typing import Any
 
 from .. import __version__
 from ..base.errors import DataError, InputError, InsgnssError
-from ..base.files import sha256
+from ..base.inputs import sha256
 from ..base.provenance import PRODUCTS, changed_products
 from ..base.wording import relative
 from ..config.flight_file import Flight

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..base.errors import DataError, UsageError
 from ..base.files import atomic_write, json_ready
+from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
-from ..base.staging import together
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in

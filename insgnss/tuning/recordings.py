@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.files import first_bytes, sha256
+from ..base.inputs import first_bytes, sha256
 from ..formats.imu.variances import read_variances
 from ..formats.logs.rosbag import bag_file
 from ..prepare.static_recording import Disturbance, StaticSpan, static_span

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.base.files import sha256
+from insgnss.base.inputs import sha256
+from insgnss.base.output.staging import together
 from insgnss.base.provenance import (
     DIRECTORY,
     KEY,
@@ -18,7 +19,6 @@ from insgnss.base.provenance import (
     paths_named_by,
     refuse_other_results,
 )
-from insgnss.base.staging import together
 
 
 def results(root: Path, **files: str) -> Path:

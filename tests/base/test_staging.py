@@ -15,9 +15,9 @@ import pytest
 from insgnss.base.errors import InputError, UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.interrupts import ENDING, Terminated, raise_on_termination
-from insgnss.base.scratch import PREFIX, Scratch, scratch_directory, sweep
-from insgnss.base.staging import is_vacant, staged, together
-from insgnss.base.unfinished import MARK, is_unfinished, marked, refuse_unfinished
+from insgnss.base.output.scratch import PREFIX, Scratch, scratch_directory, sweep
+from insgnss.base.output.staging import is_vacant, staged, together
+from insgnss.base.output.unfinished import MARK, is_unfinished, marked, refuse_unfinished
 
 OLD = {"eo.json": "old", "report.json": "old", "Ori/a.xml": "old", "own.txt": "of the user"}
 NEW = {"eo.json": "new", "report.json": "new", "Ori/a.xml": "new", "Ori/b.xml": "new"}
@@ -376,7 +376,7 @@ def test_what_is_in_the_way_is_refused_and_stays(tmp_path: Path) -> None:
 def test_two_runs_do_not_move_at_the_same_time(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: a lock of the directory that another run holds, by the system's own call."""
     fcntl = pytest.importorskip("fcntl")
-    monkeypatch.setattr("insgnss.base.scratch.MOST_WAIT_S", 0.02)
+    monkeypatch.setattr("insgnss.base.output.scratch.MOST_WAIT_S", 0.02)
     other = os.open(root, os.O_RDONLY)
     fcntl.flock(other, fcntl.LOCK_EX)
     with pytest.raises(UsageError, match="another run has been moving its files there"):
@@ -445,7 +445,7 @@ def test_without_locks_the_age_tells(
     if locks == "fail":
         monkeypatch.setattr(fcntl, "flock", flock)
     else:
-        monkeypatch.setattr("insgnss.base.scratch.fcntl", None)
+        monkeypatch.setattr("insgnss.base.output.scratch.fcntl", None)
     for name in ("new45678", "old45678"):
         (tmp_path / f"{PREFIX}{name}").mkdir(0o700)
     os.utime(tmp_path / f"{PREFIX}old45678", (1.0, 1.0))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from insgnss.base.staging import together
+from insgnss.base.output.staging import together
 from insgnss.cli import main
 from insgnss.exporting.export import Target, export
 from insgnss.formats import EXPORTS

@@ -26,7 +26,7 @@ from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
 from insgnss.inspection.discovery import sources_of
-from insgnss.processing import products
+from insgnss.processing import pipeline, products
 from insgnss.processing.input_files import input_files, measurements
 from insgnss.processing.pipeline import process
 from insgnss.processing.products import PPK_PRODUCTS, ppk_directory
@@ -101,6 +101,24 @@ def test_every_file_that_the_result_depends_on_is_an_input(flight):
     }
     directory = replace(flight.camera, match=replace(match, images=root))
     assert root not in input_files(replace(flight, camera=directory))
+
+
+@pytest.mark.parametrize("name", [EVENTS, "flight.toml"])
+def test_no_file_is_hashed_that_is_not_the_one_that_was_read(flight, monkeypatch, name):
+    """Oracle: a file that another one replaces after it was read; nothing is written."""
+    path, real = flight.path.parent / name, pipeline.read_recording
+
+    def read_recording(given):
+        recording = real(given)
+        path.with_name("other").write_bytes(path.read_bytes() + b"# edited\n")
+        os.replace(path.with_name("other"), path)
+        return recording
+
+    monkeypatch.setattr(pipeline, "read_recording", read_recording)
+    monkeypatch.setattr("insgnss.base.beside.processors", lambda: 1)  # hashed at the end
+    with pytest.raises(InputError, match=rf"{path.name}: changed after it was read; wait"):
+        process(flight)
+    assert not (flight.path.parent / "02_Processed").exists()
 
 
 def test_a_flight_that_memory_does_not_hold_is_refused_before_it_is_filtered(flight, monkeypatch):

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write, json_ready, sha256
+from ...base.files import atomic_write, json_ready
+from ...base.inputs import sha256
+from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
-from ...base.staging import together
 from ..console import Progress
 from ..verb import Verb, show
 

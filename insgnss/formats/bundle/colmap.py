@@ -21,7 +21,7 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
-from ...base.staging import staged, together
+from ...base.output.staging import staged, together
 from ...base.wording import DOCTOR
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation

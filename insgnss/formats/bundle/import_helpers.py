@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ... import __version__
-from ...base.staging import written
+from ...base.output.staging import written
 from ...geodesy.frames import TangentPlane
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, TANGENT

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.files import atomic_write
-from ...base.staging import together
+from ...base.output.staging import together
 from ...geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.files import atomic_write
-from ...base.staging import together
+from ...base.output.staging import together
 from ...records import FramedOrientation
 from ...records.block import Array
 from ...records.framed import GEOCENTRIC, TANGENT

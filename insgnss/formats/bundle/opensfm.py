@@ -15,7 +15,7 @@ import numpy as np
 
 from ...base.errors import UsageError
 from ...base.files import atomic_writes
-from ...base.staging import destination
+from ...base.output.staging import destination
 from ...records import FramedOrientation
 from ...records.framed import TANGENT
 from ..orientation.exported import CHUNK, OPK, angles_of, check_frame, frame_attitude

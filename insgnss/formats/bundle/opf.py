@@ -33,7 +33,7 @@ import numpy as np
 from ... import __version__
 from ...base.errors import UsageError
 from ...base.files import atomic_write
-from ...base.staging import together
+from ...base.output.staging import together
 from ...records import Array, FramedOrientation, MapFrame
 from ...records.framed import PROJECTED
 from ..orientation.exported import (

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import UsageError
-from ...base.staging import destination, staged
+from ...base.output.staging import destination, staged
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT

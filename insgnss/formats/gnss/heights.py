@@ -9,7 +9,8 @@ import re
 from collections.abc import Sequence
 
 from ...base.errors import InputError
-from ...base.files import first_bytes, lines_of
+from ...base.files import lines_of
+from ...base.inputs import first_bytes
 from ...records import Check
 from ..text.headers import normalised
 from ..text.layout import decode, is_comment, shown

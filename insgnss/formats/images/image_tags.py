@@ -43,7 +43,7 @@ import numpy as np
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.files import atomic_write
-from ...base.staging import together
+from ...base.output.staging import together
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU, rpy_from_rotation
 from ...records import Array, FramedOrientation

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
-from ...base.staging import destination
+from ...base.output.staging import destination
 from ...base.units import METRE
 from ...geodesy.rotation import (
     CV_RUB,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import InputError, InsgnssError
-from ...base.staging import staged
+from ...base.output.staging import staged
 from ...base.unpacking import check_archive
 from ...records.block import Array
 from ..text.text import Source

@@ -15,7 +15,6 @@ and `text.parse` reads the file from its beginning, row by row, and says what an
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 
 from ...base.advance import share
 from ...base.errors import InputError
+from ...base.inputs import opened
 from .layout import Layout, decode, is_comment
 from .pieces import FileBytes
 
@@ -53,7 +53,7 @@ class Rows:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        with Path(self.path).open("rb") as stream:
+        with opened(self.path) as stream:
             stream.seek(self.layout.skip_to)
             left = row
             for line, raw in enumerate(stream, start=self.layout.first_line):

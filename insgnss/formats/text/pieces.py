@@ -6,13 +6,13 @@ a read says so.
 
 import os
 import threading
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.inputs import opened
 
 
 def shrunk(path: str | os.PathLike[str], count: int, size: int) -> InputError:
@@ -44,7 +44,7 @@ class FileBytes:
 
     def __enter__(self) -> "FileBytes":
         try:
-            self._stream = Path(self.path).open("rb", buffering=0)
+            self._stream = opened(self.path)
         except OSError as error:
             reason = f"cannot be read: {error.strerror or error}; check permission and medium"
             raise InputError.at_line(self.path, None, reason) from None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
+from ...base.inputs import opened
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -156,7 +157,7 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             size = os.fstat(stream.fileno()).st_size
             buf = np.empty(size + room, dtype=np.uint8)
             count = stream.readinto(buf.data[:size])

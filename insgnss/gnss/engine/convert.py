@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...base.files import first_bytes
+from ...base.inputs import first_bytes
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
 from ...records import Check

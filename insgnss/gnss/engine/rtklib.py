@@ -34,7 +34,7 @@ from typing import BinaryIO, NamedTuple
 from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
-from ...base.scratch import scratch_directory
+from ...base.output.scratch import scratch_directory
 from ...base.wording import DOCTOR, named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes

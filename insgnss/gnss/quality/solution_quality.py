@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.scratch import scratch_directory
+from ...base.output.scratch import scratch_directory
 from ...formats.gnss.pos_header import ROOTS
 from ...formats.gnss.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
 from ...formats.text.text import Source, load

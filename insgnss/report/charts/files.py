@@ -13,8 +13,9 @@ from typing import Any, get_args
 import numpy as np
 
 from ...base.errors import InputError, UsageError, near
-from ...base.files import atomic_write, sha256
-from ...base.staging import together
+from ...base.files import atomic_write
+from ...base.inputs import sha256
+from ...base.output.staging import together
 from .chart import Axes, Chart, Ink, Kind, Layer, Link, Mark, Scale
 from .drawn import FORMS, PAGE, Form, Paper, draw
 from .encoded import in_page

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write
-from ...base.staging import is_vacant, together
+from ...base.output.staging import is_vacant, together
 from ...formats.blocks.camera_toml import write_camera_toml
 from ...formats.blocks.ground_points import write_ground_points
 from ...formats.blocks.image_points import write_image_points

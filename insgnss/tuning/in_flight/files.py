@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write, sha256
+from ...base.files import atomic_write
+from ...base.inputs import sha256
+from ...base.output.staging import together
 from ...base.provenance import made_from
-from ...base.staging import together
 from ...base.units import rounded
 from ...config.flight_file import Flight
 from ...prepare.gaps import nominal_interval

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ...base.errors import DataError
 from ...base.files import atomic_write
+from ...base.output.staging import together
 from ...base.provenance import made_from
-from ...base.staging import together
 from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
 from ...stochastic.noise_file import model_of_text, text_of_model
 from ..recordings import AXES, SENSORS, StaticRecording

@@ -18,8 +18,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .errors import UsageError
-from .interrupts import deferred
+from ..errors import UsageError
+from ..interrupts import deferred
 
 try:
     import fcntl

@@ -2,8 +2,8 @@
 
 They are written into scratch directories beside their places, on the same file system, and moved at
 the end, while signals wait. After an error the moves are undone. After a kill each file is the old
-one or the new one, and a mark names those that may not belong together (`base.unfinished`): whoever
-reads one of them is told.
+one or the new one, and a mark (`base.output.unfinished`) names those that may not belong together:
+whoever reads one of them is told.
 """
 
 import errno
@@ -16,8 +16,9 @@ from filecmp import cmp
 from functools import partial
 from pathlib import Path
 
-from .errors import UsageError
-from .interrupts import deferred
+from ..errors import UsageError
+from ..inputs import rewritten
+from ..interrupts import deferred
 from .scratch import NAME, Scratch, alone, sweep
 from .unfinished import MARK, flush_directory, mark, marked
 
@@ -188,6 +189,8 @@ class Staging:
                         _done(*moves[0])
                     for directory, new in names.items():  # from here on the new files stand
                         self._mark(directory, before[directory] - new)
+                    for _, goal in moves:
+                        rewritten(goal)
                 except BaseException as error:
                     self._put_back(undo, error)
                     raise
@@ -204,11 +207,12 @@ class Staging:
         for directory, new in names.items():
             undo.append(partial(self._mark, directory, before[directory]))
             self._mark(directory, before[directory] | new)
-        for directory in made:
+        replaced = {goal for _, goal in moves if os.path.lexists(goal)}
+        for directory in made:  # one of them may be a goal, of a move that comes later
             directory.mkdir()
             undo.append(partial(_remove_empty, directory))
         for i, (source, goal) in enumerate(moves):
-            if os.path.lexists(goal):
+            if goal in replaced:
                 aside = self._owner(source, goal) / f"old{i}"
                 _keep(goal, aside, is_replaced=source is not None)
                 undo.append(partial(os.replace, aside, goal))

@@ -1,0 +1,1 @@
+"""Files that appear together: scratch directories, moves, and marks of moves that did not end."""
