@@ -61,7 +61,8 @@ PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 # minutes had one, by chance among nine groups; from 4 on none, and no wrong constant is lost by it
 TAKEN = 4.0
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
-OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
+OFFSET, CLOCK_RATE = "GNSS time offset", "GNSS clock rate"
+OF_FIXES = ("antenna lever arm", OFFSET, CLOCK_RATE)
 TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 # log evidence by which what the filter follows beside may be off: 0.02 to 0.6 on flights near
@@ -226,11 +227,17 @@ class ConstantsEvidence:
         with np.errstate(divide="ignore"):
             return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
 
-    def estimates(self) -> tuple[ConstantEstimate, ...]:
+    def estimates(self, middle_s: float = 0.0) -> tuple[ConstantEstimate, ...]:
         """Return what this flight alone says of the constants of its fixes.
 
         The components of a lever arm are estimated together, another constant alone; what is not
-        estimated has the sigma that the flight file states.
+        estimated has the sigma that the flight file states. A time offset that changes, as where a
+        clock rate is estimated as well, is that of the middle, where the flight knows it best.
+
+        Parameters
+        ----------
+        middle_s : float
+            The middle of the flight, s after its first epoch.
 
         Returns
         -------
@@ -242,13 +249,25 @@ class ConstantsEvidence:
             groups = tuple(g for g in dict.fromkeys(self.group) if g.startswith(beginning))
             if not groups:
                 continue
-            _, (estimate,), (cov,) = self._evaluate([(groups, FAR)])
+            evidence = self._offset_at(middle_s) if beginning == OFFSET else self
+            _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR)])
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING:
                     value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
                     estimates.append(ConstantEstimate(self.names[k], value, own))
         return tuple(estimates)
+
+    def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
+        """Return the evidence with the time offset at an instant in place of the first epoch's."""
+        if not {OFFSET, CLOCK_RATE} <= set(self.names):
+            return self
+        offset, rate = self.names.index(OFFSET), self.names.index(CLOCK_RATE)
+        back = np.eye(self.wide.size)
+        back[offset, rate] = -instant_s * self.wide[rate] / self.wide[offset]
+        return replace(
+            self, information=back.T @ self.information @ back, vector=back.T @ self.vector
+        )
 
     @property
     def of_fixes(self) -> np.ndarray:
@@ -301,6 +320,9 @@ def constants_evidence(
     """
     states = [s for s, name in enumerate(layout.names) if group_of(name)]
     wide, wide_start = with_layout(_open(problem), start, layout)
+    rows, sigma = NAV.stop + np.array(states), layout.sigma0[states]
+    # what the flight file says of them, which is not zero of stamps that were moved since
+    stated_value = (wide_start.x[states] + wide_start.mean[rows]) / sigma
     # a state that the flight file has with a sigma of its own is a candidate with a wide one
     wide_start = with_a_priori(wide_start, layout, states)
     history = make_history(wide.epochs, layout, smoothed=False)
@@ -308,15 +330,15 @@ def constants_evidence(
         run_filter(wide, wide_start, history)
     except DataError:
         return None
-    rows = NAV.stop + np.array(states)
-    sigma = layout.sigma0[states]
     P = history.P[-1][np.ix_(rows, rows)] / np.outer(sigma, sigma)
     x = (history.x[-1][states] + history.m[-1][rows]) / sigma
     L = np.linalg.inv(P)
+    information = L - np.eye(sigma.size)
+    vector = L @ x - information @ stated_value
     names = tuple(layout.names[s] for s in states)
     own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
     stated = np.array([own_sigma.get(name, 0.0) for name in names])
-    return _evidence(names, sigma, stated, L - np.eye(sigma.size), L @ x, requested, exact)
+    return _evidence(names, sigma, stated, information, vector, requested, exact)
 
 
 def _evidence(
@@ -426,6 +448,10 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
 def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[ConstantEstimate, ...]:
     """Return the estimates of several segments of one flight as one each, by their weights.
 
+    Each is a correction of the flight file's one value, whatever a segment was solved with. Where
+    segments differ by more than their sigmas, the sigma of the mean grows by as much, as in (T.2)
+    of `season.trends`.
+
     Parameters
     ----------
     of_segments : sequence of sequence of ConstantEstimate
@@ -443,6 +469,9 @@ def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[Constan
     joined = []
     for name, several in by_name.items():
         weight = np.array([one.sigma**-2 for one in several])
-        value = float(weight @ [one.correction for one in several] / weight.sum())
-        joined.append(ConstantEstimate(name, value, float(weight.sum() ** -0.5)))
+        values = np.array([one.correction for one in several])
+        mean = float(weight @ values / weight.sum())
+        excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
+        sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
+        joined.append(ConstantEstimate(name, mean, sigma))
     return tuple(joined)

@@ -211,9 +211,10 @@ def diagnose(
         return Diagnosis(here.solution, (step,), here.history)
     if constants is None:
         return Diagnosis(here.solution, here.checks, here.history)
+    middle_s = 0.5 * float(posed[0].epochs.time[-1])
     seen = unseen(here.solution, constants, search.events_with_fixes)
     checks = (*here.checks, *([seen] if seen else []))
-    return Diagnosis(here.solution, checks, here.history, constants.estimates())
+    return Diagnosis(here.solution, checks, here.history, constants.estimates(middle_s))
 
 
 @dataclass(frozen=True)

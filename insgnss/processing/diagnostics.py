@@ -109,10 +109,9 @@ def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEs
         Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
         far as the flight tells.
     """
-    moved = max((segment.time_offset_s for segment in segments), key=abs, default=0.0)
     lever = zip(("forward", "right", "down"), flight.mounting.antenna_lever_b, strict=True)
     assumed = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
-    assumed["GNSS time offset"] = flight.gnss.time_offset_s + moved
+    assumed["GNSS time offset"] = flight.gnss.time_offset_s
     estimates = combined([segment.constants for segment in segments])
     return [replace(one, assumed=assumed.get(one.name, 0.0)) for one in estimates]
 

@@ -53,6 +53,8 @@ class PreparedSegment:
         Which instants of the recording's exposures the segment holds.
     exposed : tuple of ExposedRows
         Which exposures of each camera are at which of these instants.
+    moved_s : float
+        By how much the stamps of the fixes were moved since the recording was read, s.
     """
 
     problem: EstimationProblem
@@ -62,6 +64,7 @@ class PreparedSegment:
     grid: np.ndarray
     at_event: np.ndarray
     exposed: tuple[ExposedRows, ...]
+    moved_s: float = 0.0
 
 
 def prepare_segment(

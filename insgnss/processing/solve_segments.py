@@ -220,9 +220,8 @@ def solve_segment(
         step(f"the fixes moved by {moved_s:+.4f} s")
         step("prepare")
         moved = recording.moved(moved_s)
-        prepared = prepare_segment(flight, moved, span, frame)
-        solved = _solve(flight, moved, prepared, step, -moved_s)
-        solved = replace(solved, time_offset_s=moved_s)
+        prepared = replace(prepare_segment(flight, moved, span, frame), moved_s=moved_s)
+        solved = _solve(flight, moved, prepared, step)
     return solved
 
 
@@ -245,11 +244,7 @@ def _search(
 
 
 def _solve(
-    flight: Flight,
-    recording: Recording,
-    prepared: PreparedSegment,
-    step: Progress,
-    expected_offset: float = 0.0,
+    flight: Flight, recording: Recording, prepared: PreparedSegment, step: Progress
 ) -> Segment:
     """Align, filter and smooth a segment, and look for its error model."""
     search = _search(flight, recording, prepared, step)
@@ -258,8 +253,7 @@ def _solve(
     noisy: tuple[Check, ...] = ()
     followed = None
     try:
-        start, how = _align(flight, prepared.problem)
-        start = _expecting(start, prepared.problem.layout.offset, expected_offset)
+        start, how = _align(flight, prepared.problem, prepared.moved_s)
         if search.time_correlated:
             prepared, start, of_code = _with_code_errors(prepared, start, step)
             search = replace(
@@ -311,6 +305,7 @@ def _solve(
         prepared.exposed,
         history,
         checks,
+        time_offset_s=prepared.moved_s,
         stated=stated_constants(flight),
         requested=_requested(flight),
         constants=constants,
@@ -332,7 +327,7 @@ def _with_open_gate(
     gate = prepared.problem.gate
     open_gate = replace(prepared.problem, layout=layout, gate=gate_from_sigma(OPEN_GATE_SIGMA))
     try:
-        start, how = _align(flight, open_gate)
+        start, how = _align(flight, open_gate, prepared.moved_s)
         first = solve(open_gate, start, flight.filter.second_pass, step, separations=0)
         gated = replace(open_gate, gate=gate)
         solution = solve(gated, start, flight.filter.second_pass, step, about=first)
@@ -348,7 +343,8 @@ def _rescued(
 ) -> tuple[InitialState, str, Solution, tuple[Check, ...]] | None:
     """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
     try:
-        start, how = _align(flight, replace(prepared.problem, gate=np.inf))
+        open_gate = replace(prepared.problem, gate=np.inf)
+        start, how = _align(flight, open_gate, prepared.moved_s)
     except DataError:
         return None
     rescued = rescue(search, prepared.problem, start)
@@ -408,18 +404,22 @@ def _requested(flight: Flight) -> tuple[str, ...]:
     return lever_arm + (("GNSS time offset", "GNSS clock rate") if options.time_offset else ())
 
 
-def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, str]:
-    """Return the initial state of a problem, and how it was found."""
+def _align(flight: Flight, problem: EstimationProblem, moved_s: float) -> tuple[InitialState, str]:
+    """Return the initial state of a problem, and how it was found.
+
+    The prior of a time offset belongs to the stamps of the file, before they were moved.
+    """
     if flight.initial is not None:
         given = flight.initial
         rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
         start = given_attitude(problem, rpy, np.radians(given.sigma_deg))
+        start = _expecting(start, problem.layout.offset, -moved_s)
         return start, "initial attitude from the flight file"
     alignment = initial_state(problem)
     first, last = alignment.window
     sigma = np.degrees(alignment.heading_sigma)
     return (
-        alignment.start,
+        _expecting(alignment.start, problem.layout.offset, -moved_s),
         (
             f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to "
             f"{sigma:.2f} deg there), filtered back to the first fix"
@@ -428,7 +428,7 @@ def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, st
 
 
 def _expecting(start: InitialState, offset_state: int, offset_s: float) -> InitialState:
-    """Expect a time offset: the prior belongs to the stamps of the file, before they were moved."""
+    """Return a start that expects a time offset, s, where that is a state."""
     if offset_state < 0:
         return start
     mean = start.mean.copy()
@@ -436,9 +436,9 @@ def _expecting(start: InitialState, offset_state: int, offset_s: float) -> Initi
     return replace(start, mean=mean)
 
 
-def _aligned_by(flight: Flight) -> Callable[[EstimationProblem], InitialState]:
-    """Return what gives the initial state of a problem of this flight."""
-    return lambda problem: _align(flight, problem)[0]
+def _aligned_by(flight: Flight, moved_s: float) -> Callable[[EstimationProblem], InitialState]:
+    """Return what gives the initial state of a problem of this flight, its fixes moved."""
+    return lambda problem: _align(flight, problem, moved_s)[0]
 
 
 def _refuse_what_explains(
@@ -452,7 +452,8 @@ def _refuse_what_explains(
     biases = _missing_biases(flight, recording, prepared, None, search.progress)
     if biases is not None:
         raise refusal(flight, biases) from None
-    cause = explain_failure(search, prepared.problem, _aligned_by(flight))
+    align = _aligned_by(flight, prepared.moved_s)
+    cause = explain_failure(search, prepared.problem, align)
     if cause is not None:
         raise refusal(flight, cause, f"; as the flight file is, {error}") from None
 
@@ -471,7 +472,7 @@ def _missing_biases(
     step("turn-on biases, which the noise model lacks")
     layout = layout_factory(flight, with_turn_on(noise))(prepared.requested_errors)
     problem = replace(prepared.problem, layout=layout)
-    align, second_pass = _aligned_by(flight), flight.filter.second_pass
+    align, second_pass = _aligned_by(flight, prepared.moved_s), flight.filter.second_pass
     return check_biases_in_innovations(
         noise, solution, lambda: solve(problem, align(problem), second_pass, separations=0)
     )

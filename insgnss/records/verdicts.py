@@ -115,16 +115,22 @@ class MeanResidual:
 class ConstantEstimate:
     """What a flight by itself says of a constant, whatever the flight file states of it.
 
+    Its value is `assumed` + `correction`, of a segment as of a flight of several segments, which
+    have one `assumed`: stamps that were moved before a segment was solved again are part of the
+    correction. Several segments give the mean of their corrections by weights.
+
     Parameters
     ----------
     name : str
         Name of its error state, such as "antenna lever arm forward".
     correction : float
-        Truth minus the flight file's value, m or s.
+        What the flight finds beyond `assumed`, m or s; a time offset that changes is that of the
+        middle of the segment.
     sigma : float
         Standard deviation, m or s, of the flight alone.
     assumed : float
-        The flight file's value, m (lever arm IMU to antenna, body axes) or s.
+        The flight file's value and nothing else, m (lever arm IMU to antenna, body axes) or s; 0 of
+        a clock rate.
     """
 
     name: str

@@ -21,6 +21,7 @@ from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records.verdicts import ConstantEstimate
 from insgnss.stochastic.model import load_noise_model
 
 NAVCHIP = load_noise_model("navchip")
@@ -247,3 +248,31 @@ def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
     assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
     blind = ConstantsEvidence(names, names, wide, stated, np.zeros((4, 4)), np.zeros(4))
     assert blind.estimates() == ()
+
+
+def test_an_offset_that_changes_is_that_of_the_middle() -> None:
+    """Oracle: a straight line by least squares, whose value at the middle is the mean of symmetric
+    samples, known to their sigma over sqrt n.
+    """
+    time, sigma_s = np.linspace(0.0, 200.0, 101), 3e-3
+    wide, stated = np.array([0.5, 2e-3]), np.array([0.1, 1e-4])
+    value = -0.02 + 3e-5 * time + sigma_s * np.random.default_rng(5).normal(size=time.size)
+    A = np.column_stack([np.ones(time.size), time]) * wide / sigma_s
+    names = ("GNSS time offset", "GNSS clock rate")
+    evidence = ConstantsEvidence(names, names, wide, stated, A.T @ A, A.T @ value / sigma_s)
+    offset, rate = evidence.estimates(100.0)
+    assert offset.correction == pytest.approx(value.mean(), abs=2e-6)
+    assert offset.sigma == pytest.approx(sigma_s / time.size**0.5, rel=1e-3)
+    assert rate.correction == evidence.estimates()[1].correction
+
+
+def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
+    """Oracle: by hand: -10 and -30 ms of 1 and 2 ms weigh 4 to 1, mean -14, X = 36 + 64 = 80 of the
+    variance 0.8 ms^2: a sigma of 8 ms; three that agree have the sigma of their weights.
+    """
+    name = "GNSS time offset"
+    apart = [[ConstantEstimate(name, -10.0, 1.0)], [ConstantEstimate(name, -30.0, 2.0)]]
+    (one,) = combined(apart)
+    assert (one.correction, one.sigma) == pytest.approx((-14.0, 8.0))
+    (same,) = combined([*[[ConstantEstimate(name, -10.0, 3.0)]] * 3, []])
+    assert (same.correction, same.sigma) == pytest.approx((-10.0, 3.0**0.5))

@@ -15,7 +15,7 @@ from insgnss.diagnosis.constants import (
     settled_evidence,
 )
 from insgnss.diagnosis.sensitivity import LONGEST_S, Constants, Sensitivity
-from insgnss.navigation.codes import NHC
+from insgnss.navigation.codes import NAV, NHC
 from insgnss.navigation.filter import forward_inputs, make_history, run_filter
 from insgnss.navigation.kernels.records import FilterHistory
 from insgnss.navigation.layout import FixErrors, StateLayout, state_layout
@@ -142,6 +142,28 @@ def test_the_evidence_is_that_of_a_filter_with_every_constant_as_a_state(clean):
     theirs = {one.groups: one.evidence for one in wide.hypotheses}
     for one in settled.hypotheses[:12]:
         assert_allclose(one.evidence, theirs[one.groups], atol=0.3)
+
+
+@pytest.mark.parametrize("moved_s", [0.0, 0.03])
+def test_both_say_what_the_stamps_of_the_file_lack(moved_s):
+    """Oracle: the stamps, which are right or were moved by 30 ms, and an a-priori value of the
+    offset that knows it: both correct the file's value, within 4 sigma.
+    """
+    of_file = fly(60.0, seed=31, imu_hz=50.0)
+    estimated = ErrorModel(FixErrors(lever_arm_m=2e-3, time_offset_s=0.1, clock_rate=1e-4))
+    own, requested = layout(estimated), ("GNSS time offset", "GNSS clock rate")
+    problem = replace(of_file.problem, layout=own)
+    start = start_near(replace(of_file, problem=problem), SIGMA)
+    start.mean[NAV.stop + own.offset] = -moved_s
+    follower = followed_constants(problem, WIDE)
+    assert follower is not None
+    solution = solve(problem, start, separations=0, follower=follower.through)
+    beside = settled_evidence(solution, follower, requested)
+    pass_ = constants_evidence(problem, start, own, WIDE, requested)
+    for found in (beside, pass_):
+        assert found is not None
+        offset = {one.name: one for one in found.estimates()}["GNSS time offset"]
+        assert abs(offset.correction - moved_s) < 4.0 * offset.sigma < 0.02
 
 
 def test_a_wrong_lever_arm_is_not_settled(clean):
