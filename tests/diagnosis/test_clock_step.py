@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from flown import Flown, fly, start_near
 
 from insgnss.diagnosis.candidates import FAR, ErrorModel, with_constants, with_layout
 from insgnss.diagnosis.clock_step import ClockStep, find_clock_step, step_check
+from insgnss.diagnosis.clock_step import _moved as moved_fixes
 from insgnss.navigation.epochs import make_epochs
 from insgnss.navigation.layout import FixErrors, StateLayout, state_layout
 from insgnss.navigation.solution import solve
@@ -134,3 +137,30 @@ def test_fixes_that_jump_are_no_clock_that_steps(clean):
     position = epochs.position + np.where(epochs.time > AT_S, 0.5, 0.0)[:, None] * [1.0, 0.0, 0.0]
     jumped = replace(problem, epochs=epochs._replace(position=position))
     assert found(replace(clean, problem=jumped)) is None
+
+
+@pytest.mark.parametrize("size", [0.05, -0.05])
+def test_velocities_are_moved_along_with_their_fixes(size: float) -> None:
+    """Oracle: the exact motion: fixes that are of an instant 50 ms later or earlier from the middle
+    on become those of their stamps, positions to 2 mm and velocities, up to 0.2 m/s off in turns,
+    to 10 mm/s.
+    """
+    flown = fly(60.0, seed=31, imu_hz=50.0, velocity=True)
+    problem, motion = flown.problem, flown.sim.flight.motion
+    epochs, time = problem.epochs, problem.inc.marks
+
+    def fixes(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        antenna = motion.position(at) + motion.C_lb(at) @ problem.antenna_lever_b
+        return antenna, motion.velocity(at)
+
+    since = 30.0
+    taken = np.where(epochs.time >= since, np.clip(time + size, time[0], time[-1]), time)
+    position, velocity = fixes(taken)
+    late = replace(problem, epochs=epochs._replace(position=position, velocity=velocity))
+    solution: Any = SimpleNamespace(nav=flown.true_nav())
+    mended = moved_fixes(late, solution, since, size).epochs
+    inside = epochs.has_position & (time < time[-1] - abs(size))
+    true_position, true_velocity = fixes(time)
+    assert np.abs(velocity - true_velocity)[inside].max() > 0.1
+    assert np.abs(mended.position - true_position)[inside].max() < 2e-3
+    assert np.abs(mended.velocity - true_velocity)[inside].max() < 0.01

@@ -88,6 +88,21 @@ def test_what_is_stated_as_exact_gives_way_to_what_explains_as_much(clean):
     assert not found.denied(every[0])
 
 
+@pytest.mark.parametrize(("log_evidence", "taken"), [(2.5, False), (3.9, False), (4.1, True)])
+def test_a_constant_is_no_state_by_chance(log_evidence: float, taken: bool) -> None:
+    """Oracle: (D.2) by hand, of one constant of information i that is e of its sigmas off:
+    e^2 / (1 + 1/i) / 2 - log(1 + i) / 2; and the bar of 4, which none of 90 right flights reached.
+    """
+    i = 400.0
+    e = np.sqrt((2.0 * log_evidence + np.log1p(i)) * (1.0 + 1.0 / i))
+    names, one = ("gyro x scale factor",), np.ones(1)
+    found = ConstantsEvidence(
+        names, ("gyro scale factors",), 0.05 * one, 0.0 * one, i * np.eye(1), e * i**0.5 * one
+    )
+    assert found.hypotheses[0].evidence == pytest.approx(log_evidence)
+    assert (found.strongest() is not None) == taken
+
+
 @pytest.mark.parametrize("lever", [(0.0, 0.0, 0.0), (0.0, 0.1, 0.0)])
 def test_evidence_is_the_ratio_of_two_likelihoods(clean, lever):
     """Oracle: the densities of all innovations of two filters, one with the constants as states and

@@ -302,6 +302,26 @@ def test_what_a_spell_shares_is_a_common_error(case):
     assert np.abs(added).max() > 0.05
 
 
+def test_pairs_share_a_spell_where_both_lie_in_it(case, in_one):
+    """Oracle: every block of the batch covariance on or above its diagonal, and what a spell from
+    the second event to the fourth adds by hand: to pairs within it, to none that it ends between.
+    """
+    first, second = np.triu_indices(case.events.size)
+    n = case.problem.layout.size
+    cov = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 16.0]])
+    spell = SharedError(int(case.events[1]), int(case.events[3]), cov)
+    T = np.eye(9, n), np.roll(np.eye(9, n), 1, axis=0)  # the second of a pair by other rows
+    derivatives = tuple(np.tile(of, (first.size, 1, 1)) for of in T)
+    found = replace(case.chain, shared=(spell,)).cross((first, second), derivatives)
+    for j, k, block in zip(first, second, found, strict=True):
+        expected = in_one.covariance(case.events[j], case.events[k])
+        own = (in_one.covariance(e, e) for e in case.events[[j, k]])
+        sigma = [np.sqrt(np.diag(P)) for P in own]
+        expected[:3, :3] += cov if j >= 1 and k <= 3 else 0.0
+        scale = np.outer(T[0] @ sigma[0], T[1] @ sigma[1])
+        assert np.abs((block - T[0] @ expected @ T[1].T) / scale).max() < RELATIVE, (j, k)
+
+
 def test_nodes_lie_half_a_correlation_time_apart(case):
     """Oracle: the rule, by hand: constants once, fast states never, the slow ones often enough."""
     layout = case.problem.layout

@@ -80,3 +80,32 @@ def test_a_way_without_lines_is_taken_in_pieces() -> None:
     assert strip_rows(bend[:1], none[:1]) == ()
     slow = replace(flown(np.zeros(8)), time=20.0 * np.arange(8))  # no pair within 10 s
     assert listed(strip_rows(slow, np.zeros(8, dtype=np.int64))) == [(0, 7)]
+
+
+def apart(images: list[int]) -> ExteriorOrientation:
+    """Images straight on, so many 2 s apart and then a gap of 20 s, again and again."""
+    step = np.concatenate([[20.0] + [2.0] * (count - 1) for count in images])
+    return flown(np.zeros(step.size), time=np.cumsum(step))
+
+
+def test_three_images_make_a_line_and_two_do_not() -> None:
+    """Oracle: by hand: lines of three as such, pairs as one way; lines count where they hold half
+    of the images, and not where they hold less.
+    """
+    none = np.zeros(13, dtype=np.int64)
+    assert listed(strip_rows(apart([3] * 3), none[:9])) == [(0, 2), (3, 5), (6, 8)]
+    assert listed(strip_rows(apart([2] * 4), none[:8])) == [(0, 7)]
+    assert listed(strip_rows(apart([3, 3, *[1] * 6]), none[:12])) == [(0, 2), (3, 5)]
+    assert listed(strip_rows(apart([3, 3, *[1] * 7]), none)) == [(0, 12)]
+
+
+def test_an_image_where_two_lines_meet_belongs_to_the_first() -> None:
+    """Oracle: by hand: six images north and six east of a camera that keeps its heading; the sixth
+    ends the first line and begins the second, and stands in one strip.
+    """
+    corner = flown(np.array([0.0] * 6 + [90.0] * 6))
+    corner = replace(corner, C_mc=np.tile(NADIR, (12, 1, 1)))
+    framed = in_frame(corner, "tangent plane")
+    first, line = line_pairs(framed.time, framed.coordinates, framed.C_fE[:, :, 2], framed.C_fc)
+    assert (line[first == 4], line[first == 5]) == (1, 2)
+    assert listed(strip_rows(corner, np.zeros(12, dtype=np.int64))) == [(0, 5), (6, 11)]
