@@ -1,14 +1,24 @@
 """Compiled code on disk: taken again while nothing that it was made of changed."""
 
+import errno
+import importlib
 import os
+import pickle
+import signal
+import stat
 import subprocess
 import sys
+import warnings
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import insgnss
+from insgnss.base import compilation
 
 BASE = Path(insgnss.__file__).parent / "base"
 SOURCES = {
@@ -197,3 +207,230 @@ def test_without_compiling_the_functions_themselves_run(house):
         check=True,
     )
     assert done.stdout == "20.0\n"
+
+
+@pytest.fixture
+def twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[float, int]]:
+    """A call of 2 x by a kernel that is defined anew: its value, and how often the disk had it."""
+    from numba.core import config
+
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    monkeypatch.setattr(compilation, "_warned", [])
+    (tmp_path / "twice.py").write_text("def twice(x):\n    return 2 * x\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "twice", raising=False)
+    module = importlib.import_module("twice")
+
+    def call(x: float = 1.0) -> tuple[float, int]:
+        kernel = compilation.njit(cache=True)(module.twice)
+        value = kernel(x)
+        return value, sum(kernel.stats.cache_hits.values())
+
+    return call
+
+
+def _files(directory: Path) -> tuple[Path, Path]:
+    """Index and code of the one kernel that is kept there."""
+    (index,), (code,) = (list((directory / "__pycache__").glob(f"*.nb{kind}")) for kind in "ic")
+    return index, code
+
+
+class _Ends:
+    """Whoever unpickles it ends."""
+
+    def __reduce__(self) -> Any:
+        return sys.exit, (1,)
+
+
+def _changed(whole: bytes, place: int) -> bytes:
+    return whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :]
+
+
+DAMAGES = {
+    "empty": lambda whole: b"",
+    "truncated": lambda whole: whole[: len(whole) // 2],
+    "last byte lost": lambda whole: whole[:-1],
+    "a bit of its digest": lambda whole: _changed(whole, len(whole) - 1),
+    # of the object file: bytes that the loader does not read, so that a wrong test ends no process
+    "a bit of its content": lambda whole: _changed(whole, max(whole.find(b"\x7fELF"), 0) + 12),
+    "zeros": lambda whole: bytes(len(whole)),
+    "a pickle of somebody": lambda whole: pickle.dumps(_Ends()) + bytes(16),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_damaged_file_is_compiled_again_in_silence(twice, tmp_path, damage, which):
+    """Oracle: 2 x, by hand; numba's own count of what came from the disk."""
+    assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+    file = _files(tmp_path)[which]
+    file.write_bytes(DAMAGES[damage](file.read_bytes()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+        file.unlink()
+        assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+
+
+def test_code_of_other_versions_or_another_processor_is_not_run(twice, tmp_path, monkeypatch):
+    """Oracle: numba's own count of what came from the disk."""
+    import llvmlite
+    import numba
+    from numba.core.codegen import CPUCodegen
+
+    assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+    for package in (numba, llvmlite, np):
+        with monkeypatch.context() as patch:
+            patch.setattr(package, "__version__", "0.1")
+            assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+        assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+    with monkeypatch.context() as patch:
+        patch.setattr(CPUCodegen, "magic_tuple", lambda self: ("another processor",))
+        assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+    assert twice() == (2.0, 1)
+
+
+def test_two_processes_that_give_one_name_to_two_codes_do_no_harm(twice, tmp_path):
+    """Oracle: the index of a call with a float beside the code of one with an integer, as two
+    processes leave them that compile at the same time; numba's count.
+    """
+    assert twice(1.0) == (2.0, 0)
+    index, code = _files(tmp_path)
+    of_float = index.read_bytes()
+    index.unlink()
+    assert twice(1) == (2, 0)
+    assert _files(tmp_path) == (index, code)
+    index.write_bytes(of_float)
+    assert (twice(1.0), twice(1.0)) == ((2.0, 0), (2.0, 1))
+    assert (twice(1), twice(1), twice(1.0)) == ((2, 0), (2, 1), (2.0, 1))
+
+
+def test_what_others_may_have_written_is_not_run(twice, tmp_path):
+    """Oracle: who may write a file, by its owner and mode; numba's own count of what came from the
+    disk.
+    """
+    if not hasattr(os, "getuid"):
+        pytest.skip("there each user has a directory of his own")
+    me = os.getuid()
+    table = [
+        (me, 0o644, 0, 0o644, True),
+        (me, 0o664, 0, 0o644, True),  # a group of one user
+        (0, 0o644, me, 0o644, True),
+        (me + 1, 0o644, me + 1, 0o644, True),  # runs in any case: it is his source
+        (me + 1, 0o644, me, 0o644, False),
+        (me, 0o666, me, 0o644, False),
+        (me, 0o777, me, 0o777, True),  # a file system without modes
+    ]
+    for file_owner, file_mode, owner, mode, expected in table:
+        file = SimpleNamespace(st_uid=file_owner, st_mode=file_mode | stat.S_IFREG)
+        source = SimpleNamespace(st_uid=owner, st_mode=mode | stat.S_IFREG)
+        assert compilation._trusted(file, source) is expected
+    assert not compilation._trusted(SimpleNamespace(st_uid=me + 1, st_mode=0o100644), None)
+    assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+    _files(tmp_path)[1].chmod(0o666)
+    assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+
+
+@pytest.mark.parametrize("number", ["ENOSPC", "EDQUOT", "EFBIG", "EROFS"])
+def test_a_disk_that_takes_nothing_costs_one_warning(twice, tmp_path, monkeypatch, number):
+    """Oracle: 2 x, by hand; the warning; nothing is left behind."""
+
+    def refuse(*_: Any) -> None:
+        raise OSError(getattr(errno, number), os.strerror(getattr(errno, number)))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        with pytest.warns(UserWarning, match="cannot be kept") as caught:
+            assert (twice(), twice(), twice(1)) == ((2.0, 0), (2.0, 0), (2, 0))
+    (warning,) = caught
+    assert str(tmp_path / "__pycache__") in str(warning.message)
+    assert os.strerror(getattr(errno, number)) in str(warning.message)
+    assert "NUMBA_CACHE_DIR" in str(warning.message)
+    assert not list((tmp_path / "__pycache__").glob("*twice*"))
+    assert (twice(), twice()) == ((2.0, 0), (2.0, 1))
+
+
+def test_without_any_directory_functions_are_compiled_and_one_warning_says_so(twice, monkeypatch):
+    """Oracle: numba's own error, which is "no locator available"."""
+    from numba.core.caching import _CacheLocator
+
+    def refuse(_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(_CacheLocator, "ensure_cache_path", refuse)
+    with pytest.warns(UserWarning, match=r"cannot be kept \(.*no locator available") as caught:
+        assert (twice(), twice()) == ((2.0, 0), (2.0, 0))
+    assert len(caught) == 1
+
+
+KILLED = """
+import os, signal
+replace, left = os.replace, [{count}]
+def replace_or_die(*names):
+    left[0] -= 1
+    if not left[0]:
+        os.kill(os.getpid(), signal.SIGKILL)
+    replace(*names)
+os.replace = replace_or_die
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no signal that nobody can catch")
+def test_after_a_kill_at_any_point_of_saving_results_are_those_of_the_new_source(
+    house, monkeypatch
+):
+    """Oracle: the sums, by hand. numba alone runs yesterday's code where the process ended after
+    the index of a function and before its code.
+    """
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert _run(house) == (20.0, 0)
+    for step, count in enumerate((1, 2, 3, 4), 3):  # index and code of inner, then of outer
+        (house / "constants.py").write_text(f"STEP = {step}.0\n")
+        environment = os.environ | {"PYTHONPATH": str(house.parent)}
+        done = subprocess.run(
+            [sys.executable, "-c", KILLED.format(count=count) + RUN],
+            capture_output=True,
+            env=environment,
+            check=False,
+        )
+        assert done.returncode == -signal.SIGKILL
+        assert _run(house) == (10.0 * (1 + step), 0)
+    assert _run(house) == (70.0, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no limits")
+def test_on_a_full_disk_the_index_may_be_there_and_the_code_is_not(house, monkeypatch):
+    """Oracle: the sums, by hand; the limit of the system for the size of a file."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    limit = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (4096, r.RLIM_INFINITY)); "
+    assert _run(house) == (20.0, 0)
+    (house / "constants.py").write_text("STEP = 3.0\n")
+    for _ in range(2):
+        assert _printed(house, limit + RUN) == "40.0 0"
+    assert _run(house) == (40.0, 0)
+    assert _run(house) == (40.0, 1)
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_each_get_the_right_sum(house, monkeypatch):
+    """Oracle: the sums, by hand."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    environment = os.environ | {"PYTHONPATH": str(house.parent)}
+    assert _run(house) == (20.0, 0)
+    (house / "constants.py").write_text("STEP = 2.0\n")
+    together = [
+        subprocess.Popen(
+            [sys.executable, "-c", RUN.replace("1.0", x)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment,
+            text=True,
+        )
+        for x in ("1.0", "1", "1.0")
+    ]
+    for process in together:
+        out, error = process.communicate(timeout=120)
+        assert (error, float(out.split()[0])) == ("", 30.0)
+    assert _run(house) in ((30.0, 0), (30.0, 1))

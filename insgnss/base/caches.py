@@ -27,17 +27,10 @@ def settle() -> str:
     if os.name == "nt" or _writable(_cache_home()):
         return ""
     kept = bool(os.environ.get(KERNELS)) or _writable_installation()
-    advice = f"set {KERNELS} to a directory that is kept and that you can write"
     try:
         directory = _own_directory()
-    except OSError as error:
-        return (
-            ""
-            if kept
-            else (
-                f"there is no place for the compiled functions: {error.strerror or error}; {advice}"
-            )
-        )
+    except OSError:  # `njit` says that it keeps nothing
+        return ""
     os.environ.setdefault(FONTS, os.path.join(directory, "matplotlib"))
     if kept:
         return ""
@@ -46,7 +39,7 @@ def settle() -> str:
         sys.modules["numba"].config.reload_config()
     return (
         "neither the home directory nor the installation can be written: compiled functions are"
-        f" kept in {directory}; {advice}"
+        f" kept in {directory}; set {KERNELS} to a directory that is kept and that you can write"
     )
 
 

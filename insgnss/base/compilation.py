@@ -10,7 +10,9 @@ through others*: whatever a kernel can refer to stands in one of them.
 Where the code is kept is numba's own choice (`NUMBA_CACHE_DIR`, `__pycache__` beside the source,
 the user's cache directory; see `insgnss.base.caches`). Outdated code is overwritten in its place,
 so that nothing has to be cleaned up, and several processes may compile at the same time, as numba
-replaces whole files only.
+replaces whole files only. Each file ends with a digest (`_kept_class`): one that a power loss, a
+full disk, another numba or another user left behind is compiled again. A disk that takes nothing
+costs one warning.
 
 What numba takes from the disk it needs no knowledge of Python's and numpy's functions for, and the
 half second in which it learns them (`refresh` of its contexts) is left to the first function that
@@ -25,20 +27,27 @@ Every kernel of the package is defined with the decorator of this module;
 
 import hashlib
 import math
+import os
+import pickle
 import re
+import stat
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite
 import numba
 import numpy as np
 
 from .advance import share
 
 F = TypeVar("F", bound=Callable[..., Any])
+DIGEST_BYTES = 16  # of a kept file: no damage passes, and 1 MB takes 0.8 ms
+_warned: list[str] = []
 _COMMENT = re.compile(r"#[^\n]*")
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
@@ -67,20 +76,138 @@ def njit(allocates: bool = True, **options: Any) -> Callable[[F], F]:
         options = {"_nrt": False, "error_model": "numpy", "fastmath": {"contract"}} | options
 
     def define(function: F) -> F:
-        compiled: F = numba.njit(**options)(function)
+        compiled: F | None = None
+        try:
+            compiled = numba.njit(**options)(function)
+        except RuntimeError as error:  # numba finds no directory that it can write
+            _warn_unkept(str(error))
         if not options.get("cache") or compiled is function:
-            return compiled
-        entry = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-        if entry is None or not hasattr(entry, "_source_stamp"):
-            # A numba with other inner names: compiling in every process is slow, never outdated.
+            return compiled or function
+        kept = getattr(compiled, "_cache", None)
+        if compiled is None or not _keep_soundly(kept, Path(function.__code__.co_filename)):
+            # or a numba with other inner names: always compiling is slow, never outdated
             uncached: F = numba.njit(**options | {"cache": False})(function)
             return uncached
-        sources = digest(Path(function.__code__.co_filename))
-        entry._source_stamp = (entry._source_stamp, np.__version__, sources)
-        _load_what_runs(getattr(compiled, "_cache", None))
+        _load_what_runs(kept)
         return compiled
 
     return define
+
+
+def _keep_soundly(kept: Any, source: Path) -> bool:
+    """Have a function's cache verify what it takes from the disk, and go on where it cannot save.
+
+    Parameters
+    ----------
+    kept : numba.core.caching.Cache
+        The cache of one function.
+    source : Path
+        The file that defines the function.
+
+    Returns
+    -------
+    bool
+        False with a numba of other inner names.
+    """
+    entry: Any = getattr(kept, "_cache_file", None)
+    names = "_source_stamp", "_index_path", "_data_path", "_dump", "_open_for_write"
+    if not all(hasattr(entry, name) for name in names):
+        return False
+    entry.__class__ = _kept_class()
+    versions = np.__version__, llvmlite.__version__
+    entry._source_stamp = (entry._source_stamp, *versions, digest(source))
+    entry.source = source.stat() if source.is_file() else None
+    save = kept.save_overload
+
+    def save_overload(signature: Any, code: Any) -> None:
+        try:
+            save(signature, code)
+        except OSError as error:
+            _warn_unkept(f"{kept.cache_path}: {error.strerror or error}")
+
+    kept.save_overload = save_overload
+    return True
+
+
+@cache
+def _kept_class() -> Any:
+    """Return numba's class of a function's files on disk, with files that are verified.
+
+    A file is a pickle and its digest, which is keyed with the sources and with the versions of
+    numba, llvmlite and numpy. Nothing is unpickled, and no machine code run, before the digest is
+    right. Within its file the code stands beside what it was compiled for (types, processor):
+    processes that compile at the same time may give one name to two entries.
+    """
+    from numba.core.caching import IndexDataCacheFile
+
+    class Kept(IndexDataCacheFile):
+        source: os.stat_result | None
+
+        def load(self, key: Any) -> Any:
+            name = self._load_index().get(key)
+            compiled_for, code = (name and self._content(self._data_path(name))) or (None, None)
+            return code if compiled_for == key else None
+
+        def save(self, key: Any, data: Any) -> None:
+            super().save(key, (key, data))
+
+        def _load_index(self) -> Any:
+            return self._content(self._index_path) or {}
+
+        def _save_index(self, overloads: Any) -> None:
+            self._write(self._index_path, overloads)
+
+        def _save_data(self, name: str, data: Any) -> None:
+            self._write(self._data_path(name), data)
+
+        def _write(self, path: str, content: Any) -> None:
+            data = self._dump(content)
+            with self._open_for_write(path) as file:
+                file.write(data)
+                file.write(self._digest(data))
+
+        def _content(self, path: str) -> Any:
+            """Return what a file holds, None where it is not to be used, whatever the reason."""
+            try:
+                with open(path, "rb") as file:
+                    data = memoryview(file.read())
+                    trusted = _trusted(os.fstat(file.fileno()), self.source)
+                content = data[:-DIGEST_BYTES]
+                if trusted and data[-DIGEST_BYTES:] == self._digest(content):
+                    return pickle.loads(content)
+            except Exception:  # compiling always helps, and says what else is wrong
+                return None
+            return None
+
+        def _digest(self, data: Any) -> bytes:
+            made_by = hashlib.sha256(repr((self._version, self._source_stamp)).encode()).digest()
+            return hashlib.blake2b(data, digest_size=DIGEST_BYTES, key=made_by).digest()
+
+    return Kept
+
+
+def _trusted(file: os.stat_result, source: os.stat_result | None) -> bool:
+    """Whether a file is of somebody whose code runs here anyway: this user, root, the source's.
+
+    Nor may others write it, unless they may write the source as well.
+    """
+    if not hasattr(os, "getuid"):  # Windows
+        return True
+    owner, mode = (source.st_uid, source.st_mode) if source else (0, 0)
+    open_to_all = file.st_mode & ~mode & stat.S_IWOTH
+    return file.st_uid in (os.getuid(), 0, owner) and not open_to_all
+
+
+def _warn_unkept(reason: str) -> None:
+    """Warn, once in a process, that compiled functions are not kept."""
+    if not _warned:
+        _warned.append(reason)
+        warnings.warn(
+            f"compiled functions cannot be kept ({reason}), so every command compiles them again,"
+            " up to a minute: free space there, or set NUMBA_CACHE_DIR to a directory that you can"
+            " write",
+            stacklevel=2,
+        )
 
 
 def _tell_of_compiling() -> None:
