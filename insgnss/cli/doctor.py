@@ -6,18 +6,24 @@ from .console import Progress
 from .verb import Verb, report_error, show_result
 
 EXAMPLE = """  insgnss doctor
+  insgnss doctor --compile
   insgnss doctor --json > doctor.json"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb: none beside those of all."""
+    """Add the options of the verb."""
+    parser.add_argument(
+        "--compile",
+        action="store_true",
+        help="compile the kernels of process and demo now, on all processors, for a first run",
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     from ..installation.examination import examine
 
-    result = examine(progress)
+    result = examine(progress, options.compile)
     show_result(options, progress, result)
     if (refusal := result.refusal) is None:
         return 0

@@ -57,7 +57,7 @@ class Examination:
         }
 
 
-def examine(progress: Callable[[str], None]) -> Examination:
+def examine(progress: Callable[[str], None], compiling: bool = False) -> Examination:
     """Look at everything.
 
     What cannot be loaded is a finding of its own, and the rest is looked at all the same.
@@ -66,6 +66,8 @@ def examine(progress: Callable[[str], None]) -> Examination:
     ----------
     progress : callable
         Gets the name of each step.
+    compiling : bool
+        Compile the kernels of `process` and `demo` ahead, rather than the self-test's alone.
 
     Returns
     -------
@@ -76,12 +78,21 @@ def examine(progress: Callable[[str], None]) -> Examination:
     findings = machine_findings()
     progress("packages, each imported in another process")
     findings += package_findings()
+    if compiling:
+        findings += _guarded("kernels", lambda: _compiled(progress))
     progress("compiled kernels; to compile them for the first time takes up to a minute")
     findings += _guarded("kernels", _core)
     progress("grids and engine")
     findings += _guarded("grids", grid_findings)
     findings += _guarded("ppk", lambda: [engine_finding()])
     return Examination(tuple(findings))
+
+
+def _compiled(progress: Callable[[str], None]) -> list[Finding]:
+    """Compile the kernels ahead."""
+    from .compiling import compile_all
+
+    return [compile_all(progress)]
 
 
 def _core() -> list[Finding]:
