@@ -121,6 +121,21 @@ def test_a_gross_control_point_is_rejected_and_does_not_bend_the_block(axis, aer
     assert cleaned.rejected.size <= 1
 
 
+@pytest.mark.parametrize(("control", "px"), [(1, 30.0), (5, 30.0), (6, 80.0)])
+def test_good_control_stays_where_a_ray_to_it_is_bad(control, px) -> None:
+    """Oracle: the planted ray of a good control point, of three rays where the control would go."""
+    made = simulated(35, cameras=(camera(free=()),), **SHAPE)
+    seen = made.block.observations
+    row = np.flatnonzero(seen.point == made.block.control.point[control])[0]
+    uv = seen.uv.copy()
+    uv[row, 0] += px
+    block = with_pixels(made.block, uv)
+    cleaned = without_outliers(problem_of(block, control_points(block.control)), made.truth)
+    assert row in cleaned.rejected
+    assert cleaned.control == ()
+    assert cleaned.rejected.size <= 2  # and one coordinate in 16 000, with its point
+
+
 def test_control_that_claims_too_little_stays() -> None:
     """Oracle: the simulation: eight points three times worse than stated are no gross errors."""
     for seed in range(36, 40):

@@ -15,7 +15,7 @@ from insgnss.block_adjustment.plausibility import refuse_implausible
 from insgnss.block_adjustment.run import adjust
 from insgnss.block_adjustment.vehicle.observed import observed
 from insgnss.block_adjustment.vehicle.places import scale_of
-from insgnss.block_adjustment.vehicle.track import along_course
+from insgnss.block_adjustment.vehicle.track import Track, along_course
 from insgnss.block_adjustment.vehicle.verdict import frame_of
 from insgnss.cli.main import main
 from insgnss.config.block_file import VehicleTable, load_block
@@ -349,6 +349,22 @@ def test_a_table_of_target_positions(made, tmp_path) -> None:
         InputError, match=r"positions of the target itself, so that vehicle\.target_m"
     ):
         inputs_of(load_block(into), quiet)
+
+
+def test_between_rows_position_and_velocity_are_those_of_a_cubic() -> None:
+    """Oracle: a polynomial of third degree and its derivative (numpy): the cubic through positions
+    and velocities of two rows is the polynomial itself.
+    """
+    path = np.random.default_rng(3).normal(size=(4, 3))
+    slope = np.polynomial.polynomial.polyder(path)
+    time, between = np.array([0.0, 0.4, 0.5, 1.3, 2.0]), np.array([0.1, 0.47, 0.7, 1.0, 1.9])
+    x, v = (np.polynomial.polynomial.polyval(time, c).T for c in (path, slope))
+    C = np.tile(np.eye(3), (5, 1, 1))
+    track, within = Track("table", None, time, 2008, x, v, C, np.zeros(3)).at(between, 1.0)
+    assert within.all()
+    for values, c in ((track.position_m, path), (track.velocity, slope)):
+        expected = np.polynomial.polynomial.polyval(between, c).T
+        np.testing.assert_allclose(values, expected, rtol=0, atol=1e-12)
 
 
 def test_errors_that_last_and_the_lever_arm_are_in_the_covariance(made, tmp_path) -> None:

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import main
 from insgnss.comparison.compare import compare_files, compare_poses
+from insgnss.comparison.matching import match, times
 from insgnss.comparison.reading import read_poses
 from insgnss.comparison.result import Comparison
 from insgnss.formats.orientation.eo_json import write_eo_json
@@ -298,6 +299,19 @@ def test_gaps_are_not_interpolated(flight: Written, tmp_path: Path) -> None:
     hidden = int(((flight.eo.time > t[398]) & (flight.eo.time < t[599])).sum())
     assert hidden > 3
     assert compare_files(flight["eo.json"], tmp_path / "trajectory.csv").left_a == hidden
+
+
+@pytest.mark.parametrize("weeks", [-1, 1, 3])
+def test_times_of_another_week_are_those_of_the_first(flight: Written, weeks: int) -> None:
+    """Oracle: the same instants, counted from the start of a week before or after."""
+    eo, path = read_poses(flight["eo.json"]), read_poses(flight["trajectory.csv"])
+    assert path.gps_week is not None
+    assert path.time is not None
+    moved = replace(path, gps_week=path.gps_week + weeks, time=path.time - 604800.0 * weeks)
+    assert_allclose(times(eo, moved)[1], path.time, rtol=0, atol=1e-6)
+    want, got = match(eo, path), match(eo, moved)
+    assert (got.left_a, got.left_b) == (want.left_a, want.left_b)
+    assert_allclose(got.b.ecef, want.b.ecef, rtol=0, atol=1e-4)
 
 
 def test_refusals(flight: Written, tmp_path: Path) -> None:

@@ -85,6 +85,21 @@ def test_epochs_of_one_quality_are_weighed_by_their_covariances(tmp_path: Path, 
         assert_allclose(getattr(got, name), getattr(f, name), rtol=0, atol=0.05)
 
 
+@pytest.mark.parametrize("apart_s", [-0.0048, -0.003, -0.001, 0.001, 0.003, 0.0048])
+def test_stamps_up_to_five_milliseconds_apart_are_one_epoch(tmp_path: Path, apart_s: float) -> None:
+    """Oracle: the epochs with one and the same stamp, at the stamps of the forward solution; 6 ms
+    apart they are epochs of their own (RTKLIB: 5 ms).
+    """
+    time = 200000.0 + 0.2 * np.arange(5)
+    f, b = run_of(1, time, [2] * 5), run_of(2, time, [2] * 5)
+    want, got = joined(tmp_path, f, b), joined(tmp_path, f, replace(b, time=time + apart_s))
+    assert_allclose(got.time, time, rtol=0, atol=1e-6)
+    assert_allclose(ecef(got), ecef(want), rtol=0, atol=1e-6)
+    assert_allclose(got.cov_ned, want.cov_ned, rtol=0, atol=1e-12)
+    beyond = joined(tmp_path, f, replace(b, time=time + np.copysign(0.006, apart_s)))
+    assert len(beyond) == 10
+
+
 def test_the_better_quality_and_the_only_epoch_are_taken_as_they_stand(tmp_path: Path) -> None:
     """Oracle: the rows of the two files; the order fixed, PPP, float, SBAS, DGPS, single."""
     time = 200000.0 + np.arange(8.0)
