@@ -9,11 +9,11 @@ and two that are left would fit whatever they are: such a point is rejected with
 unless a group observes it.
 
 Ground control takes part in both: a group that observes one object point alone is one observation
-of three coordinates, and is rejected as a whole where its w is larger than those of the point's
-rays, one group at a time, as one bends the others. Its robust scale is that of all groups of its
-name, one at least: control that claims too little is no gross error, and `variance_components`
-tells of it. Two thirds of the groups of a name stay, and three where nothing else holds the block.
-What was rejected is in the result.
+of three coordinates, and is rejected as a whole where its w is larger than that of any ray, since a
+bad ray to one bends its neighbours too, one group at a time. Its robust scale is that of all groups
+of its name, one at least: control that claims too little is no gross error, and
+`variance_components` tells of it. Two thirds of the groups of a name stay, and three where nothing
+else holds the block. What was rejected is in the result.
 """
 
 from collections.abc import Callable
@@ -230,9 +230,7 @@ def _worst_control(
     held = any(len(g.keys) > 1 or g.keys[0][0] == POSE for g in whole.groups) or any(
         whole.layout.held[: 6 * whole.layout.n_images]
     )
-    w_of_rays = np.zeros(len(whole.block.points))
-    seen = whole.block.observations
-    np.maximum.at(w_of_rays, seen.point, np.nan_to_num(np.abs(precision.w)).max(axis=1))
+    w_of_rays = float(np.nan_to_num(np.abs(precision.w)).max(initial=0.0))
     worst: tuple[int, float] | None = None
     for rows in _of_points(whole.groups).values():
         here = [k for k in rows if k not in gone]
@@ -243,8 +241,7 @@ def _worst_control(
         spread = float(np.median(np.concatenate([np.abs(of_group[k].w) for k in here])))
         unit = max(1.0, spread / MEDIAN_SIZE)
         for k, size in zip(here, w, strict=True):
-            point = whole.groups[k].keys[0][1]
-            beyond = size > limit * unit and size > w_of_rays[point]
+            beyond = size > limit * unit and size > w_of_rays
             if beyond and (worst is None or size > worst[1]):
                 worst = (k, float(size))
     return worst
