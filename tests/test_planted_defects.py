@@ -1,5 +1,7 @@
 """The script that plants defects: where it finds a piece of text, and what it refuses."""
 
+import ast
+import importlib
 import importlib.util
 from pathlib import Path
 from types import ModuleType
@@ -52,3 +54,22 @@ def test_unknown_keys_are_refused(script: ModuleType, tmp_path: Path) -> None:
     )
     with pytest.raises(script.EntryError, match="defect 1: 'breaks' is missing or unknown"):
         script.load(tmp_path / "t.toml")
+
+
+def test_changes_at_random_places_are_those_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: by hand, change by change; texts, errors and annotations have none."""
+    monkeypatch.syspath_prepend(SCRIPT.parent)
+    text = (
+        'def f(a: "1.0 - 2.0", x):\n'
+        '    """1.0 - 2.0 < 3."""\n'
+        "    if len(a) < 3 and -x[1] >= max(2.0, x):\n"
+        '        raise ValueError(f"{1.0 - x}")\n'
+        "    return (a) - (\n        x * 2.0\n    )\n"
+    )
+    places = importlib.import_module("random_defects")._Places(text)
+    places.visit(ast.parse(text))
+    got = [(text[begin:end], new) for begin, end, new in sorted(places.found)]
+    assert got == [
+        *[("<", "<="), ("and", "or"), ("-", ""), ("1", "2"), (">=", "<="), ("max", "min")],
+        *[("2.0", "1"), ("2.0", "3"), ("-", "+"), ("*", "/"), ("2.0", "1"), ("2.0", "3")],
+    ]
