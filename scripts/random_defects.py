@@ -12,9 +12,10 @@ place, of a place one change:
     min, max                exchanged          a whole index     one more
     a float                 times 1.5 or 0.5   a minus sign      left out
 
-Texts, errors and annotations are left alone. Only tests/<room> is run, without slow tests; a
-survivor may be one that changes nothing (a limit that no number meets), which a person judges. It
-ends in a table and exit code 1 where fewer than 85 % are caught.
+Texts, errors and annotations are left alone. The quick tests of the room are run, and those that
+name the module where none of the room does. A survivor may be one that changes nothing (a limit
+that no number meets), which a person judges. It ends in a table, and in exit code 1 where fewer
+than 85 % are caught.
 """
 
 import argparse
@@ -170,17 +171,22 @@ def drawn(rooms: list[str], number: int, seed: int) -> Iterator[tuple[str, Chang
             yield room, rng.choice(of_room[room].pop())
 
 
-def tests_of(room: str) -> list[str]:
-    """The tests of a room; of one within a room the files that name it."""
-    folder = ROOT / "tests" / room.split("/")[0]
-    if "/" not in room:
-        return [str(folder.relative_to(ROOT))]
-    module = room.replace("/", ".")
-    files = (f for f in sorted(folder.glob("test_*.py")) if module in f.read_text("utf-8"))
-    return [str(f.relative_to(ROOT)) for f in files]
+def tests_of(file: Path) -> list[str]:
+    """The tests of a module's room, those that name it first, or else those elsewhere that do.
+
+    Within `gnss`, whose folders are rooms, those of the folder.
+    """
+    _, *parts = file.with_suffix("").parts
+    every = {f: f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("test_*.py"))}
+    named = [f for f, text in every.items() if f"insgnss.{'.'.join(parts)} import" in text]
+    of_room = [f for f in every if ROOT / "tests" / parts[0] in f.parents]
+    if parts[0] == "gnss":
+        of_room = [f for f in of_room if f"insgnss.gnss.{parts[1]}" in every[f]]
+    chosen = [f for f in named if f in of_room] or named
+    return [str(f.relative_to(ROOT)) for f in dict.fromkeys([*chosen, *of_room])]
 
 
-def attempt(room: str, change: Change, tree: Path, cache: Path) -> int:
+def attempt(change: Change, tree: Path, cache: Path) -> int:
     """Exit code of the room's quick tests with the change in a copy of the tree.
 
     Kernels are compiled once for all changes elsewhere, and interpreted where theirs is the file.
@@ -189,7 +195,7 @@ def attempt(room: str, change: Change, tree: Path, cache: Path) -> int:
     before, stamp = file.read_text(encoding="utf-8"), file.stat()
     file.write_text(before[: change.begin] + change.new + before[change.end :], encoding="utf-8")
     try:
-        return run_tests(tree, tests_of(room), "njit" not in before, cache, "-x", "-n0")
+        return run_tests(tree, tests_of(change.file), "njit" not in before, cache, "-x", "-n0")
     finally:
         file.write_text(before, encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # compiled kernels stay valid
@@ -214,7 +220,7 @@ def main() -> int:
                 print(change)
                 continue
             begin = time.monotonic()
-            code = attempt(room, change, tree, Path(name) / "cache")
+            code = attempt(change, tree, Path(name) / "cache")
             verdict = {PASSED: "survived", FAILED: "caught"}.get(code, "caught (no end)")
             caught[room] += code != PASSED
             print(f"{verdict:<10}{time.monotonic() - begin:6.1f} s  {change}", flush=True)
