@@ -2,6 +2,7 @@
 
     python scripts/random_defects.py                        60 of all rooms below, seed 0
     python scripts/random_defects.py --rooms orient align --number 20 --seed 3
+    python scripts/random_defects.py --named                a first look: survivors are too many
     python scripts/random_defects.py --list                 only where, and what
 
 Beside `planted_defects.py`, whose defects somebody chose: rooms are drawn in turn, of a room a
@@ -171,7 +172,7 @@ def drawn(rooms: list[str], number: int, seed: int) -> Iterator[tuple[str, Chang
             yield room, rng.choice(of_room[room].pop())
 
 
-def tests_of(file: Path) -> list[str]:
+def tests_of(file: Path, named_only: bool) -> list[str]:
     """The tests of a module's room, those that name it first, or else those elsewhere that do.
 
     Within `gnss`, whose folders are rooms, those of the folder.
@@ -183,10 +184,12 @@ def tests_of(file: Path) -> list[str]:
     if parts[0] == "gnss":
         of_room = [f for f in of_room if f"insgnss.gnss.{parts[1]}" in every[f]]
     chosen = [f for f in named if f in of_room] or named
-    return [str(f.relative_to(ROOT)) for f in dict.fromkeys([*chosen, *of_room])]
+    if not (named_only and chosen):
+        chosen = [*chosen, *of_room]
+    return [str(f.relative_to(ROOT)) for f in dict.fromkeys(chosen)]
 
 
-def attempt(change: Change, tree: Path, cache: Path) -> int:
+def attempt(change: Change, tests: list[str], tree: Path, cache: Path) -> int:
     """Exit code of the room's quick tests with the change in a copy of the tree.
 
     Kernels are compiled once for all changes elsewhere, and interpreted where theirs is the file.
@@ -195,7 +198,7 @@ def attempt(change: Change, tree: Path, cache: Path) -> int:
     before, stamp = file.read_text(encoding="utf-8"), file.stat()
     file.write_text(before[: change.begin] + change.new + before[change.end :], encoding="utf-8")
     try:
-        return run_tests(tree, tests_of(change.file), "njit" not in before, cache, "-x", "-n0")
+        return run_tests(tree, tests, "njit" not in before, cache, "-x", "-n0")
     finally:
         file.write_text(before, encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # compiled kernels stay valid
@@ -207,6 +210,7 @@ def main() -> int:
     parser.add_argument("--rooms", nargs="+", default=list(ROOMS), help="folders of insgnss")
     parser.add_argument("--number", type=int, default=60, help="of changes")
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
+    parser.add_argument("--named", action="store_true", help="only tests that name the module")
     parser.add_argument("--list", action="store_true", help="only print the changes")
     options = parser.parse_args()
     chosen = list(drawn(options.rooms, options.number, options.seed))
@@ -220,7 +224,7 @@ def main() -> int:
                 print(change)
                 continue
             begin = time.monotonic()
-            code = attempt(change, tree, Path(name) / "cache")
+            code = attempt(change, tests_of(change.file, options.named), tree, Path(name) / "cache")
             verdict = {PASSED: "survived", FAILED: "caught"}.get(code, "caught (no end)")
             caught[room] += code != PASSED
             print(f"{verdict:<10}{time.monotonic() - begin:6.1f} s  {change}", flush=True)
