@@ -52,6 +52,17 @@ def test_metashape_offset_gives_the_printed_boresight():
     )
 
 
+@pytest.mark.parametrize("off", [0.95e-4, -0.95e-4, 1.05e-4, -1.05e-4])
+def test_a_matrix_of_four_decimals_is_a_rotation(off):
+    """Oracle: the rotation nearest to 1 + off times one is that one, by off away from it."""
+    matrix = (1.0 + off) * np.eye(3)
+    if abs(off) < 1e-4:
+        assert_allclose(Mounting(boresight=matrix).boresight, np.eye(3), rtol=0, atol=1e-12)
+    else:
+        with pytest.raises(InputError, match=r"an entry is 0\.00011 off the nearest"):
+            Mounting(boresight=matrix)
+
+
 def test_metashape_offset_of_the_paper_is_off_by_28_arcsec():
     """Oracle: the total rotation difference of 0.0078 deg found in the format notes (B1.4)."""
     printed = boresight_from_angles("metashape_ypr", [-0.513, 0.657, 0.574])

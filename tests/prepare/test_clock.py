@@ -116,6 +116,21 @@ def test_too_short_an_overlap_does_not_support_an_answer(first, last, start, end
         common_span(imu(104.5, 150.0, 2008), gnss(first, last), start, end)
 
 
+def test_ten_seconds_in_common_are_enough():
+    """Oracle: ten seconds from 140 to 150 s, nine from 141 s."""
+    assert common_span(imu(104.5, 150.0, 2008), gnss(140.0, 300.0), None, None) == (140.0, 150.0)
+    with pytest.raises(DataError, match=r"10 fixes over 9\.0 s in common \(limit 10 s\)"):
+        common_span(imu(104.5, 150.0, 2008), gnss(141.0, 300.0), None, None)
+
+
+@pytest.mark.parametrize(("hours", "words"), [(11.9, "they are a GPS week"), (12.1, "do not over")])
+def test_a_week_between_recordings_of_half_a_day_is_told(hours, words):
+    """Oracle: 604 800 s between recordings of the same length."""
+    length = 3600.0 * hours
+    with pytest.raises(InputError, match=words):
+        common_span(imu(0.0, length, 2008), gnss(604800.0, 604800.0 + length), None, None)
+
+
 def test_cut_keeps_every_field_of_the_fixes_within():
     """Oracle: the rows of 10 to 12 s, both ends included; fields that are absent stay so."""
     cut = cut_fixes(gnss(0.0, 20.0, 2008, velocity=True), 10.0, 12.0)
