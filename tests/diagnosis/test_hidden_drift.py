@@ -49,6 +49,30 @@ def test_what_is_not_hidden_or_is_noise_is_not_said(before, adopted):
     assert hidden_drift(before, before, [NOISE]) is None
 
 
+@pytest.mark.parametrize(
+    ("before", "adopted", "told"),
+    [
+        (solution(6.1), solution(5.9), True),
+        (solution(5.9), solution(1.0), False),
+        (solution(6.1), solution(6.05), False),
+        (solution(18.0, tuple(range(20))), solution(1.0), True),
+        (solution(18.0, tuple(range(21))), solution(1.0), False),
+        (solution(3.1, tuple(range(60))), solution(1.0), False),
+    ],
+)
+def test_where_it_begins_to_be_said(before, adopted, told):
+    """Oracle: beyond 6 sigma, in no more than a fifth of the epochs beyond 3."""
+    assert (hidden_drift(before, adopted, [NOISE]) is not None) == told
+
+
+@pytest.mark.parametrize(("usual", "told"), [(2.9, True), (3.1, False)])
+def test_what_noise_leaves_now_and_then_is_below_three_sigma(usual, told):
+    """Oracle: 30 epochs of a hundred of that size, beside one of 18 sigma."""
+    before = solution(usual, tuple(range(30)))
+    before.separation[50, 5] = 0.18
+    assert (hidden_drift(before, solution(1.0), [NOISE]) is not None) == told
+
+
 def test_a_constant_explains_it():
     """A time offset disagrees in turns only, and is no drift."""
     offset = Check("GNSS time offset", "5 ms", "0 ms", "note", "")

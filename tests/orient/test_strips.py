@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from insgnss.orient import strips
@@ -109,3 +110,34 @@ def test_an_image_where_two_lines_meet_belongs_to_the_first() -> None:
     first, line = line_pairs(framed.time, framed.coordinates, framed.C_fE[:, :, 2], framed.C_fc)
     assert (line[first == 4], line[first == 5]) == (1, 2)
     assert listed(strip_rows(corner, np.zeros(12, dtype=np.int64))) == [(0, 5), (6, 11)]
+
+
+def test_half_of_the_images_in_lines_make_strips_of_lines() -> None:
+    """Oracle: counts by hand: a line of 12 images beside 10 or 14 in bends of 30 deg."""
+    for bends, found in ((10, [(0, 11)]), (14, [(0, 25)])):
+        eo = flown(np.concatenate([np.zeros(12), 30.0 * np.arange(1, bends + 1)]))
+        assert listed(strip_rows(eo, np.zeros(len(eo), dtype=np.int64))) == found
+
+
+def test_strips_are_of_400_images_and_256_megabytes_at_most() -> None:
+    """Oracle: 288 bytes of a pair of images; 500 images are two strips, and of 2500 images one of
+    355 is the largest that leaves 256 MB for all.
+    """
+    for n, pieces in ((400, 1), (401, 2), (2500, 8)):
+        found = strip_rows(flown(np.zeros(n)), np.zeros(n, dtype=np.int64))
+        assert len(found) == pieces
+        assert sum(288 * rows.size**2 for rows in found) <= 256e6
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "gap_s", "lines"),
+    [(19.0, 2.0, 1), (21.0, 2.0, 2), (0.0, 9.9, 1), (0.0, 10.1, 2)],
+)
+def test_a_line_ends_at_a_turn_of_20_deg_or_a_gap_of_10_s(turn_deg, gap_s, lines) -> None:
+    """Oracle: a turn and a gap in the middle of twelve images."""
+    later = np.arange(12) >= 6
+    time = 2.0 * np.arange(12) + later * (gap_s - 2.0)
+    eo = flown(turn_deg * later, time)
+    framed = in_frame(eo, "tangent plane")
+    _, line = line_pairs(framed.time, framed.coordinates, framed.C_fE[:, :, 2], framed.C_fc)
+    assert line.max() == lines

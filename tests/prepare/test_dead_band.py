@@ -7,7 +7,7 @@ import pytest
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.prepare.dead_band import dead_band_of
+from insgnss.prepare.dead_band import DeadBand, dead_band_of
 from insgnss.processing.recording import with_dead_bands
 from insgnss.simulation.ground import drive
 from insgnss.simulation.scenario import ImuOptions, observe
@@ -31,6 +31,15 @@ def test_band_of_a_slow_turn():
     assert band.sigma == pytest.approx(0.01 / np.sqrt(3.0), rel=0.02)
     assert dead_band_of(rate, DT) is None
     assert dead_band_of(np.round(rate, 4), DT) is None
+
+
+def test_it_counts_from_three_tenths_of_the_white_noise_on():
+    """Oracle: power at low frequencies of a Gauss-Markov process, 2 sigma^2 T: 1.2e-6 of a band
+    of 1e-3 sqrt(3) for 0.6 s, beside 0.3 of that of the white noise.
+    """
+    band = DeadBand(1e-3 * np.sqrt(3.0), 0.5, 0.6)
+    assert band.counts(0.0019)  # 0.3 w^2 = 1.1e-6
+    assert not band.counts(0.0021)  # 1.3e-6
 
 
 def drives(seed=1):

@@ -88,6 +88,24 @@ def test_long_gaps_divide_the_flight(flight):
     assert segments(holed(flight.imu, 4000, 60).time, t[0], t[-1]) == [(t[0], t[-1])]
 
 
+@pytest.mark.parametrize(("step_s", "bridged_s"), [(0.01, 1.0), (0.2, 1.0), (0.5, 1.5)])
+def test_gaps_up_to_a_second_or_three_intervals_are_bridged(step_s, bridged_s):
+    """Oracle: one second, three intervals of slower sensors; 5 % of a nominal interval beside."""
+    for by, parts in ((-0.05, 1), (0.05, 2)):
+        before = step_s * np.arange(100.0)
+        after = before + before[-1] + bridged_s + by * step_s
+        time = np.concatenate([before, after])
+        assert len(segments(time, time[0], time[-1])) == parts
+
+
+def test_intervals_that_lack_a_sample_and_gaps_with_edges():
+    """Oracle: one and a half nominal intervals lack a sample; edges beyond a tenth of a second."""
+    for length, lacks, edged in ((0.0149, 0, 0), (0.0151, 1, 0), (0.099, 1, 0), (0.101, 1, 2)):
+        time = np.concatenate([0.01 * np.arange(100.0), 0.99 + length + 0.01 * np.arange(100.0)])
+        assert len(find_gaps(time, nominal_interval(time))) == lacks
+        assert edges(time, time[0], time[-1]).size == edged
+
+
 def test_gaps_that_nothing_can_be_compared_with_are_refused(flight):
     """Oracle: the construction: 0.2 s of samples, 0.3 s of none, and so on, so that no 0.3 s are
     whole.
