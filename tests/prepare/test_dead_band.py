@@ -33,6 +33,18 @@ def test_band_of_a_slow_turn():
     assert dead_band_of(np.round(rate, 4), DT) is None
 
 
+def test_a_tenth_of_the_samples_and_runs_of_a_minute_at_most():
+    """Oracle: (D.1) by hand: a tenth of all readings is zero; of one run of 100 s 60 s count."""
+    rng = np.random.default_rng(2)
+    for share, found in ((0.09, False), (0.11, True)):
+        rate = np.where(np.arange(10_000) % 100 < 100 * share, 0.0, rng.normal(0.0, 0.1, 10_000))
+        assert (dead_band_of(rate, DT) is not None) == found
+    stand = np.concatenate([np.zeros(10_000), rng.normal(0.0, 0.1, 10_000)])
+    band = dead_band_of(stand, DT)
+    assert band is not None
+    assert band.duration_s == pytest.approx(60.0)
+
+
 def test_it_counts_from_three_tenths_of_the_white_noise_on():
     """Oracle: power at low frequencies of a Gauss-Markov process, 2 sigma^2 T: 1.2e-6 of a band
     of 1e-3 sqrt(3) for 0.6 s, beside 0.3 of that of the white noise.

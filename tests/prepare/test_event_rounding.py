@@ -41,6 +41,16 @@ def test_stamps_with_their_digits_stay_as_they_are():
     assert stamp_step(np.round(TIME, 1)) == 0.1
 
 
+def test_eight_stamps_and_two_changes_by_a_step_show_a_rounding():
+    """Oracle: counts by hand: seven stamps show none; one interval a step longer is a trigger's."""
+    assert stamp_step(np.round(TIME[:8], 1)) == 0.1
+    for changes, rounded in ((1, False), (2, True)):
+        interval = np.full(20, 2.0)
+        interval[5 : 5 + changes] += 1.0
+        got = with_stamp_rounding(events(100.0 + np.cumsum(interval)))
+        assert (got.sigma_s is not None) == rounded
+
+
 def test_an_intervalometer_is_asked_about_and_not_doubted():
     """Oracle: intervals of 2 s, two lines: nobody can tell, so nothing is added."""
     time = np.concatenate([np.arange(100.0, 160.0, 2.0), np.arange(190.0, 250.0, 2.0)])

@@ -1,6 +1,7 @@
 """Fixes that say nothing beside those around them."""
 
 import numpy as np
+import pytest
 
 from insgnss.prepare.fix_quality import without_worthless
 from insgnss.records import GnssFixes
@@ -20,6 +21,24 @@ def test_a_stale_row_between_better_ones_is_left_out():
     kept = without_worthless(fixes(time, np.where(odd, 1, 5), np.where(odd, 40.0, 2.0)))
     assert np.array_equal(kept.time, time[~odd])
     assert "100 of quality 1 (sigma 56.6 m) left out" in kept.notes[-1].found
+
+
+@pytest.mark.parametrize(
+    ("before_s", "after_s", "ratio", "left_out"),
+    [
+        (0.95, 0.95, 5.1, True),
+        (0.95, 0.95, 4.9, False),
+        (1.05, 0.5, 40.0, False),
+        (0.5, 1.05, 40.0, False),
+    ],
+)
+def test_five_sigmas_within_a_second_on_both_sides(before_s, after_s, ratio, left_out):
+    """Oracle: steps and ratio of the sigmas by hand: fewer seconds and more sigmas are left out."""
+    start = (before_s + after_s) * np.arange(20.0)
+    time = np.sort(np.concatenate([start, start[:-1] + before_s]))
+    odd = np.arange(39) % 2 == 1
+    given = fixes(time, np.where(odd, 1, 5), np.where(odd, ratio, 1.0))
+    assert without_worthless(given).time.size == (20 if left_out else 39)
 
 
 def test_what_bridges_an_outage_or_claims_enough_stays():

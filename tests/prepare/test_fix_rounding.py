@@ -7,6 +7,7 @@ import pytest
 
 import insgnss
 from insgnss.prepare.fix_rounding import rounding_step, with_rounding
+from insgnss.records import GnssFixes
 from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import ImuOptions, observe
@@ -51,6 +52,25 @@ def test_a_rounding_is_added_once_for_a_run_of_equal_fixes():
     np.testing.assert_allclose(added[30:, 2], 0.01 / 12.0, rtol=1e-9)
     np.testing.assert_allclose(added[:, :2], 0.0)
     assert "0 / 0 / 10 cm" in got.notes[-1].found
+
+
+def test_a_rounding_counts_from_three_tenths_of_the_sigma_on():
+    """Oracle: 10 cm / sqrt(12) = 28.9 mm is 0.3 of 96.2 mm."""
+    height = np.round(510.0 + np.random.default_rng(4).normal(size=60), 1)
+    angle = 0.8 + 1e-6 * np.random.default_rng(5).normal(size=60)
+    for sigma_m, added in ((0.095, True), (0.0975, False)):
+        cov = np.tile(sigma_m**2 * np.eye(3), (60, 1, 1))
+        fixes = GnssFixes(np.arange(60.0), angle, angle, height, cov)
+        assert (with_rounding(fixes) is not fixes) == added
+
+
+def test_a_run_adds_35_centimetres_at_most():
+    """Oracle: 30 equal heights to a metre add (1 m)^2 / 12 thirty times over, or 0.35 m."""
+    height = np.concatenate([np.full(30, 510.0), 511.0 + np.arange(30.0)])
+    angle = 0.8 + 1e-6 * np.random.default_rng(5).normal(size=60)
+    fixes = GnssFixes(np.arange(60.0), angle, angle, height, np.tile(1e-4 * np.eye(3), (60, 1, 1)))
+    added = (with_rounding(fixes).cov_ned - fixes.cov_ned)[:, 2, 2]
+    np.testing.assert_allclose(added, np.repeat([0.35**2, 1.0 / 12.0], 30), rtol=1e-9)
 
 
 def test_fine_digits_are_left_alone():

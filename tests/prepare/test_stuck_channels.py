@@ -50,6 +50,57 @@ def test_what_does_not_hang_is_left_alone(imu):
     assert without_stuck_channels(stuck(imu, 1, 5000, 9000), 5.0).time.size == imu.time.size
 
 
+@pytest.mark.parametrize(("interval_s", "samples"), [(0.01, 20), (0.004, 50), (0.05, 20)])
+def test_a_hang_lasts_twenty_samples_and_a_fifth_of_a_second(imu, interval_s, samples):
+    """Oracle: counts by hand, two samples less and two more."""
+    every = replace(imu, time=1000.0 + interval_s * np.arange(imu.time.size))
+    for held, dropped in ((samples - 2, 0), (samples + 2, samples + 1)):
+        out = without_stuck_channels(stuck(every, 4, 5000, 5000 + held - 1), 5.0)
+        assert imu.time.size - out.time.size == dropped
+
+
+def test_a_coarse_channel_hangs_for_three_times_what_chance_makes(imu):
+    """Oracle: of 20 000 samples of one bit chance makes runs of log2(20000) = 14.3, three times
+    which is 43.
+    """
+    bit = np.where(np.random.default_rng(8).uniform(size=imu.time.size) < 0.5, -0.01, 0.01)
+    for held, dropped in ((40, 0), (46, 45)):
+        gyro = imu.gyro.copy()
+        gyro[:, 2] = bit
+        gyro[5000 : 5000 + held, 2] = 0.01
+        gyro[[4999, 5000 + held], 2] = -0.01
+        out = without_stuck_channels(replace(imu, gyro=gyro), 5.0)
+        assert imu.time.size - out.time.size == dropped
+
+
+@pytest.mark.parametrize(
+    ("fastest", "zeros", "dropped"),
+    [(0.049, 0, 0), (0.051, 0, 99), (0.2, 190, 99), (0.2, 210, 0)],
+)
+def test_zeros_of_a_gyro_that_hardly_turns_or_often_reads_zero_are_no_hang(
+    imu, fastest, zeros, dropped
+):
+    """Oracle: rates below 0.05 rad/s meanwhile; zeros at more than 1 % of 20 000 other samples."""
+    gyro = imu.gyro.copy()
+    gyro[5000:5100] *= fastest / np.abs(gyro[5000:5100, 1:]).max()
+    gyro[5000:5100, 0] = 0.0
+    gyro[6000 : 6000 + 3 * zeros : 3, 0] = 0.0
+    out = without_stuck_channels(replace(imu, gyro=gyro), 5.0)
+    assert imu.time.size - out.time.size == dropped
+
+
+@pytest.mark.parametrize(("changes", "dropped"), [(29, 0), (31, 100)])
+def test_a_channel_hangs_while_another_one_moves(imu, changes, dropped):
+    """Oracle: another channel changes at 30 of 100 samples; one that never changes counts less."""
+    accel = imu.accel.copy()
+    accel[5000:5101] = accel[5000]
+    value = np.cumsum(np.diff(np.arange(101) * changes // 100, prepend=0))
+    accel[5000:5101, 1] += 0.01 * value
+    accel[5000:5101, 2] += 0.01 * (np.arange(101) // 10)
+    out = without_stuck_channels(replace(imu, accel=accel), 5.0)
+    assert imu.time.size - out.time.size == dropped
+
+
 def test_runs_are_found_at_every_phase():
     """Oracle: brute force over all starts and lengths around the limit."""
     rng = np.random.default_rng(5)
