@@ -136,6 +136,45 @@ def test_a_constant_shift_is_nothing_else(
     assert size > 1.0 or words in c.findings[0].statement
 
 
+@pytest.mark.parametrize(
+    ("east", "up", "names"),
+    [
+        (0.0048, 0.0, []),
+        (0.0052, 0.0, ["shift"]),
+        (0.0, -0.0048, []),
+        (0.0, 0.0052, ["height shift"]),
+        (0.0, 4.9, ["height shift"]),
+        (0.0, -5.1, ["geoid-sized height"]),
+        (0.0, 109.0, ["geoid-sized height"]),
+        (0.0, -111.0, ["height shift"]),
+    ],
+)
+def test_from_where_on_a_shift_is_stated(eo: Poses, east: float, up: float, names: list) -> None:
+    """Oracle: half a centimetre; heights of a geoid from 5 to 110 m."""
+    shifted = without(eo, eo, np.tile([-east, 0.0, -up], (eo.n, 1)))
+    assert [f.name for f in compare_poses(eo, shifted).findings] == names
+
+
+@pytest.mark.parametrize(("length", "found"), [(9.9, True), (10.1, False)])
+def test_no_lever_arm_is_longer_than_a_vehicle(eo: Poses, length: float, found: bool) -> None:
+    """Oracle: 10 m, across the view of images that turn by half a circle from line to line."""
+    assert eo.C_Ex is not None
+    lever = length * np.array([0.6, 0.8, 0.0])
+    b = replace(without(eo, eo, -(eo.C_Ex @ lever)), C_Ex=None, point="antenna")
+    names = [f.name for f in compare_poses(eo, b).findings]
+    assert ("lever arm" in names) == found
+
+
+@pytest.mark.parametrize(("late_s", "names"), [(0.00045, []), (-0.00055, ["time"])])
+def test_stamps_half_a_millisecond_apart_are_the_same(
+    eo: Poses, late_s: float, names: list
+) -> None:
+    """Oracle: what was put into the stamps."""
+    assert eo.time is not None
+    c = compare_poses(eo, replace(eo, time=eo.time + late_s))
+    assert [f.name for f in c.findings] == names
+
+
 @pytest.mark.parametrize("size", [1.0, 20.0])
 def test_a_constant_shift_beside_a_geoid_is_nothing_else(eo: Poses, size: float) -> None:
     """Oracle: a shift in the tangent plane, whose height is that of a geoid and leans by half an

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import main
 from insgnss.comparison.compare import compare_files, compare_poses
-from insgnss.comparison.matching import match, times
+from insgnss.comparison.matching import covered, match, times
 from insgnss.comparison.reading import read_poses
 from insgnss.comparison.result import Comparison
 from insgnss.formats.orientation.eo_json import write_eo_json
@@ -299,6 +299,18 @@ def test_gaps_are_not_interpolated(flight: Written, tmp_path: Path) -> None:
     hidden = int(((flight.eo.time > t[398]) & (flight.eo.time < t[599])).sum())
     assert hidden > 3
     assert compare_files(flight["eo.json"], tmp_path / "trajectory.csv").left_a == hidden
+
+
+def test_gaps_of_three_steps_are_interpolated() -> None:
+    """Oracle: three times the usual step of 0.1 s, a little less and a little more; nothing before
+    the first sample and after the last.
+    """
+    before = 0.1 * np.arange(20.0)
+    for gap, inside in ((0.299, True), (0.301, False)):
+        samples = np.concatenate([before, before[-1] + gap + before])
+        wanted = np.array([-0.01, 0.0, 1.0, before[-1] + 0.1, samples[-1], samples[-1] + 0.01])
+        expected = [False, True, True, inside, True, False]
+        assert covered(samples, wanted).tolist() == expected
 
 
 @pytest.mark.parametrize("weeks", [-1, 1, 3])
