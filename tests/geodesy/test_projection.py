@@ -4,6 +4,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -152,6 +153,33 @@ def test_heights_that_several_grids_would_reach(
         InputError, match=rf"need a grid: {grid} is not .*`pyproj sync --file {grid}`"
     ):
         projection.forward(np.radians([lat]), np.radians([lon]), np.array([100.0]))
+
+
+@pytest.mark.parametrize(
+    ("ways", "named"),
+    [
+        ([("rough", 0.5), ("fine", 0.1)], "fine"),
+        ([("unknown", -1.0), ("rough", 0.5)], "rough"),
+        ([("two", 0.01), ("rough", 0.5)], "rough"),
+    ],
+)
+def test_of_several_grids_the_fewest_and_most_accurate_are_named(
+    monkeypatch: pytest.MonkeyPatch, ways: list[tuple[str, float]], named: str
+) -> None:
+    """Oracle: by hand: an accuracy below zero is not known; the way "two" lacks two grids."""
+    every = [
+        SimpleNamespace(
+            accuracy=accuracy,
+            grids=[SimpleNamespace(available=False, url="https", short_name=name)]
+            * (2 if name == "two" else 1),
+        )
+        for name, accuracy in ways
+    ]
+    monkeypatch.setattr(
+        grids, "operations", lambda *_: SimpleNamespace(unavailable_operations=every)
+    )
+    text = grids.lacking_heights("a+b", None, None, LAT, LON)
+    assert f"its heights need a grid: {named} is not installed" in text
 
 
 @pytest.mark.parametrize(
