@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError, UsageError
+from insgnss.geodesy import grids
 from insgnss.geodesy.projection import MapProjection
 
 LAT, LON, H = np.radians([46.57, 46.60]), np.radians([6.54, 6.60]), np.array([630.0, 1200.0])
