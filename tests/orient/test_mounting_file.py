@@ -164,6 +164,18 @@ def test_wrong_files_are_refused_with_their_line(tmp_path, text: str, message: s
         read_mounting_file(tmp_path / "m.toml")
 
 
+def test_lever_arms_of_100_m_and_delays_of_10_s_are_in_another_unit() -> None:
+    """Oracle: values a little below and beyond both limits; 0.6, 0.8 is a vector of length one."""
+    for key in ("antenna_m", "imu_m"):
+        replace(MADE, not_determined={}, **{key: 99.9 * np.array([0.6, 0.0, 0.8])})
+        with pytest.raises(InputError, match=rf"{key}: .* is 100 m long \(limit 100 m\)"):
+            replace(MADE, not_determined={}, **{key: 100.1 * np.array([0.0, 0.6, 0.8])})
+    for sign in (-1.0, 1.0):
+        replace(MADE, time_offset_s=sign * 9.9)
+        with pytest.raises(InputError, match=r"time_offset_s: -?10.1 s \(limit 10 s\)"):
+            replace(MADE, time_offset_s=sign * 10.1)
+
+
 def test_a_value_is_determined_or_not() -> None:
     """Oracle: the two exclude each other."""
     with pytest.raises(InputError, match="antenna_m: it has a value and is called not determined"):

@@ -165,3 +165,24 @@ def test_a_missing_file_and_an_impossible_calibration_are_refused(tmp_path):
         ImuCalibration(accel=TriadCalibration(response=1.5 * np.eye(3)))
     with pytest.raises(InputError, match="not finite"):
         ImuCalibration(gyro=TriadCalibration(bias=np.array([np.nan, 0, 0])))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "least", "beyond", "message"),
+    [
+        ("gyro", np.radians(19.9), np.radians(20.1), "bias: 0.351 is beyond 0.349 rad/s"),
+        ("accel", 4.95, 5.05, r"bias: 5.05 is beyond 5 m/s\^2"),
+    ],
+)
+def test_biases_and_responses_that_no_imu_has(sensor, least, beyond, message):
+    """Oracle: 20 deg/s, 5 m/s^2, and a tenth of the matrix, a little less and a little more."""
+    for axis, sign in ((0, 1.0), (2, -1.0)):
+        unit = sign * np.eye(3)[axis]
+        ImuCalibration(**{sensor: TriadCalibration(bias=least * unit)})
+        with pytest.raises(InputError, match=message):
+            ImuCalibration(**{sensor: TriadCalibration(bias=beyond * unit)})
+    off = np.zeros((3, 3))
+    off[0, 1] = -1.0
+    ImuCalibration(**{sensor: TriadCalibration(response=np.eye(3) + 0.099 * off)})
+    with pytest.raises(InputError, match="differs from identity by 10 %"):
+        ImuCalibration(**{sensor: TriadCalibration(response=np.eye(3) + 0.101 * off)})
