@@ -25,13 +25,15 @@ def _convergence(G: np.ndarray) -> np.ndarray:
 )
 def test_convergence_and_scale_of_a_geocentric_datum(code: str) -> None:
     """Oracle: PROJ's analytical factors; 1e-8 rad, a hundredth of what six decimals of a degree
-    show.
+    show. The axes are a rotation about the vertical.
     """
     from pyproj import CRS, Proj
 
     projection = MapProjection(code)
     factors = Proj(CRS(code)).get_factors(np.degrees(LON), np.degrees(LAT))
     G = projection.axes(LAT, LON, H)
+    assert np.abs(G @ G.swapaxes(1, 2) - np.eye(3)).max() < 1e-15
+    assert (G[:, 2] == [0.0, 0.0, 1.0]).all()
     assert np.abs(_convergence(G) - factors.meridian_convergence).max() < np.degrees(1e-8)
     N = 6378137.0 / np.sqrt(1.0 - 0.00669437999014 * np.sin(LAT) ** 2)
     M = N**3 / 6378137.0**2 * (1.0 - 0.00669437999014)
