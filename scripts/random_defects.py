@@ -180,7 +180,9 @@ def tests_of(file: Path, named_only: bool) -> list[str]:
     """
     _, *parts = file.with_suffix("").parts
     every = {f: f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("test_*.py"))}
-    named = [f for f, text in every.items() if f"insgnss.{'.'.join(parts)} import" in text]
+    folder, name = ".".join(["insgnss", *parts[:-1]]), parts[-1]
+    names = rf"from {folder} import (\([^)]*|[^(\n]*)\b{name}\b|from {folder}.{name} import"
+    named = [f for f, text in every.items() if re.search(names, text)]
     of_room = [f for f in every if ROOT / "tests" / parts[0] in f.parents]
     if parts[0] == "gnss":
         of_room = [f for f in of_room if f"insgnss.gnss.{parts[1]}" in every[f]]
