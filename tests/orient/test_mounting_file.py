@@ -151,6 +151,7 @@ def test_a_file_by_hand_needs_no_provenance(flight, tmp_path) -> None:
             "m.toml:2: mounting.boresight: no rotation, its determinant is -1",
         ),
         ('[calibration]\ndate = "July"\n', "m.toml:2: calibration.date: 'July' is no date"),
+        ("[calibration]\nfocal_px = 0.9\n", "m.toml:2: calibration.focal_px: 0.9 is"),
         (
             "[calibration.covariance]\nantenna_m2 = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n",
             "m.toml:2: calibration.covariance.antenna_m2: is no covariance",

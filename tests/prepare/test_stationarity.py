@@ -121,6 +121,36 @@ def test_hovering_is_no_rest():
     assert len(stationary_periods(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5), gnss)) == 0
 
 
+def alternating(gyro=1e-3, accel=0.01, bias=0.0, force=9.8):
+    """Twenty seconds whose samples lie so much above and below their mean, in turn."""
+    n = 2000
+    sign = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None]
+    return ImuSamples(
+        100.0 + 0.01 * np.arange(n),
+        gyro * sign + [bias, 0.0, 0.0],
+        accel * sign + [0.0, 0.0, -force],
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "rest", "motion"),
+    [
+        ("gyro", 0.0196, 0.0204),
+        ("accel", 0.294, 0.306),
+        ("bias", 0.098, 0.102),
+        ("bias", -0.098, -0.102),
+        ("force", 9.18, 8.82),
+        ("force", 10.4, 10.8),
+    ],
+)
+def test_from_where_on_a_sensor_is_not_at_rest(key, rest, motion):
+    """Oracle: 0.02 rad/s and 0.3 m/s^2 of noise, a mean rate of 0.1 rad/s, a force of 9 to 10.6
+    m/s^2; 2 % on either side.
+    """
+    assert len(stationary_periods(alternating(**{key: rest}))) == 1
+    assert len(stationary_periods(alternating(**{key: motion}))) == 0
+
+
 def test_slow_turning_is_no_rest():
     """Oracle: a swing of 1 deg/s over 8 s on noise of 0.3 deg/s, where no rest is to compare it
     with; 3 deg/s steady beside a stand.
