@@ -18,7 +18,7 @@ from insgnss.comparison.compare import compare_files, compare_poses
 from insgnss.comparison.poses import Poses
 from insgnss.comparison.position import without
 from insgnss.comparison.reading import FORMS, TABLES, read_poses
-from insgnss.comparison.result import Comparison
+from insgnss.comparison.result import Comparison, percent, quantity
 from insgnss.comparison.tables import LAYOUTS
 from insgnss.formats.exports import EXPORTS
 from insgnss.geodesy.projection import MapProjection
@@ -134,6 +134,21 @@ def test_a_constant_shift_is_nothing_else(
         atol=(5e-3 if size > 1.0 else 3e-4) if plane else 1e-4,
     )
     assert size > 1.0 or words in c.findings[0].statement
+
+
+def test_heights_of_a_in_feet_are_told_from_those_of_b(eo: Poses) -> None:
+    """Oracle: heights of the first file divided by 0.3048."""
+    c = compare_poses(replace(eo, height=eo.height / 0.3048), eo)
+    assert [f.name for f in c.findings] == ["metres for feet"]
+    assert left(c) < 1e-6
+
+
+def test_a_length_is_printed_in_metres_from_one_on() -> None:
+    """Oracle: by hand."""
+    assert [quantity(x, "m") for x in (0.9994, 1.0, 12.345)] == ["999 mm", "1 m", "12.35 m"]
+    assert [percent(x) for x in (0.5, 0.991, 1.0 - 1e-8, 1.0)] == [
+        *("50.0 %", "99.10 %", "more than 99.99 %", "all")
+    ]
 
 
 @pytest.mark.parametrize(

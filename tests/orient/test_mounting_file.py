@@ -165,6 +165,24 @@ def test_wrong_files_are_refused_with_their_line(tmp_path, text: str, message: s
         read_mounting_file(tmp_path / "m.toml")
 
 
+@pytest.mark.parametrize(
+    ("cov", "sound"),
+    [
+        (np.diag([4e-6, 1e-6, 0.0]), True),
+        (np.zeros((3, 3)), False),
+        (np.diag([4e-6, 1e-6, -1e-8]), False),
+        (np.diag([4e-6, 1e-6, 1e-6]) + 1e-7 * np.eye(3, k=1), False),
+    ],
+)
+def test_what_a_covariance_is(cov, sound) -> None:
+    """Oracle: its definition: symmetric, no negative eigenvalue; of zeros alone it says nothing."""
+    if sound:
+        assert_allclose(replace(MADE, antenna_cov=cov).sigma("antenna_m"), np.sqrt(np.diag(cov)))
+    else:
+        with pytest.raises(InputError, match="antenna_cov: no covariance matrix"):
+            replace(MADE, antenna_cov=cov)
+
+
 def test_lever_arms_of_100_m_and_delays_of_10_s_are_in_another_unit() -> None:
     """Oracle: values a little below and beyond both limits; 0.6, 0.8 is a vector of length one."""
     for key in ("antenna_m", "imu_m"):
