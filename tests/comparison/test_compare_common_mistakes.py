@@ -266,6 +266,7 @@ def test_names_off_by_one_alone_leave_nothing(eo: Poses) -> None:
     """Oracle: the names, moved by one; attitudes follow."""
     c = compare_poses(eo, replace(eo, images=tuple(np.roll(eo.images, 1)), time=None))
     assert [f.name for f in c.findings] == ["names"]
+    assert (len(c.remaining[0].difference), c.left_a, c.left_b) == (eo.n - 1, 0, 0)
     assert all(float(np.abs(x.difference).max()) < 1e-9 for x in c.remaining)
     assert c.figure().startswith(b"\x89PNG")
 
