@@ -3,11 +3,11 @@
     python benchmarks/bench_batch.py [--flights 24] [--repeats 3] [--minutes 1.2] [--tasks 10000]
 
 The same flights are processed by a loop of commands, one after the other, and by `insgnss batch` on
-two workers, in turn; wall time of both, start of the cluster included, and the median of the
-ratios of the pairs (bar: 1.8 on two processors). Then the task graph of a large season is run with
-tasks that do nothing but return a flight's row, on the same cluster: microseconds a task that the
-scheduler costs, and the client's memory with all rows; trends, table and page of as many rows
-follow. Needs `pip install '.[batch]'`.
+two workers, in turn; wall time of both, start of the workers included, and the median of the
+ratios of the pairs (bar: 1.8 on two processors). Then a large season is run of
+tasks that do nothing but return a flight's row, on as many workers: microseconds that a task costs
+beside its flight, and the memory of the run with all rows; trends, table and page of as many rows
+follow.
 """
 
 import argparse
@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from insgnss.season import engine
+from insgnss.season import pool
 from insgnss.season.page import SeasonPage
 from insgnss.season.row import COLUMNS, Row
 from insgnss.season.tables import csv_text
@@ -101,30 +101,28 @@ def idle(task: Task) -> Outcome:
     return Outcome(task.name, "done", row)
 
 
+pool.process_task = idle  # in workers, which import this file, as well
+
+
 def growth(most: int) -> None:
-    """Print what the task graph of a season costs beside its flights."""
-    engine.process_task = idle
-    workers = engine.Workers(PROCESSORS, 0.0, "processors")
-    with engine.cluster(workers, None) as client:
-        client.upload_file(__file__)  # workers import what they run
-        client.submit(idle, Task("0", "f/flight.toml")).result()
-        for count in (most // 100, most // 10, most):
-            tasks = [Task(str(k), f"f{k}/flight.toml") for k in range(count)]
-            start = time.perf_counter()
-            outcomes: list[Outcome] = []
-            engine.run_tasks(client, tasks, outcomes.append, lambda left: None)
-            taken = time.perf_counter() - start
-            rows = [outcome.row for outcome in outcomes]
-            start = time.perf_counter()
-            table = sum(len(text) for text in csv_text(rows))
-            page = sum(len(text) for text in SeasonPage(rows, trends(rows), "h").html())
-            written = time.perf_counter() - start
-            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-            print(
-                f"{count} tasks: {taken:.1f} s, {1e6 * taken / count:.0f} us each; table"
-                f" {table / 1e6:.1f} MB and page {page / 1e6:.1f} MB in {written:.1f} s; client"
-                f" at most {memory:.0f} MB"
-            )
+    """Print what a task of a season costs beside its flight."""
+    for count in (most // 100, most // 10, most):
+        tasks = [Task(str(k), f"f{k}/flight.toml") for k in range(count)]
+        start = time.perf_counter()
+        outcomes: list[Outcome] = []
+        pool.run_side_by_side(tasks, PROCESSORS, outcomes.append, lambda: None)
+        taken = time.perf_counter() - start
+        rows = [outcome.row for outcome in outcomes]
+        start = time.perf_counter()
+        table = sum(len(text) for text in csv_text(rows))
+        page = sum(len(text) for text in SeasonPage(rows, trends(rows), "h").html())
+        written = time.perf_counter() - start
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(
+            f"{count} tasks: {taken:.1f} s, {1e6 * taken / count:.0f} us each; table"
+            f" {table / 1e6:.1f} MB and page {page / 1e6:.1f} MB in {written:.1f} s; at most"
+            f" {memory:.0f} MB"
+        )
 
 
 if __name__ == "__main__":

@@ -56,6 +56,19 @@ def kills(proc: Path = Path("/proc"), groups: Path = GROUPS) -> int:
     return max(counted, default=_table(proc / "vmstat").get("oom_kill", 0))
 
 
+def resident(pid: int, proc: Path = Path("/proc")) -> int:
+    """Return how many bytes of memory a process takes; 0 where the system does not say.
+
+    Parameters
+    ----------
+    pid : int
+        The process.
+    proc : Path
+        Where Linux tells of processes.
+    """
+    return _table(proc / str(pid) / "status").get("VmRSS", 0)
+
+
 def out_of_memory(error: MemoryError) -> str:
     """Return one line on what memory did not hold: what was needed, what is left, what to try.
 

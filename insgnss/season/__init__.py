@@ -3,7 +3,8 @@
 `gathering`  which flights: directories, patterns, flight files, a table of flights
 `work`       one flight in a worker: skipped where its products are those of its inputs
 `forecast`   memory that a flight will need, from the sizes of its files
-`engine`     Dask: a local cluster, or a scheduler that is there
+`pool`       flights side by side on this machine, memory, deaths of workers
+`scheduler`  the same on the workers of a Dask scheduler that is there
 `row`        what of a flight's report stands in the table of the season
 `trends`     constants of an equipment over the season: drift, scatter, or nothing to tell
 `page`       index.html; `tables` season.csv and season.parquet

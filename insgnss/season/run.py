@@ -15,14 +15,14 @@ from ..base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
 from .page import SeasonPage, is_ours
+from .pool import processors, run_alone, run_side_by_side
 from .row import COLUMNS, Row, with_own_names
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
-from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, not_reached
+from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, Tell, not_reached
 
 TABLE, PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
 MIXED = 4  # exit code where flights failed of different kinds
-Tell = Callable[[Outcome], None]
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class SeasonRequest:
     out : Path or None
         Directory of table and page; None: the one directory that was named, else the working one.
     scheduler : str or None
-        Address of a Dask scheduler; None: a cluster of this machine.
+        Address of a Dask scheduler; None: processes of this machine.
     workers : int or None
-        Most processes of that cluster; None: one a processor, as far as memory allows.
+        Most of these processes; None: one a processor, as far as memory allows.
     again : bool
         Whether flights are processed although their products are in force.
     force : bool
@@ -214,27 +214,21 @@ def run_season(
     InputError
         A table of flights is wrong.
     DataError
-        No worker was there for minutes.
+        The scheduler ended, or had no worker for minutes.
     """
-    from .engine import SCHEDULER, Workers, cluster, portions, run_alone, run_tasks
-
     start = time.monotonic()
     if request.parquet:
         refuse_without_parquet()
     flights = gather(request.sources)
     _refuse_files_of_others(request)
     tasks = tasks_of(flights, request)
-    if request.scheduler is None:
-        parts = portions(tasks, request.workers)
-    else:
-        parts = [(tasks, Workers(1, 0.0, SCHEDULER))]
     ended: dict[str, Outcome] = {}
 
     def report(outcome: Outcome) -> None:
         ended[outcome.name] = outcome
         tell(outcome)
 
-    def tick(_: int) -> None:
+    def tick() -> None:
         worked = sum(one.status != KEPT for one in ended.values())
         progress(worked, len(ended), len(tasks), time.monotonic() - start)
 
@@ -242,25 +236,30 @@ def run_season(
         outcomes = [ended.get(task.name) or not_reached(task) for task in tasks]
         return _written(request, outcomes, time.monotonic() - start)
 
-    tick(0)
+    tick()
     try:
-        killed: list[Task] = []
-        for portion, workers in parts:
-            with cluster(workers, request.scheduler) as client:
-                # compiled once, and not by every worker at the same time
-                first = 1 if workers.count > 1 and _uncompiled() else 0
-                for some in (portion[:first], portion[first:]):
-                    killed += run_tasks(client, some, report, tick)
-        if killed:
-            alone = parts[0][1].alone
-            with cluster(alone, request.scheduler) as client:
-                for task in killed:
-                    run_alone(client, task, alone, report, tick)
+        killed = _run(tasks, request, report, tick)
+        run_alone(killed, report, tick)
     except (KeyboardInterrupt, InsgnssError):
         if ended:
             so_far()
         raise
     return so_far()
+
+
+def _run(
+    tasks: Sequence[Task], request: SeasonRequest, tell: Tell, tick: Callable[[], None]
+) -> list[Task]:
+    """Run flights side by side; return those whose workers died."""
+    if request.scheduler is not None:
+        from .scheduler import run_on_scheduler
+
+        return run_on_scheduler(tasks, request.scheduler, tell, tick)
+    count = request.workers or processors()
+    # kernels are compiled once, by the first flight, and not by every worker at the same time
+    first = 1 if min(count, len(tasks)) > 1 and _uncompiled() else 0
+    killed = run_side_by_side(tasks[:first], 1, tell, tick)
+    return killed + run_side_by_side(tasks[first:], count, tell, tick)
 
 
 def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Task]:

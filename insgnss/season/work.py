@@ -10,7 +10,7 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -92,6 +92,9 @@ class Outcome:
     def is_changed(self) -> bool:
         """Whether it was kept although somebody changed its products."""
         return self.status == KEPT and self.reason.startswith(CHANGED)
+
+
+Tell = Callable[[Outcome], None]
 
 
 def process_task(task: Task) -> Outcome:

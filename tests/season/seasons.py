@@ -1,6 +1,10 @@
-"""Seasons for tests: rows as reports would give them, and very short flights in directories."""
+"""Seasons for tests: rows as reports would give them, very short flights in directories, and
+`insgnss batch` as a process.
+"""
 
 import shutil
+import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,6 +16,7 @@ from insgnss.simulation.dataset import write_dataset
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
 SIGMA_M = 0.004
+INSGNSS = [sys.executable, "-m", "insgnss"]
 
 
 def row(k: int, rng: np.random.Generator | None = None, **values: Any) -> dict[str, Any]:
@@ -61,3 +66,22 @@ def broken(flight: Path) -> None:
     axes = 'axes = "forward right down"'
     assert axes in file.read_text()
     file.write_text(file.read_text().replace(axes, 'axes = "right forward up"'))
+
+
+def batch(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [*INSGNSS, "batch", *map(str, words)]
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, check=False, timeout=500
+    )
+
+
+def started(cwd: Path, *words: object) -> subprocess.Popen[str]:
+    """A run whose standard output is read line by line; its workers are in its own session."""
+    return subprocess.Popen(
+        [*INSGNSS, "batch", *map(str, words)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )

@@ -1,4 +1,4 @@
-"""How many flights run side by side, and the forecast of their memory, without a cluster."""
+"""How many flights run side by side, and the forecast of their memory, without processes."""
 
 import sys
 from pathlib import Path
@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.season.engine import cluster, local_workers, portions
+from insgnss.season import run as season_run
 from insgnss.season.forecast import rows_of
+from insgnss.season.pool import next_flight
+from insgnss.season.scheduler import run_on_scheduler
 from insgnss.season.work import Task
 
 GB = 1e9
@@ -18,38 +20,33 @@ def tasks(*gigabytes: float) -> list[Task]:
     return [Task(str(k), "", forecast_bytes=g * GB) for k, g in enumerate(gigabytes)]
 
 
-@pytest.mark.parametrize(
-    ("forecasts", "wanted", "room_gb", "count", "limited_by"),
-    [
-        ((1.0,) * 9, 4, 100.0, 4, "processors"),
-        ((1.0,) * 3, 4, 100.0, 3, "flights"),
-        ((1.0, 1.0, 4.0, 1.0), 4, 10.0, 2, "memory"),
-        ((30.0,) * 4, 4, 10.0, 1, "memory"),
-    ],
-)
-def test_processors_flights_and_memory_limit_them(
-    forecasts: tuple[float, ...], wanted: int, room_gb: float, count: int, limited_by: str
-) -> None:
-    """Oracle: the least of processors, flights, and nine tenths of memory over the largest."""
-    workers = local_workers(tasks(*forecasts), wanted, int(room_gb * GB))
-    assert (workers.count, workers.limited_by) == (count, limited_by)
-    assert workers.memory_bytes == pytest.approx(room_gb * GB / count)
-
-
-def test_one_large_flight_does_not_have_all_others_wait() -> None:
-    """Oracle: by hand: of 10 GB nine may be taken, by four workers 2.25 GB each; the flights of 4
-    and 8 GB run by themselves, one at a time, with all of it.
+def test_flights_run_side_by_side_as_far_as_memory_holds_their_forecasts() -> None:
+    """Oracle: by hand: of 10 GB nine may be taken; a flight of 4 GB waits beside 6 GB and has those
+    after it not wait; one of 30 GB runs once no other does.
     """
-    given = tasks(1.0, 4.0, 2.0, 8.0, 1.5, 1.0)
-    (small, first), (large, then) = portions(given, 4, int(10 * GB))
-    assert [task.forecast_bytes / GB for task in small] == [1.0, 2.0, 1.5, 1.0]
-    assert [task.forecast_bytes / GB for task in large] == [4.0, 8.0]
-    assert (first.count, then.count, then.limited_by) == (4, 1, "memory")
-    assert then.memory_bytes == first.alone.memory_bytes == 10 * GB
-    ((whole, workers),) = portions(given, 4, int(100 * GB))
-    assert (list(whole), workers.count) == (given, 4)
-    ((whole, workers),) = portions(tasks(8.0, 8.0), 4, int(10 * GB))
-    assert (len(whole), workers.count) == (2, 1)
+    given = tasks(4.0, 30.0, 3.0)
+    assert next_flight(given, tasks(6.0), 10 * GB) is given[2]
+    assert next_flight(given, tasks(5.0), 10 * GB) is given[0]
+    assert next_flight(given, tasks(3.0, 3.5), 10 * GB) is None
+    assert next_flight(given[1:2], [], 10 * GB) is given[1]
+    assert next_flight(given, tasks(30.0), None) is given[0]
+    assert next_flight([], [], 10 * GB) is None
+
+
+def test_the_first_flight_compiles_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the flights of each call, with kernels on the disk and without."""
+    calls: list[tuple[int, int]] = []
+    request = season_run.SeasonRequest((), workers=3)
+
+    def recorded(some: list[Task], count: int, *_: object) -> list[Task]:
+        calls.append((len(some), count))
+        return []
+
+    monkeypatch.setattr(season_run, "run_side_by_side", recorded)
+    for uncompiled in (True, False):
+        monkeypatch.setattr(season_run, "_uncompiled", lambda now=uncompiled: now)
+        season_run._run(tasks(1.0, 1.0, 1.0, 1.0), request, lambda _: None, lambda: None)
+    assert calls == [(1, 1), (3, 3), (0, 1), (4, 3)]
 
 
 def test_rows_are_counted_by_the_size_of_a_file(tmp_path: Path) -> None:
@@ -65,8 +62,5 @@ def test_rows_are_counted_by_the_size_of_a_file(tmp_path: Path) -> None:
 def test_without_dask_one_line_says_how_to_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the message; None in sys.modules is how Python is told that there is none."""
     monkeypatch.setitem(sys.modules, "dask", None)
-    with (
-        pytest.raises(UsageError, match=r"needs Dask.*pip install 'insgnss\[batch\]'"),
-        cluster(local_workers(tasks(1.0), 1), None),
-    ):
-        pass
+    with pytest.raises(UsageError, match=r"needs Dask.*pip install 'insgnss\[batch\]'"):
+        run_on_scheduler([], "tcp://127.0.0.1:1", lambda _: None, lambda: None)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles import oracle
 
 from insgnss.season.tables import read_season
 from insgnss.season.trends import FEWEST
@@ -53,7 +52,6 @@ def test_a_lever_arm_that_drifts_is_named_with_its_rate_and_a_constant_one_is_no
     """Oracle: the lever arms of the simulated sensors, 7 mm a week, and the same of two seasons;
     flights that are refused for what the equipment has become belong to it as well.
     """
-    oracle("distributed")
     season(tmp_path, "wing3", RATE_MM, 300)
     season(tmp_path, "wing4", 0.0, 400)
     command = [sys.executable, "-m", "insgnss", "batch", ".", "--json"]

@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="address of a Dask scheduler, tcp://HOST:8786, instead of a cluster of this machine",
+        help="address of a Dask scheduler, tcp://HOST:8786, in place of this machine (needs Dask)",
     )
     parser.add_argument(
         "--again", action="store_true", help="process flights whose products are in force as well"
