@@ -117,8 +117,8 @@ UNITS: dict[str, Unit] = {
     **{name: _base(scale, length=1, time=-2) for name, scale in (("Gal", 1e-2), ("mGal", 1e-5))},
 }
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)")
-_TOKEN = re.compile(r"\s*([A-Za-z%]+|[-+]?\d+(?:\.\d+)?|[*/^()])")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
+_TOKEN = re.compile(r"\s*([A-Za-z%]+|[-+]?\d+(?:\.\d+)?|[*/^()])", re.ASCII)
 
 
 LONGEST_UNIT, LARGEST_EXPONENT = 100, 10.0  # of what a person writes

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
 FEW_ROWS, LONG = 16, 20  # rows, and columns for each: such are no samples, but channels
-_INDEXED = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
+_INDEXED = re.compile(r"(.*)\[([0-9]+)\]", re.DOTALL)
 
 
 @dataclass(frozen=True)

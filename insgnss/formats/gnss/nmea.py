@@ -8,6 +8,7 @@ NMEA has none. The vertical velocity, and the horizontal one of an epoch without
 unknown (`UNKNOWN_MPS`).
 """
 
+import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
@@ -18,7 +19,7 @@ from ...base.errors import InputError
 from ...geodesy.gpstime import WEEK_S, gps_from_unix_utc
 from ...records import Check, GnssFixes
 from ...records.observations import UNKNOWN_MPS
-from ..text.layout import NUMBER, shown
+from ..text.layout import shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
 from ..text.text import Source, number
@@ -30,7 +31,10 @@ Epoch = tuple[int, float]
 CORRECT = "correct or delete the sentence"
 DAY_S = 86400.0
 KNOT = 1852.0 / 3600.0
-KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA", b"GSA")
+LEAST_FIELDS = {"GGA": 10, "RMC": 10, "GST": 9, "VTG": 6, "ZDA": 5, "GSA": 16}
+KINDS = tuple(kind.encode() for kind in LEAST_FIELDS)
+CLOCK = re.compile(r"[0-9]{6}(?:\.[0-9]*)?")  # hhmmss.ss
+DATE = re.compile(r"[0-9]{6}(?:[0-9]{2})?")  # ddmmyy, of ZDA ddmmyyyy
 
 
 @dataclass(frozen=True)
@@ -185,52 +189,48 @@ def _velocity(
 
 
 def _collect(sentences: Sentences, undulation_m: float | None) -> _Log:
-    log, days, before, epoch = _Log(), 0, 0.0, None
+    log, days, before, epoch, path = _Log(), 0, 0.0, None, sentences.path
     for line, fields in sentences.fields(*KINDS):
         kind = fields[0][2:]
+        if len(fields) < LEAST_FIELDS[kind]:
+            message = f"{kind} of {len(fields)} fields, {LEAST_FIELDS[kind]} are the least"
+            raise InputError.at_line(path, line, f"{message}; {CORRECT}")
         if kind == "GSA":
-            if epoch is not None and len(fields) > 15:
-                log.pdop[epoch] = _soft(fields[15])
+            if epoch is not None:
+                log.pdop[epoch] = _optional(fields[15], path, line)
             continue
         if kind == "VTG":
-            if (
-                epoch is not None
-                and epoch not in log.track
-                and len(fields) > 5
-                and fields[1]
-                and fields[5]
-            ):
-                log.track[epoch] = _track(fields[5], fields[1], sentences.path, line)
+            if epoch is not None and epoch not in log.track and fields[1] and fields[5]:
+                log.track[epoch] = _track(fields[5], fields[1], path, line)
             continue
-        if len(fields) < (5 if kind == "ZDA" else 9) or not fields[1]:
+        if not fields[1]:
             continue
-        tod = _time_of_day(fields[1], sentences.path, line)
+        tod = _time_of_day(fields[1], path, line)
         days += tod < before - 0.5 * DAY_S
         before, epoch = tod, (days, tod)
         if kind == "RMC" and fields[2] not in ("", "V"):  # A, or D of a differential fix
-            if len(fields) > 9 and fields[9]:
-                log.dates[epoch] = (line, _date(fields[9], sentences.path, line))
+            if fields[9]:
+                log.dates[epoch] = (line, _date(fields[9], path, line))
             if fields[7] and fields[8]:
-                log.track[epoch] = _track(fields[7], fields[8], sentences.path, line)
+                log.track[epoch] = _track(fields[7], fields[8], path, line)
         elif kind == "ZDA" and all(fields[2:5]):
-            log.dates[epoch] = (
-                line,
-                _date(f"{fields[2]:0>2}{fields[3]:0>2}{fields[4]}", sentences.path, line),
-            )
+            date = f"{fields[2]:0>2}{fields[3]:0>2}{fields[4]}"
+            log.dates[epoch] = (line, _date(date, path, line))
         elif kind == "GST" and all(fields[6:9]):
-            log.sigma[epoch] = tuple(number(text, sentences.path, line) for text in fields[6:9])
+            log.sigma[epoch] = tuple(number(text, path, line) for text in fields[6:9])
         elif kind == "GGA" and fields[6] in ("", "0"):
             log.void.append(line)
         elif kind == "GGA":
-            log.fixes.append((epoch, line, *_fix(fields, sentences.path, line, undulation_m)))
-            satellites, hdop = _soft(fields[7]), _soft(fields[8])
-            log.described.append((satellites, hdop, _soft(fields[13] if len(fields) > 13 else "")))
+            log.fixes.append((epoch, line, *_fix(fields, path, line, undulation_m)))
+            described = (fields[7], fields[8], fields[13] if len(fields) > 13 else "")
+            satellites, hdop, age = (_optional(text, path, line) for text in described)
+            log.described.append((satellites, hdop, age))
     return log
 
 
-def _soft(text: str) -> float:
-    """Return a number that weighs nothing: not-a-number where the field holds none."""
-    return float(text) if NUMBER.fullmatch(text) and "," not in text else float("nan")
+def _optional(text: str, path: str, line: int) -> float:
+    """Return a number that may be absent: not-a-number for an empty field."""
+    return number(text, path, line) if text else float("nan")
 
 
 def _track(speed: str, course: str, path: str, line: int) -> tuple[float, float]:
@@ -252,13 +252,11 @@ def _fix(
         _degrees(fields[4], fields[5], "EW", path, line),
     )
     above = number(separation, path, line) if separation else float(undulation_m or 0.0)
-    code = fields[6]
-    return (
-        lat,
-        lon,
-        number(fields[9], path, line) + above,
-        NMEA_QUALITY.get(int(code), 0) if code.isdecimal() and len(code) == 1 else 0,
-    )
+    code = number(fields[6], path, line)
+    if code not in NMEA_QUALITY:
+        message = f"quality {shown(fields[6])} of GGA is none of 0 to {max(NMEA_QUALITY)}"
+        raise InputError.at_line(path, line, f"{message}; {CORRECT}")
+    return lat, lon, number(fields[9], path, line) + above, NMEA_QUALITY[int(code)]
 
 
 def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
@@ -276,23 +274,25 @@ def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
 
 
 def _time_of_day(field: str, path: str, line: int) -> float:
-    hms = (
-        [number(text, path, line) for text in (field[:2], field[2:4], field[4:])]
-        if len(field) >= 6
-        else [np.inf]
+    hour, minute, second = (
+        (float(text) for text in (field[:2], field[2:4], field[4:]))
+        if CLOCK.fullmatch(field)
+        else (np.inf, np.inf, np.inf)
     )
-    if hms[0] > 23.0 or hms[1] > 59.0 or hms[2] >= 61.0 or min(hms) < 0.0:
+    if hour > 23.0 or minute > 59.0 or second >= 61.0:
         raise InputError.at_line(path, line, f"time {shown(field)} is not hhmmss; {CORRECT}")
-    return hms[0] * 3600.0 + hms[1] * 60.0 + hms[2]
+    return hour * 3600.0 + minute * 60.0 + second
 
 
 def _date(text: str, path: str, line: int) -> datetime:
     """Midnight of ddmmyy or ddmmyyyy."""
     try:
+        if not DATE.fullmatch(text):
+            raise ValueError
         year = int(text[4:])
         full = year if len(text) == 8 else year + (2000 if year < 80 else 1900)
         return datetime(full, int(text[2:4]), int(text[:2]), tzinfo=UTC)
-    except (ValueError, OverflowError):
+    except ValueError:
         raise InputError.at_line(
             path, line, f"date {shown(text)} is not ddmmyy; {CORRECT}"
         ) from None

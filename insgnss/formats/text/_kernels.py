@@ -336,31 +336,36 @@ def print_rows(table, row, decimals, before, after, out):
 
 @njit(cache=True, allocates=False)
 def nmea_sentences(buf, starts, stars, lines):
-    """Find the sentences: for every line of `buf` that is not blank its start, star and number.
+    """Find the sentences, and what else is not blank: start, star and line of each.
 
-    The star is the index of the '*' before a right checksum, or 0. A sentence opens with '$'; the
-    checksum is the exclusive or of the bytes up to '*', in two hexadecimal digits. Returns the
-    count.
+    A sentence opens with '$' and ends before the next '$' or with its line, so that sentences of a
+    line that lost an end between them are all found. The star is the index of the '*' before a
+    right checksum, or 0; the checksum is the exclusive or of the bytes up to '*', in two
+    hexadecimal digits. Returns the count.
     """
-    n, i, line = 0, 0, 0
+    n, i, line = 0, 0, 1
     while i < buf.size:
-        first = i
-        line += 1
-        while buf[i] != _NEWLINE:
+        while buf[i] <= _BLANK and buf[i] != _NEWLINE:
             i += 1
-        if i > first and buf[first] > _BLANK:
-            check, k = np.int64(0), first + 1
-            while k < i and buf[k] != 42:
-                check ^= np.int64(buf[k])
-                k += 1
-            right = (
-                buf[first] == 36
-                and k + 2 < i
-                and 16 * _hex_digit(buf[k + 1]) + _hex_digit(buf[k + 2]) == check
-            )
-            starts[n], stars[n], lines[n] = first, (k if right else 0), line
-            n += 1
+        if buf[i] == _NEWLINE:
+            i += 1
+            line += 1
+            continue
+        first = i
         i += 1
+        while buf[i] != _NEWLINE and buf[i] != 36:
+            i += 1
+        check, k = np.int64(0), first + 1
+        while k < i and buf[k] != 42:
+            check ^= np.int64(buf[k])
+            k += 1
+        right = (
+            buf[first] == 36
+            and k + 2 < i
+            and 16 * _hex_digit(buf[k + 1]) + _hex_digit(buf[k + 2]) == check
+        )
+        starts[n], stars[n], lines[n] = first, (k if right else 0), line
+        n += 1
     return n
 
 

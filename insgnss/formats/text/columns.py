@@ -161,7 +161,7 @@ def _from_mapping(
     for canonical, field in columns.items():
         if canonical not in aliases:
             raise UsageError(f"{path}: columns: {canonical!r} is none of {', '.join(aliases)}")
-        if match := re.fullmatch(r"\[(\d+)\]", field):
+        if match := re.fullmatch(r"\[([0-9]+)\]", field):
             index = int(match[1]) - 1
             if not 0 <= index < layout.n_fields:
                 raise InputError.at_line(

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 
 _DATE = re.compile(
     r"\"?(\d{4})[-_/.:](\d{1,2})[-_/.:](\d{1,2})[-_/.:T ](\d{1,2})[-_/.:](\d{1,2})[-_/.:](\d{1,2})"
-    r"(?:([-_/.:,])(\d{1,9}))?Z?\"?"
+    r"(?:([-_/.:,])(\d{1,9}))?Z?\"?",
+    re.ASCII,
 )
 UNIT = "unix"  # of the clock that dates become
 PARTS_S = {3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the number of digits, at most

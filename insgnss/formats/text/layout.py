@@ -38,9 +38,11 @@ CONTAINERS = {  # by their first characters
 }
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
-NUMBER = re.compile(
-    r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
-)
+_SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
+NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
+_IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
+LARGEST = 1e150  # of a number whose square is one, too; more than any quantity has
+SMALLEST = 1e-280  # of a number with all its digits, as in tables; those below lose some
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
 _LONG = re.compile(rf"[^\t;,\s]{{{LONGEST_FIELD + 1}}}")
@@ -80,6 +82,21 @@ class Layout:
     header_line: int | None
     skip_to: int
     first_line: int
+
+
+def float_of(text: str, decimal: str = ".") -> float | None:
+    """Return the finite number that `text` spells, None where it is none.
+
+    Digits are those of ASCII, without signs between them; only a zero that is written as one is
+    zero, so that a number too small for a float is none.
+    """
+    sign, other = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or other in text:
+        return None
+    x = float(text.replace(sign, "."))
+    mantissa = text.upper().partition("E")[0]
+    zero = x == 0.0 and not any(digit in mantissa for digit in "123456789")
+    return x if zero or SMALLEST < abs(x) < LARGEST else None
 
 
 def decode(data: bytes) -> str:
@@ -163,9 +180,12 @@ def is_binary(text: str) -> bool:
 
 
 def _has_number(text: str) -> bool:
-    return any(
-        NUMBER.fullmatch(token.strip("\"'")) for token in re.split(r"[\t;,\s]+", text) if token
-    )
+    """Tell whether a line holds a number, one in digits of another script among them.
+
+    Such a line is no header: it is data, whose numbers are refused.
+    """
+    tokens = re.split(r"[\t;,\s]+", text)
+    return any(_IN_ANY_SCRIPT.fullmatch(token.strip("\"'")) for token in tokens if token)
 
 
 def _sample(

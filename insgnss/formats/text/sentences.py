@@ -17,7 +17,7 @@ BAD_SHARE_LIMIT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Sentences:
-    """The sentences of a file with a right checksum, and the count of lines that have none."""
+    """The sentences of a file with a right checksum, and the count of pieces that have none."""
 
     path: str
     buf: NDArray[np.uint8]
@@ -55,12 +55,12 @@ def read_sentences(path: Source) -> Sentences:
     Raises
     ------
     InputError
-        More than 1 % of the lines have no right checksum; the first of them is named.
+        More than 1 % of the sentences have no right checksum; the first of them is named.
     """
     from . import _kernels
 
     buf, _ = load(path)
-    n = _kernels.count_newlines(buf)
+    n = _kernels.count_newlines(buf) + int(np.count_nonzero(buf == ord("$")))
     starts, stars, lines = (np.zeros(n, dtype=np.int64) for _ in range(3))
     n = _kernels.nmea_sentences(buf, starts, stars, lines)
     if n == 0:
@@ -73,7 +73,7 @@ def read_sentences(path: Source) -> Sentences:
         first = int(np.argmin(good))
         text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
         message = (
-            f"no right checksum in {text!r}, as in {n_bad} of {n} lines (limit"
+            f"no right checksum in {text!r}, as in {n_bad} of {n} sentences (limit"
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
         raise InputError.at_line(path, int(lines[first]), message)

@@ -22,6 +22,7 @@ from .layout import (
     NUMBER,
     Layout,
     decode,
+    float_of,
     is_binary,
     is_comment,
     refuse_long,
@@ -36,7 +37,6 @@ Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
-LARGEST = 1e150  # of a number whose square is one, too; more than any quantity has
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -111,10 +111,7 @@ class TextTable:
 
 def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     """Return the finite float of `field`; InputError names file, line and the field."""
-    text = field.strip()
-    if decimal == ",":
-        text = text.replace(",", ".")
-    if NUMBER.fullmatch(text) and "," not in text and abs(x := float(text)) < LARGEST:
+    if (x := float_of(field.strip(), decimal)) is not None:
         return x
     raise InputError.at_line(
         path,

@@ -42,7 +42,8 @@ UNITS: dict[str, dict[str, float]] = {
     },
 }
 _NUMBER = re.compile(
-    r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?(?:\s*[*])?(.*)", re.DOTALL
+    r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?(?:\s*[*])?(.*)",
+    re.DOTALL | re.ASCII,
 )
 _SPELLINGS = {
     **{
