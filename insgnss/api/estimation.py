@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
+from ..prepare.clock import NO_WEEK
 from ..records import (
     CameraEvents,
     Check,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from ..stochastic.model import NoiseModel
 
 WHO = Path("insgnss.estimate")
-NO_WEEK = 0
 # of [output], and no matter of files
 OF_NO_FILE = ("output__trajectory_hz", "output__strip_covariance")
 SPOKEN = {
@@ -140,8 +140,7 @@ def estimate(
         all(r is None or r.gps_week is None for r in (samples, fixes, exposures))
         and gps_week is None
     ):
-        gps_week = NO_WEEK
-        samples = replace(samples, notes=(*samples.notes, _no_week()))
+        samples = replace(samples, gps_week=NO_WEEK, notes=(*samples.notes, _no_week()))
     from ..config.barometer_options import BarometerInput
     from ..config.flight_file import changed
 

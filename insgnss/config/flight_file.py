@@ -377,7 +377,7 @@ def refuse_week(week: int | None) -> None:
     week : int or None
         GPS week.
     """
-    if not week:
+    if week is None:
         return
     from ..geodesy.gpstime import gps_from_calendar
 
@@ -385,7 +385,7 @@ def refuse_week(week: int | None) -> None:
     if week < ROLLOVER:
         problem = (
             f"counts modulo {ROLLOVER}: since then it has begun again twice, in 1999 and 2019; add"
-            f" {ROLLOVER} or {2 * ROLLOVER} ({_sunday(week + ROLLOVER)} or"
+            f" {ROLLOVER} or {2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or"
             f" {_sunday(week + 2 * ROLLOVER)})"
         )
         raise OptionError("gps_week", problem, week)

@@ -101,20 +101,18 @@ def _loaded(path: Path) -> Flight:
     initial = present.get("initial")
     barometer = present.get("barometer")
     imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
-    flight = Flight(
-        path=path,
-        included=included,
-        **values,
-        imu=imu,
-        gnss=gnss,
-        camera=_camera(camera, gnss.raw is not None) if camera else None,
-        mounting=mounting_of(root.table("mounting")),
-        tangent_plane=_tangent_plane(plane) if plane else None,
-        output=_output(root.table("output")),
-        initial=InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
-        filter=FilterOptions(**take(root.table("filter"), [FilterOptions])),
-        barometer=BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
-    )
+    tables = {
+        "imu": imu,
+        "gnss": gnss,
+        "camera": _camera(camera, gnss.raw is not None) if camera else None,
+        "mounting": mounting_of(root.table("mounting")),
+        "tangent_plane": _tangent_plane(plane) if plane else None,
+        "output": _output(root.table("output")),
+        "initial": InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
+        "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
+        "barometer": BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
+    }
+    flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
     return _calibrated(flight, root)
 
 
@@ -151,7 +149,8 @@ def made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> 
     try:
         return kind(**values)
     except OptionError as refusal:
-        raise table.error(refusal.key.rpartition(".")[2], refusal.problem) from None
+        key = refusal.key.rpartition(".")[2] if table.name else refusal.key
+        raise table.error(key, refusal.problem) from None
 
 
 def _imu(table: Table) -> ImuInput:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..config.flight_file import ROLLOVER
 from ..prepare.gaps import nominal_interval
 from ..recognise.streams import classes_apart
 from ..records import Check, GnssFixes, ImuSamples
@@ -113,7 +114,7 @@ def draft_flight(
     draft = Draft(remarks=REMARKS)
     draft.add("", "name", name)
     if week is not None:
-        draft.add("", "gps_week", week[0], week[1])
+        draft.add("", "gps_week", week[0], week[1], week[0] >= ROLLOVER)
     _imu(draft, by_role["imu"], raw, sensing, recognition, axes, alone.units)
     if raw_gnss:
         assert rinex is not None

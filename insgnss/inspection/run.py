@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.errors import InputError
+from ..prepare.clock import NO_WEEK
 from ..processing.progress import Progress, quiet
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
@@ -48,7 +49,6 @@ DATA_KEYS = (
     "time_scale",
 )
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
-NO_WEEK = 0
 LARGEST, SPARSEST = (
     1e12,
     20.0,
@@ -268,8 +268,7 @@ def _one_week(
     from ..prepare.clock import common_clock
 
     weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
-    guess = None if weeks else _week_by_date(source.path)
-    week = weeks[0] if guess is None else guess[0]
+    week, guess = (weeks[0], None) if weeks else _week_by_date(source.path)
     if gnss is None:
         return (
             (imu if imu.gps_week is not None else replace(imu, gps_week=week)),
@@ -281,21 +280,17 @@ def _one_week(
     return imu, gnss, events, guess
 
 
-def _week_by_date(path: Path) -> tuple[int, str]:
-    """GPS week by a date in the file, else 0; and the evidence."""
+def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
+    """GPS week by a date in the file, else `NO_WEEK`; the week for the draft, with its origin."""
     from .tables.grids import date_in
 
-    date = date_in(path)
+    date, origin = date_in(path), f"the date in {path.name}"
+    known = date is not None
     if date is None:
-        return (
-            NO_WEEK,
-            (
-                "nothing in the files gives the week; 0 takes its place, and the times in the"
-                " products are those of the logger"
-            ),
-        )
-    days = (date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int)
-    return int(days // 7), f"of {date}, the date in {path.name}"
+        date = np.datetime64(int(path.stat().st_mtime), "s").astype("datetime64[D]")
+        origin = f"the date of the file {path.name}, as no file gives the week; correct it"
+    week = int((date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int) // 7)
+    return week if known else NO_WEEK, (week, f"of {date}, {origin}")
 
 
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":

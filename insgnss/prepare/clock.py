@@ -10,6 +10,7 @@ from ..geodesy.gpstime import WEEK_S, weeks_apart
 from ..records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 
 Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents, BarometerHeights)
+NO_WEEK = 0  # in the place of a week that nothing gives; no flight file may hold it
 SHORTEST_S = 10.0
 LONG_S = 43200.0  # of recordings: between longer ones whole weeks are no finding, ms look like them
 

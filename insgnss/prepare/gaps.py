@@ -25,6 +25,8 @@ LACKING = 1.5
 BRIDGE_S = 1.0
 AROUND_S = 30.0
 FEW = 20  # comparisons below which the whole recording serves
+# s: longer steps are pauses of the recording; no logger holds samples back for so long
+PAUSE_S = 10.0
 # gaps longer than this get an epoch at either end, so that what bridges them is a step of its own
 EDGE_S = 0.1
 
@@ -33,6 +35,12 @@ def nominal_interval(time: Array) -> float:
     """Return the median sample interval, s."""
     step = np.diff(time[: min(time.size, 200_001)])
     return float(np.median(step))
+
+
+def mean_interval(time: Array) -> float:
+    """Return the mean sample interval, s, without pauses; several nominal ones show bunches."""
+    step = np.diff(time)
+    return float(np.mean(step[step <= max(PAUSE_S, 3.0 * nominal_interval(time))]))
 
 
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:

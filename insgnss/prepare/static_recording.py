@@ -29,7 +29,7 @@ from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import EARTH_RATE
 from ..records import Array, Check, ImuSamples, Verdict
 from ..records.variances import MAD_TO_SIGMA
-from .gaps import LACKING, find_gaps, nominal_interval
+from .gaps import LACKING, find_gaps, mean_interval, nominal_interval
 from .stationarity import (
     MAX_ACCEL,
     MAX_BIAS,
@@ -196,7 +196,7 @@ def _length(length_s: float) -> Check:
 
 def _rate(time: Array, nominal: float) -> Check:
     """Stamps that come in bunches make no rate."""
-    mean = float(time[-1] - time[0]) / max(time.size - 1, 1)
+    mean = mean_interval(time)
     finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if nominal < 0.5 * mean:
         advice = (

@@ -9,7 +9,7 @@ import numpy as np
 from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import curvature_radii
 from ..prepare.fix_path import north_east, sound_fixes
-from ..prepare.gaps import LACKING, find_gaps, nominal_interval
+from ..prepare.gaps import LACKING, find_gaps, mean_interval, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .positions import check_velocity
@@ -212,8 +212,8 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Check:
     finding = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
     if gaps:
         finding += f", longest {longest:.3f} s"
-    if dt < 0.5 * span / (imu.time.size - 1):
-        finding += f"; median interval {dt:.3g} s, mean {span / (imu.time.size - 1):.3g} s"
+    if dt < 0.5 * (mean := mean_interval(imu.time)):
+        finding += f"; median interval {dt:.3g} s, mean {mean:.3g} s"
         advice = (
             "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
             " own clock"

@@ -4,8 +4,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from insgnss.base.errors import UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.config.flight_file import refuse_week
+from insgnss.config.load import load_flight
 from insgnss.geodesy.gpstime import gps_from_calendar
 
 
@@ -22,5 +23,17 @@ def test_a_week_to_come_is_refused_and_the_present_one_is_not():
     now, _ = gps_from_calendar(datetime.now(UTC))
     with pytest.raises(UsageError, match="still to come"):
         refuse_week(now + 2)
-    for week in (None, 0, 1024, 2008, now, now + 1):
+    for week in (None, 1024, 2008, now, now + 1):
         refuse_week(week)
+
+
+@pytest.mark.parametrize("week", [0, 1023])
+def test_every_week_below_the_rollover_is_refused_in_a_flight_file(week, tmp_path):
+    """Oracle: GPS weeks 1024 and 2047 began on 1999-08-22 and 2019-03-31 (calendar)."""
+    path = tmp_path / "flight.toml"
+    (tmp_path / "imu.csv").write_text("1\n")
+    files = 'imu = { file = "imu.csv" }\ngnss = { file = "imu.csv" }\n'
+    path.write_text(f"gps_week = {week}\n{files}")
+    dates = "1999-08-22 or 2019-04-07" if week == 0 else "2019-03-31 or 2038-11-14"
+    with pytest.raises(InputError, match=f"flight.toml:1: gps_week: .* to {week} .{dates}"):
+        load_flight(path)

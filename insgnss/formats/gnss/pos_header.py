@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
-from ..text.layout import NUMBER, decode, is_comment, shown
+from ..text.layout import NUMBER, decode, float_of, is_comment, shown
 from ..text.text import Source
 
 DATE = re.compile(rb"^([ \t]*\d{4})/(\d\d?)/(\d\d?)[ \t]+(\d\d?):(\d\d?):", re.MULTILINE)
@@ -37,7 +37,7 @@ VELOCITY = {
 }
 VELOCITY_ROOTS = {kind: tuple(f"sdv{name[2:]}" for name in names) for kind, names in ROOTS.items()}
 _OTHER_NAMES = {"latitude": {"sdue": "sdun", "sdvue": "sdvun"}}  # RTKLIB's own older spelling
-_WEEK_TOW = re.compile(r"\s*\d{1,4}[\s,;]+\d{1,6}\.\d*[\s,;]")
+_WEEK_TOW = re.compile(r"\s*\d{1,4}[\s,;]+\d{1,6}\.\d*[\s,;]", re.ASCII)
 SCALES = ("GPST", "UTC", "JST")
 PLAIN_FIELDS = (15, 24)
 
@@ -118,7 +118,7 @@ def _plain_layout(line: str) -> bool | None:
         len(fields) not in PLAIN_FIELDS
         or not all(NUMBER.fullmatch(field) for field in fields[2:])
         or not re.fullmatch(r"[0-7]", fields[5])
-        or not re.fullmatch(r"\d{1,3}", fields[6])
+        or not re.fullmatch(r"[0-9]{1,3}", fields[6])
     ):
         return None
     return dated
@@ -168,7 +168,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
         not geodetic,
         "(d'\")" in column_lines[0],
         dated,
-        _base(comments),
+        _base(path, comments),
     )
 
 
@@ -188,8 +188,13 @@ def _without_header(path: Source, first: str) -> Header:
     return Header(kind, tuple(names), "GPST", True, False, dated, None, given=False)
 
 
-def _base(comments: list[str]) -> tuple[float, ...] | None:
-    """Numbers of `% ref pos :`, or None."""
+def _base(path: Source, comments: list[str]) -> tuple[float, ...] | None:
+    """Numbers of `% ref pos :`, three or, sexagesimal, seven; None without such a line."""
     line = next((line for line in comments if re.match(r"\s*%\s*ref pos\s*:", line)), None)
-    numbers = re.findall(r"[+-]?\d+(?:\.\d*)?", line.partition(":")[2]) if line else []
-    return tuple(float(v) for v in numbers) if len(numbers) in (3, 7) else None
+    if line is None:
+        return None
+    numbers = [float_of(text) for text in re.split(r"[\s,;]+", line.partition(":")[2].strip())]
+    if None in numbers or len(numbers) not in (3, 7):
+        message = f"{shown(line.strip())} is no position of the base; correct or delete the line"
+        raise InputError.at_line(path, None, message)
+    return tuple(x for x in numbers if x is not None)

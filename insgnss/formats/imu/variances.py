@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
+from ...base.tables import is_number
 from ...records import WaveletVariance, chi_square_interval
 from ..text.columns import Aliases, columns_of
-from ..text.layout import decode, is_comment, shown
+from ..text.layout import LARGEST, decode, is_comment, shown
 from ..text.text import Source, TextTable, load_bytes, number, read_text_table
 from ..text.units import check_units, unit_factor
 
@@ -247,8 +248,9 @@ def _comments(text: str) -> dict[str, tuple[int | None, str]]:
 
 def _positive(path: Source, line: int | None, text: str, key: str) -> float:
     value = number(text, path, line or 0) if line else float(text)
-    if not 0.0 < value < math.inf:
-        raise InputError.at_line(path, line, f"{key} {text}; it must be greater than zero")
+    if not 0.0 < value < math.inf or (key == "samples" and value % 1.0):
+        kind = "a whole number" if key == "samples" else "a number"
+        raise InputError.at_line(path, line, f"{key} {text}; {kind} greater than zero is expected")
     return value
 
 
@@ -345,7 +347,7 @@ def _read_json(
             f"{'avar' if allan else 'wvar'}, type and axis must name the same axes, one or more"
         )
     rate, n = (float(_numbers(content.get(key), key, refuse)[0]) for key in ("freq", "n"))
-    if not (rate > 0.0 and n >= 4.0):
+    if not (rate > 0.0 and n >= 4.0 and n % 1.0 == 0.0):
         raise refuse(
             f"freq {rate:g} and n {n:g}; a rate in Hz and a number of samples are expected"
         )
@@ -444,13 +446,12 @@ def _json_curve(
 
 def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
-    try:
-        numbers = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError, OverflowError):  # the last: an integer of 309 digits
-        numbers = np.array([np.nan])
+    rows = value if isinstance(value, list) else [value]
+    flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
+    numbers = np.array([x if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
-    return numbers
+    return numbers.astype(np.float64)
 
 
 def _strings(value: Any, key: str, refuse: Refusal) -> list[str]:

@@ -27,7 +27,7 @@ from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
-from ..text.layout import decode, printable
+from ..text.layout import decode, float_of, printable
 from ..text.order import NumberedRows, note
 from ..text.text import Source, load, load_bytes
 from ..text.units import DEG
@@ -45,6 +45,7 @@ LOST_LIMIT = 0.01
 # GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
 QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
 LEAST_STATUS = 3
+TEXTS = "nNZMa"  # letters of a format: texts, modes (which logs as text name), arrays
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
 
@@ -193,14 +194,16 @@ def _text(path: Source) -> Log:
     """Read a log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
     buf, complete = load(path)
     labels: dict[str, list[str]] = {}
+    forms: dict[str, str] = {}
     rows: dict[str, list[list[float]]] = {}
     odd, lines = 0, decode(bytes(buf[:-1])).split("\n")
     for text in through(lines):
         name, *fields = (field.strip() for field in text.split(","))
         if name == "FMT" and len(fields) > 4 and fields[2] not in rows:
             labels[fields[2]] = [printable(field) for field in fields[4:]]
-        elif name in labels and len(fields) == len(labels[name]):
-            rows.setdefault(name, []).append([_float(field) for field in fields])
+            forms[fields[2]] = fields[3]
+        elif name in labels and (row := _row(fields, forms[name], len(labels[name]))) is not None:
+            rows.setdefault(name, []).append(row)
         elif text.strip() and not (
             name == "FMT" and labels.get(fields[2] if len(fields) > 2 else "") == fields[4:]
         ):
@@ -227,11 +230,17 @@ def as_float(column: NDArray[Any]) -> Array:
         return column.astype(np.float64)
 
 
-def _float(field: str) -> float:
-    try:
-        return float(field)
-    except ValueError:
-        return np.nan
+def _row(fields: list[str], form: str, count: int) -> list[float] | None:
+    """Return the numbers of a message's fields, not-a-number for text and where `nan` is written.
+
+    The result is None for another count of fields, or where a number cannot be read.
+    """
+    row = [
+        np.nan if kind in TEXTS or field.lower().lstrip("+-") == "nan" else float_of(field)
+        for field, kind in zip(fields, form.ljust(count), strict=False)
+    ]
+    numbers = [x for x in row if x is not None]
+    return numbers if len(numbers) == len(fields) == count else None
 
 
 def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.unpacking import PACKED, check_unpacked, unpack
-from ...formats.text.layout import decode, shown
+from ...formats.text.layout import decode, float_of, shown
 from ...formats.text.text import Source, load
 from ...records import Array
 
@@ -50,6 +50,9 @@ COMPACT = b"COMPACT RINEX"
 OF_TYPES = re.compile(
     rb"^.{3} {0,2}(\d{1,3}).{54,56}(?:SYS / # / OBS TYPES|# / TYPES OF OBSERV)", re.MULTILINE
 )
+COUNT = re.compile(r" *[0-9]+ *")
+SLOTS = re.compile(r" *(?:[0-9]+ +)?(?:R *[0-9]{1,2} +[+-]?[0-9]+ *)*")
+SCALE = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
 RESTORED_LINE = 160  # bytes; two lines of text
 _OPEN = {
     "G1": "1C",
@@ -318,10 +321,10 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         approx if approx is not None and approx.any() else None,
         delta if delta is not None else np.zeros(3),
         float(interval[0]) if interval is not None and interval[0] > 0 else None,
-        int(leap[0]) if leap is not None else None,
+        int(leap[0]) if leap is not None and leap[0] > 0 else None,
         types,
-        _slots(by_label.get("GLONASS SLOT / FRQ #", ())),
-        scale_of(by_label.get("SYS / SCALE FACTOR", ()), types),
+        _slots(path, records),
+        scale_of(path, records, types),
         {label: tuple(lines) for label, lines in by_label.items()},
         len(records),
     )
@@ -333,20 +336,17 @@ def _numbers(path: Source, records: Iterable[Record], label: str, count: int) ->
     fields = text.split()[:count]
     if len(fields) < count:  # numbers of 14 columns may touch
         fields = [text[14 * k : 14 * (k + 1)] for k in range(count)]
-    try:
-        values = np.array([float(item) for item in fields])
-    except ValueError:
-        values = np.empty(0)
-    if values.size == 0 and not text.strip():
+    if not text.strip():
         return np.zeros(count)
-    if values.size != count or not np.isfinite(values).all():
+    values = [float_of(item.strip()) for item in fields]
+    if None in values:
         raise InputError.at_line(
             path,
             line,
             f"{label}: {shown(text.strip())}, expected {count} number{'s' * (count > 1)}; correct"
             " the header",
         )
-    return values
+    return np.array(values, dtype=np.float64)
 
 
 def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[str, tuple[str, ...]]:
@@ -367,7 +367,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
                     path, line, f"{label}: {missing} codes fewer than announced; correct the header"
                 )
             system = "" if version < 3 else text[0].upper()
-            if not count.strip().isdecimal() or (version >= 3 and system not in SYSTEMS):
+            if not COUNT.fullmatch(count) or (version >= 3 and system not in SYSTEMS):
                 raise InputError.at_line(
                     path,
                     line,
@@ -424,20 +424,31 @@ def _code(system: str, name: str, types: Sequence[str]) -> str:
     return ("C" if name[0] == "P" else name[0]) + tail
 
 
-def _slots(lines: Iterable[str]) -> dict[str, int]:
-    pairs = [pair for text in lines for pair in re.findall(r"R\s?(\d{1,2})\s+([+-]?\d+)", text[3:])]
+def _slots(path: Source, records: Iterable[Record]) -> dict[str, int]:
+    pairs: list[tuple[str, str]] = []
+    for line, label, text in records:
+        if label == "GLONASS SLOT / FRQ #":
+            if not SLOTS.fullmatch(text):
+                message = f"{label}: {shown(text.strip())}, expected pairs such as R01  1"
+                raise InputError.at_line(path, line, f"{message}; correct the header")
+            pairs += re.findall(r"R *([0-9]{1,2}) +([+-]?[0-9]+)", text)
     return {f"R{int(slot):02d}": int(number) for slot, number in pairs}
 
 
 def scale_of(
-    lines: Iterable[str], types: Mapping[str, tuple[str, ...]]
+    path: Source, records: Iterable[Record], types: Mapping[str, tuple[str, ...]]
 ) -> dict[tuple[str, str], float]:
     """Return the scale factors of RINEX 3; a record without codes is of all codes of its system."""
     factors: dict[tuple[str, str], float] = {}
     system, factor = "", math.nan
-    for text in lines:
-        if hit := re.match(r"([A-Z]) +(\d+)", text[:6]):
+    for line, label, text in records:
+        if label != "SYS / SCALE FACTOR":
+            continue
+        if hit := SCALE.fullmatch(text[:6].strip()):
             system, factor = hit[1], float(hit[2])
+        elif text[:10].strip() or not system:
+            message = f"{label}: {shown(text.strip())}, expected a system and 1, 10, 100 or 1000"
+            raise InputError.at_line(path, line, f"{message}; correct the header")
         for code in text[10:].split() or (types.get(system, ()) if hit else ()):
             factors[system, code] = factor
     return factors

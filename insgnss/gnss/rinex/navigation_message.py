@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.files import lines_of
 from ...base.unpacking import unpack
+from ...formats.text.layout import float_of, shown
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
 from .header import load_rinex
 from .navigation_4 import as_rinex_3, rinex_3_text
@@ -82,6 +83,7 @@ WORDS = {
 }
 BEIDOU_LAG_S = 14.0
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
+STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
 GZIP = b"\x1f\x8b"
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
@@ -210,7 +212,7 @@ def _messages(path: Source, left_out: Counter[str]) -> Iterator[_Message]:
             if version >= 3.0
             else f"{system}{line[:2].replace(' ', '0')}"
         )
-        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdecimal():
+        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit() or not satellite.isascii():
             raise InputError.at_line(
                 path,
                 begin + 1,
@@ -294,12 +296,10 @@ def _number(path: Source, begin: int, k: int, field: str) -> float:
     text = field.strip()
     if not text:
         return math.nan
-    try:
-        return float(text.replace("D", "E").replace("d", "e"))
-    except ValueError:
-        raise InputError.at_line(
-            path, begin + 1 + (k + 1) // 4, f"{field!r} is no number; is the file damaged?"
-        ) from None
+    if (x := float_of(text.replace("D", "E").replace("d", "e"))) is not None:
+        return x
+    message = f"{shown(field)} is no number; is the file damaged?"
+    raise InputError.at_line(path, begin + 1 + (k + 1) // 4, message)
 
 
 def _stamp(path: Source, line: int, field: str) -> datetime:
@@ -307,13 +307,17 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
     are of the last century.
     """
     try:
+        if not STAMP.fullmatch(field):
+            raise ValueError
         year, month, day, hour, minute = (int(number) for number in field.split()[:5])
         second = float(field.split()[5])
         year += 0 if year > 99 else 1900 if year >= 80 else 2000
+        if hour > 24 or minute > 60 or second > 61.0:
+            raise ValueError
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
-    except (ValueError, IndexError, OverflowError):
+    except ValueError:
         raise InputError.at_line(
-            path, line, f"{field.strip()!r} is no date and time of a clock; is the file damaged?"
+            path, line, f"{shown(field.strip())} is no date and time of a clock; is the file damaged?"
         ) from None
 
 

@@ -343,9 +343,7 @@ class _Reading:
         types = types_of(self.path, self.header.version, records)
         if types or any(label == "SYS / SCALE FACTOR" for _, label, _ in records):
             self.types |= types
-            self.scales |= scale_of(
-                [text for _, label, text in records if label == "SYS / SCALE FACTOR"], self.types
-            )
+            self.scales |= scale_of(self.path, records, self.types)
             systems = [s for s in SYSTEMS if self.widths[SYSTEMS.index(s)] >= 0 or s in types]
             for system in systems:
                 self.learn(system)
