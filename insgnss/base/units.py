@@ -241,8 +241,9 @@ def parse_quantity(text: object, dimension: str) -> float:
     if match is None:
         raise InputError(f"{text!r} does not start with a number; {example}")
     value, rest = float(match.group(1)), _plain(text[match.end() :])
-    if not math.isfinite(value):
-        raise InputError(f"{text!r} is not finite; {example}")
+    zero = not any(digit in match.group(1).lower().partition("e")[0] for digit in "123456789")
+    if not math.isfinite(value) or (value == 0.0 and not zero):
+        raise InputError(f"{text!r} is beyond the numbers of this machine; {example}")
     if not rest.strip():
         if wanted.exponents != UNITS["1"].exponents:
             raise InputError(f"{text!r} has no unit; {example}")

@@ -10,6 +10,8 @@ from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.prepare.gaps import bridged_variance, edges, find_gaps, nominal_interval, segments
 from insgnss.prepare.increments import body_increments
+from insgnss.prepare.static_recording import static_span
+from insgnss.recognise.plausibility import _imu_rate
 from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 BODY = np.eye(3)
@@ -115,3 +117,18 @@ def test_gaps_that_nothing_can_be_compared_with_are_refused(flight):
     burst = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
     with pytest.raises(DataError, match=r"gap of 0\.3\d* s at .*; record without gaps"):
         body_increments(burst, BODY, burst.time[[0, 50, -1]])
+
+
+def test_a_pause_of_hours_is_a_gap_and_no_bunches(flight):
+    """Oracle: the same recording whose stamps come ten at a time, twice a second or every 5 s."""
+    imu = flight.imu
+    pause = replace(imu, time=imu.time + 3.0 * 3600.0 * (imu.time > imu.time[9000]))
+    check = _imu_rate(pause, nominal_interval(pause.time))
+    assert check.verdict == "note"
+    assert "1 gaps, longest 10800.0" in check.found
+    assert static_span(pause).checks[0].verdict == "ok"
+    for every in (0.1, 5.0):
+        bunches = np.floor(imu.time / every) * every + 1e-6 * np.arange(imu.time.size)
+        check = _imu_rate(replace(imu, time=bunches), nominal_interval(bunches))
+        assert (check.verdict, "bunches" in check.advice) == ("contradiction", True)
+        assert static_span(replace(imu, time=bunches)).checks[0].verdict == "contradiction"
