@@ -27,6 +27,7 @@ from .output.unfinished import refuse_unfinished
 Source = str | os.PathLike[str]
 Identity = tuple[int, int, int, int]
 """Device, number on it, size in bytes and time of the last change in ns."""
+BOM = b"\xef\xbb\xbf"  # byte order mark of UTF-8
 SETTLED_NS = 2_000_000_000  # time (ns) since a change within which a stamp may hide another one
 KEPT_HASHES = 64  # hashes of files that are asked for before a run and after it
 
@@ -161,10 +162,10 @@ def read_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> 
 
 
 def first_bytes(path: Source, count: int, advice: str = "check the path") -> bytes:
-    """Return the first bytes of a file. Raises InputError where it cannot be read."""
+    """Return a file's first bytes behind a byte order mark. Raises InputError for no such file."""
     try:
         with opened(path) as stream:
-            return stream.read(count)
+            return stream.read(count).removeprefix(BOM)
     except OSError as error:
         message = f"cannot be read: {error.strerror or error}; {advice}"
         raise InputError.at_line(path, None, message) from None

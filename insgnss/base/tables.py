@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from .errors import InputError, near
 from .files import lines_of
 from .inputs import read_text
+from .units import spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -294,7 +295,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         ):
             raise InputError.at_line(path, number, f"{key[0].count('.')} {NESTED}")
     try:
-        data = tomllib.loads(text)
+        data = tomllib.loads(text, parse_float=_float)
     except RecursionError:
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}") from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
@@ -307,6 +308,14 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     if _deeper(data, DEEPEST):
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
     return data
+
+
+def _float(text: str) -> float:
+    """Return a number of TOML; ValueError for one too small for a float, which would be zero."""
+    x = float(text)
+    if x == 0.0 and not spells_zero(text):
+        raise ValueError(f"{text} is too small a number; write 0")
+    return x
 
 
 def _deeper(value: object, levels: int) -> bool:

@@ -208,6 +208,11 @@ class _Parser:
         raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
 
 
+def spells_zero(text: str) -> bool:
+    """Tell whether a number whose float is zero is zero, and not one too small for a float."""
+    return not any(digit in text.lower().partition("e")[0] for digit in "123456789")
+
+
 def parse_unit(text: str) -> Unit:
     """Return the unit of an expression such as "deg/s^2/sqrt(Hz)".
 
@@ -241,8 +246,7 @@ def parse_quantity(text: object, dimension: str) -> float:
     if match is None:
         raise InputError(f"{text!r} does not start with a number; {example}")
     value, rest = float(match.group(1)), _plain(text[match.end() :])
-    zero = not any(digit in match.group(1).lower().partition("e")[0] for digit in "123456789")
-    if not math.isfinite(value) or (value == 0.0 and not zero):
+    if not math.isfinite(value) or (value == 0.0 and not spells_zero(match.group(1))):
         raise InputError(f"{text!r} is beyond the numbers of this machine; {example}")
     if not rest.strip():
         if wanted.exponents != UNITS["1"].exponents:

@@ -43,9 +43,8 @@ def by_bytes(path: str | Path, head: bytes) -> str:
 
 
 def head_of(path: str | Path) -> bytes:
-    """Return a file's first bytes behind a byte order mark. Raises InputError where unreadable."""
-    head = first_bytes(path, 1 << 14, "check the path in the flight file")
-    return head.removeprefix(b"\xef\xbb\xbf")
+    """Return the first bytes of a file. Raises InputError where it cannot be read."""
+    return first_bytes(path, 1 << 14, "check the path in the flight file")
 
 
 def load_content(form: str, path: str | Path) -> Any:

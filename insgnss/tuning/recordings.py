@@ -152,7 +152,7 @@ def _variances(
 def holds_variances(path: Path) -> bool:
     """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
     head = first_bytes(path, HEAD)
-    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    start = head.lstrip()[:1]
     return start in (b"{", b"[") or (
         start != b"\x93"
         and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None

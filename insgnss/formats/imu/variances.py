@@ -448,10 +448,10 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     rows = value if isinstance(value, list) else [value]
     flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
-    numbers = np.array([x if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
+    numbers = np.array([float(x) if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
-    return numbers.astype(np.float64)
+    return numbers
 
 
 def _strings(value: Any, key: str, refuse: Refusal) -> list[str]:

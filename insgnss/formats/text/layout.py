@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.units import spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
@@ -94,8 +95,7 @@ def float_of(text: str, decimal: str = ".") -> float | None:
     if not NUMBER.fullmatch(text) or other in text:
         return None
     x = float(text.replace(sign, "."))
-    mantissa = text.upper().partition("E")[0]
-    zero = x == 0.0 and not any(digit in mantissa for digit in "123456789")
+    zero = x == 0.0 and spells_zero(text)
     return x if zero or SMALLEST < abs(x) < LARGEST else None
 
 
