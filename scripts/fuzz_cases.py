@@ -21,7 +21,7 @@ from insgnss.base.files import lines_of
 from insgnss.comparison.reading import read_poses
 from insgnss.config.block_file import load_block
 from insgnss.config.load import load_flight, read_covariance
-from insgnss.formats import read_barometer
+from insgnss.formats import read_barometer, read_events
 from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.dbat import read_dbat
 from insgnss.formats.blocks.gcp_list import read_gcp_list
@@ -39,11 +39,13 @@ from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
 from insgnss.formats.orientation.generic_ascii import read_generic_ascii
 from insgnss.formats.orientation.pose_covariance import read_pose_covariance, write_pose_covariance
 from insgnss.formats.orientation.relative_csv import read_relative_csv
+from insgnss.formats.positions.camera_positions import read_camera_positions
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.formats.vehicle.target_positions import read_target_positions
 from insgnss.formats.vehicle.target_sizes import read_target_sizes
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.inspection.discovery import discover
 from insgnss.orient.mounting_file import read_mounting_file
 from insgnss.prepare.calibration import load_calibration
 from insgnss.records import ExteriorOrientation
@@ -91,6 +93,9 @@ def on_page(name: str, kind: str = "true") -> bytes:
 
 PAGES: dict[str, tuple[str, Read]] = {
     "barometer": ("x.txt", read_barometer),
+    "event_dates": ("images.csv", read_events),
+    "events_pos": ("x_events.pos", read_events),
+    "camera_positions": ("camera_positions.csv", read_camera_positions),
     "eo_local_plane": ("EO_local-plane.txt", read_eo_local_plane),
     "metashape": ("metashape.csv", read_metashape),
     "trajectory_csv": ("trajectory.csv", read_trajectory_csv),
@@ -296,6 +301,7 @@ def _orientations() -> list[Case]:
         write_pose_covariance(eo.images, 1e-4 * np.eye(24), path)
         covariance = path.read_bytes()
     compared = ("eo_local_plane", "metashape", "trajectory_csv", "rtklib_pos", "odyn")
+    compared += ("tum", "pix4d", "inpho", "realitycapture")
     cases = [
         Case("eo.json", "eo.json", master, read_eo_json, cuts=False),
         Case(
@@ -340,7 +346,12 @@ def _images() -> list[Case]:
 
 
 def static_cases() -> list[Case]:
-    """Cases of what only tuning reads."""
+    """Cases of what only tuning and inspection read."""
+    inspected = [
+        Case(f"inspected {name}", "x.txt", on_page(name), lambda p: discover([p]), cuts=False)
+        for name in ("imu_csv", "gnss_text", "nmea", "events")
+    ]
     return [
-        Case("variances json", "x.json", on_page("variances", "json"), read_variances, cuts=False)
+        Case("variances json", "x.json", on_page("variances", "json"), read_variances, cuts=False),
+        *inspected,
     ]

@@ -10,7 +10,6 @@ from typing import Any
 from .errors import InputError, UsageError
 from .output.staging import Staging, together
 
-BOM = b"\xef\xbb\xbf"  # byte order mark of UTF-8
 Content = str | bytes | Iterable[str | bytes]
 
 

@@ -6,7 +6,6 @@ The file is tables whose values are checked as they are taken.
 import math
 import re
 import reprlib
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from .errors import InputError, near
 from .files import lines_of
 from .inputs import read_text
-from .units import spells_zero
+from .units import LARGEST, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -246,11 +245,9 @@ class Table:
 
 
 def is_number(value: object) -> bool:
-    """Whether `value` is a finite number that fits into a float; true and false are none."""
+    """Whether `value` is a number whose square is a float, too; true and false are none."""
     return (
-        isinstance(value, (int, float))
-        and not isinstance(value, bool)
-        and abs(value) <= sys.float_info.max
+        isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
     )
 
 

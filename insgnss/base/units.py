@@ -18,7 +18,8 @@ from .errors import InputError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
 FOOT_M = 0.3048  # m, the international foot
-SMALLEST, LARGEST = 1e-150, 1e150  # of a quantity in SI whose square is a float, too
+# of a quantity whose square is a float, too; more, and less, than any has
+SMALLEST, LARGEST = 1e-150, 1e150
 US_FOOT_M = 1200.0 / 3937.0  # m, the foot of the US survey
 
 _NAMES = ("angle", "length", "time")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..formats.text.layout import LARGEST
+from ..base.units import LARGEST
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 

@@ -191,7 +191,7 @@ def _velocity(
 def _collect(sentences: Sentences, undulation_m: float | None) -> _Log:
     log, days, before, epoch, path = _Log(), 0, 0.0, None, sentences.path
     for line, fields in sentences.fields(*KINDS):
-        kind = fields[0][2:]
+        kind = fields[0][2:5]
         if len(fields) < LEAST_FIELDS[kind]:
             message = f"{kind} of {len(fields)} fields, {LEAST_FIELDS[kind]} are the least"
             raise InputError.at_line(path, line, f"{message}; {CORRECT}")

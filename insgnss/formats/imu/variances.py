@@ -23,7 +23,7 @@ from ...base.files import lines_of
 from ...base.tables import is_number
 from ...records import WaveletVariance, chi_square_interval
 from ..text.columns import Aliases, columns_of
-from ..text.layout import LARGEST, decode, is_comment, shown
+from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, TextTable, load_bytes, number, read_text_table
 from ..text.units import check_units, unit_factor
 
@@ -448,7 +448,7 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     rows = value if isinstance(value, list) else [value]
     flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
-    numbers = np.array([float(x) if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
+    numbers = np.array([float(x) if is_number(x) else np.nan for x in flat])
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
     return numbers

@@ -135,6 +135,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         )
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
+    odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
         starts = places[kinds == kind]
         names, types = (
@@ -152,8 +153,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
             for i, label in enumerate(names)
             if dtype[i].kind in "iuf"
         }
-        _by_instance(tables, name, table)
-    odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
+        odd += _by_instance(tables, name, table)
     odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
     return Log(str(path), tables, tuple(odd))
 
@@ -217,9 +217,10 @@ def _text(path: Source) -> Log:
             " ArduPilot log?",
         )
     tables: Tables = {}
-    for name, values in rows.items():
-        _by_instance(tables, name, dict(zip(labels[name], np.array(values).T.copy(), strict=True)))
     notes = [f"{odd} lines that are no message left out"] if odd else []
+    for name, values in rows.items():
+        table = dict(zip(labels[name], np.array(values).T.copy(), strict=True))
+        notes += _by_instance(tables, name, table)
     notes += [] if complete else ["the last line has no end"]
     return Log(str(path), tables, tuple(notes))
 
@@ -243,19 +244,22 @@ def _row(fields: list[str], form: str, count: int) -> list[float] | None:
     return numbers if len(numbers) == len(fields) == count else None
 
 
-def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
-    """Add a message's table.
+def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> tuple[str, ...]:
+    """Add a message's table, and return what was odd in it.
 
     Those of further sensors (field I: 1, 2, ...) stand under names with a number.
     """
     instance = table.get("I")
     if instance is None or (instance == 0).all():
         tables[name] = table
-        return
-    for k in np.unique(instance[(instance >= 0.0) & (instance < 256.0)]).astype(np.int64).tolist():
+        return ()
+    numbered = np.isin(instance, np.arange(256))
+    for k in np.unique(instance[numbered]).astype(np.int64).tolist():
         tables[name if k == 0 else f"{name}{k + 1}"] = {
             label: column[instance == k] for label, column in table.items()
         }
+    lost = int(numbered.size - numbered.sum())
+    return (f"{lost} {name} messages without the number of a sensor left out",) if lost else ()
 
 
 def _boot(table: dict[str, Array], path: str, name: str) -> Array:

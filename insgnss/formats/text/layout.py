@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.units import spells_zero
+from ...base.units import LARGEST, spells_zero
 from .pieces import FileBytes
 
 COMMENTS = ("#", "%", "!", ";", "//")
@@ -42,7 +42,6 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
 _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
-LARGEST = 1e150  # of a number whose square is one, too; more than any quantity has
 SMALLEST = 1e-280  # of a number with all its digits, as in tables; those below lose some
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")

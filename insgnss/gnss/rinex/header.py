@@ -50,6 +50,10 @@ COMPACT = b"COMPACT RINEX"
 OF_TYPES = re.compile(
     rb"^.{3} {0,2}(\d{1,3}).{54,56}(?:SYS / # / OBS TYPES|# / TYPES OF OBSERV)", re.MULTILINE
 )
+TAKEN = (  # labels of the records whose values are taken
+    *(TYPES_2, TYPES_3, "APPROX POSITION XYZ", "ANTENNA: DELTA H/E/N", "INTERVAL", "LEAP SECONDS"),
+    *("TIME OF FIRST OBS", "GLONASS SLOT / FRQ #", "SYS / SCALE FACTOR"),
+)
 COUNT = re.compile(r" *[0-9]+ *")
 SLOTS = re.compile(r" *(?:[0-9]+ +)?(?:R *[0-9]{1,2} +[+-]?[0-9]+ *)*")
 SCALE = re.compile(r"([A-Z]) +(10{0,3})")  # a factor of 1, 10, 100 or 1000
@@ -224,6 +228,10 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
                 f"no header record: {shown(text.strip())}; complete the header, or copy the file"
                 " again",
             )
+        label = next((name for name in TAKEN if text.rstrip().endswith(name)), records[-1][1])
+        if records[-1][1] not in (label, "COMMENT"):
+            message = f"{label} stands beside columns 61 to 80: {shown(text.strip())}"
+            raise InputError.at_line(path, len(records), f"{message}; correct the header")
     return _header(path, version, system, records), offset
 
 
