@@ -26,7 +26,7 @@ from .model import AxisNoise, GaussMarkov
 MOST_GAUSS_MARKOV = 5
 _LINEAR = {"QN": "quantization", "WN": "white_noise", "RW": "random_walk", "DR": "drift"}
 _ALIASES = {name: name for name in ("QN", "WN", "GM", "RW", "DR")} | {"AR1": "GM", "AR(1)": "GM"}
-_TERM = re.compile(r"(\d*)\s*\*?\s*([^\s*].*)")
+_TERM = re.compile(r"([0-9]*)\s*\*?\s*([^\s*].*)")
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
     name = os.fspath(name_or_path)
     path = MODELS / f"{name}.toml" if name in shipped else Path(name)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = (
             "not UTF-8 text"

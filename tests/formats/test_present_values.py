@@ -72,6 +72,17 @@ def test_a_field_of_a_sentence_that_is_no_number_is_refused(
         fixes(tmp_path / "x.nmea", epoch(0) + epoch(1, **{field: value}))
 
 
+def test_text_among_the_numbers_of_a_solution_is_refused(tmp_path: Path) -> None:
+    """Oracle: a column of text alone is none of numbers; a field among them is one, at its line."""
+    path, head = tmp_path / "x.txt", "tow,lat,lon,h,sd_n,sd_e,sd_u,ratio\n"
+    rows = [f"{k},46.5,6.5,600,0.01,0.01,0.02,{{}}\n" for k in range(3)]
+    path.write_text(head + "".join(rows).format("n/a", "n/a", "n/a"))
+    assert read_gnss(path).ratio is None
+    path.write_text(head + "".join(rows).format("3.1", "n/a", "4.2"))
+    with pytest.raises(InputError, match=r"x\.txt:3: 'n/a' in field 8"):
+        read_gnss(path)
+
+
 def test_a_sentence_without_its_fields_is_refused(tmp_path: Path) -> None:
     """Oracle: NMEA 0183, a GGA has its height in field 9."""
     short = sentence("GNGGA,100000.00,4634.2,N,00632.4,E,4,20,0.6")

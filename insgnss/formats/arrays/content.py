@@ -195,7 +195,8 @@ def _numbers(path: object, node: Any, name: str) -> Array:
         raise InputError(
             f"{path}: {name} holds no numbers{there}; name a vector, or a column of a matrix"
         )
-    return values.astype(np.float64)
+    with np.errstate(over="ignore"):  # of a longer type, beyond a float; refused as infinite
+        return values.astype(np.float64)
 
 
 def tables_of(content: Content, prefix: str = "") -> Iterator[TableInfo]:

@@ -179,13 +179,17 @@ def read_gnss_text(
 def _described(table: Table, index: Mapping[str, int]) -> dict[str, int]:
     """Return the first column of each of `OF_THE_SOLUTION` that the header names.
 
-    They weigh nothing, so that one with text in it is passed over, not refused.
+    They weigh nothing, so that one of text alone is passed over; text among numbers is refused.
     """
     index_of: dict[str, int] = {}
     for k, field in enumerate(table.layout.header_fields or ()):
         name = DESCRIBED.get(normalised(field)[0])
-        if name is not None and k not in index.values() and k not in {*table.bad, *table.dates}:
+        if name is None or k in index.values() or k in table.dates:
+            continue
+        if k not in table.bad:
             index_of.setdefault(name, k)
+        elif np.isfinite(table.values[:, k]).any():
+            table.refuse_text([k])
     return index_of
 
 

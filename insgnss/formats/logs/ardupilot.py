@@ -543,11 +543,11 @@ def read_events_ardupilot(
     _agree(str(path), clock.gps_week, gps_week)
     lines = NumberedRows(str(path), name)
     time = clock.gpst(lines, _boot(table, log.path, name))
-    images = (
-        tuple(str(int(k)) for k in table["Img"])
-        if "Img" in table and np.isfinite(table["Img"]).all()
-        else None
-    )
+    images = None
+    if "Img" in table:
+        whole = np.where(table["Img"] == np.floor(table["Img"]), table["Img"], np.nan)
+        _finite(log, name, {"Img": whole})
+        images = tuple(str(int(k)) for k in whole)
     notes = (clock.note("event rows"), *log.notes("event rows"))
     return events_in_order(images, time, lines, str(path), clock.gps_week, notes)
 

@@ -259,7 +259,7 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
             " first)",
         )
     version, kind = text[:9].strip(), text[20:21].upper()
-    if not re.fullmatch(r"\d(\.\d+)?", version):
+    if not re.fullmatch(r"[0-9](\.[0-9]+)?", version):
         raise InputError.at_line(
             path, 1, f"RINEX version {shown(version)} is no number; copy the file again"
         )
