@@ -301,7 +301,7 @@ def _orientations() -> list[Case]:
         write_pose_covariance(eo.images, 1e-4 * np.eye(24), path)
         covariance = path.read_bytes()
     compared = ("eo_local_plane", "metashape", "trajectory_csv", "rtklib_pos", "odyn")
-    compared += ("tum", "pix4d", "inpho", "realitycapture")
+    compared += ("tum", "pix4d", "realitycapture")
     cases = [
         Case("eo.json", "eo.json", master, read_eo_json, cuts=False),
         Case(

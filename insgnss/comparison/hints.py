@@ -85,7 +85,7 @@ def origin_in(path: Path) -> TangentPlane | None:
     """
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
-    number = r"(-?\d+(?:\.\d+)?)"
+    number = r"(-?[0-9]+(?:\.[0-9]+)?)"
     origin = re.search(
         rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
         head,

@@ -7,11 +7,13 @@ import pytest
 
 from insgnss.base.errors import InputError
 from insgnss.base.units import parse_quantity
-from insgnss.formats import read_barometer, read_gnss, read_imu
+from insgnss.config.load import read_covariance
+from insgnss.formats import read_barometer, read_events, read_gnss, read_imu
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.text.layout import float_of
 from insgnss.gnss.rinex.header import scale_of
 from insgnss.gnss.rinex.navigation_message import read_navigation
+from insgnss.gnss.rinex.observations import read_observations
 
 
 def sentence(body: str) -> str:
@@ -171,3 +173,43 @@ def test_a_message_of_another_script_is_refused(tmp_path: Path) -> None:
         (tmp_path / "x.nav").write_text(head + clock.replace(old, new) + rest)
         with pytest.raises(InputError, match=r"x\.nav:3: .*(no number|no date)"):
             read_navigation(tmp_path / "x.nav")
+
+
+def test_what_stands_between_seconds_and_flag_is_refused(tmp_path: Path) -> None:
+    """Oracle: RINEX 2.11, table A2: two blanks there; a label stands in columns 61 to 80."""
+    page = (Path(__file__).parents[2] / "data_specs/rinex.md").read_text()
+    text, path = page.partition("```true\n")[2].partition("```")[0], tmp_path / "x.18o"
+    path.write_text(text)
+    assert read_observations(path).events.size == 2
+    path.write_text(text.replace("0.0421877  5", "0.0421877 65"))
+    with pytest.raises(InputError, match=r"x\.18o:11: .*where an epoch must begin"):
+        read_observations(path)
+    path.write_text(text.replace("0.0000        0.0000    ", "0.0000        0.0000   ", 1))
+    with pytest.raises(InputError, match=r"x\.18o:6: ANTENNA: DELTA H/E/N stands beside"):
+        read_observations(path)
+
+
+def test_a_message_without_its_sensor_and_an_image_without_its_number(tmp_path: Path) -> None:
+    """Oracle: the count of what was left out, and the rule itself."""
+    log = "FMT, 129, 31, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
+    log += "FMT, 130, 50, GPS, QBBIHLLe, TimeUS,I,Status,GMS,GWk,Lat,Lng,Alt\n"
+    log += "FMT, 131, 50, CAM, QH, TimeUS,Img\n"
+    for k in range(30):
+        log += f"GPS, {10**6 + 20000 * k}, 0, 3, {200000000 + 20 * k}, 2008, 46.57, 6.54, 580.5\n"
+        log += f"IMU, {10**6 + 20000 * k}, {'nan' if k == 7 else 0}, 0, 0, 0, 0, 0, -9.8\n"
+    path = tmp_path / "x.log"
+    path.write_text(log + "CAM, 1500000, 3.5\n")
+    imu = read_imu(path)
+    assert imu.time.size == 29
+    assert any("1 IMU messages without the number of a sensor" in note.found for note in imu.notes)
+    with pytest.raises(InputError, match="CAM 1: Img is"):
+        read_events(path)
+
+
+def test_a_setting_beyond_all_quantities_is_refused(tmp_path: Path) -> None:
+    """Oracle: the rule itself: 1e200 was a stray overflow, 1e-400 was zero."""
+    path = tmp_path / "covariance.toml"
+    for value in ("1e200", "1e-400", "-1e999", "9" * 400):
+        path.write_text(f"ppm = [{value}, 1, 2]\n")
+        with pytest.raises(InputError, match=r"covariance\.toml:"):
+            read_covariance(path)

@@ -239,6 +239,9 @@ def _epoch_line(buf, offset, end, three, state):
         flag_at -= 1
     if three and buf[offset] != _EPOCH and buf[offset] != _SPACE:
         return False
+    for i in range(offset + (29 if three else 26), min(flag_at, end)):
+        if buf[i] != _SPACE:  # between seconds and flag stands nothing
+            return False
     flag, count = _whole(buf, flag_at, flag_at + 1, end), _whole(buf, flag_at + 1, flag_at + 4, end)
     state[FLAG], state[COUNT] = max(flag, 0), max(count, 0)
     state[TICKS] = _stamp(buf, offset, end, three)
