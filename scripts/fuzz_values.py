@@ -136,10 +136,12 @@ def swapped(rng: np.random.Generator, data: bytes) -> bytes:
     first = int(rng.integers(max(1, len(lines) - 2 * size)))
     middle = first + size
     last = int(rng.integers(middle, max(middle + 1, len(lines) - size)))
-    if any(not line[:1].strip(b"#%!;") or line[:1].isalpha() for line in lines[first : last + size]):
+    if any(
+        not line[:1].strip(b"#%!;") or line[:1].isalpha() for line in lines[first : last + size]
+    ):
         return data  # comments and names of columns stay
-    blocks = lines[last : last + size], lines[middle:last], lines[first:middle]
-    return b"\n".join([*lines[:first], *sum(blocks, []), *lines[last + size :]])
+    later = [*lines[last : last + size], *lines[middle:last]]
+    return b"\n".join([*lines[:first], *later, *lines[first:middle], *lines[last + size :]])
 
 
 def numbers_of(record: object, without: tuple[str, ...] = OF_NO_NUMBER) -> Array:

@@ -246,9 +246,7 @@ class Table:
 
 def is_number(value: object) -> bool:
     """Whether `value` is a number whose square is a float, too; true and false are none."""
-    return (
-        isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
-    )
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:

@@ -212,7 +212,11 @@ def _messages(path: Source, left_out: Counter[str]) -> Iterator[_Message]:
             if version >= 3.0
             else f"{system}{line[:2].replace(' ', '0')}"
         )
-        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit() or not satellite.isascii():
+        if (
+            satellite[0] not in (*LINES, *LEFT_OUT)
+            or not satellite[1:].isdigit()
+            or not satellite.isascii()
+        ):
             raise InputError.at_line(
                 path,
                 begin + 1,
@@ -317,7 +321,9 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
     except ValueError:
         raise InputError.at_line(
-            path, line, f"{shown(field.strip())} is no date and time of a clock; is the file damaged?"
+            path,
+            line,
+            f"{shown(field.strip())} is no date and time of a clock; is the file damaged?",
         ) from None
 
 
