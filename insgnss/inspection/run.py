@@ -285,12 +285,12 @@ def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
     from .tables.grids import date_in
 
     date, origin = date_in(path), f"the date in {path.name}"
-    known = date is not None
+    in_file = date is not None
     if date is None:
         date = np.datetime64(int(path.stat().st_mtime), "s").astype("datetime64[D]")
         origin = f"the date of the file {path.name}, as no file gives the week; correct it"
     week = int((date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int) // 7)
-    return week if known else NO_WEEK, (week, f"of {date}, {origin}")
+    return week if in_file else NO_WEEK, (week, f"of {date}, {origin}")
 
 
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":

@@ -321,7 +321,8 @@ def _position(
     if header.kind == "e-baseline":
         origin, C_e = _base_frame(table, header)
         given = origin + given @ C_e.T
-    radius = np.linalg.norm(given, axis=1)
+    with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
+        radius = np.linalg.norm(given, axis=1)
     _refuse(
         table,
         (radius < 6e6) | (radius > 6e7),

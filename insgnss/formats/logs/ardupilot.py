@@ -258,8 +258,9 @@ def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> tuple[st
         tables[name if k == 0 else f"{name}{k + 1}"] = {
             label: column[instance == k] for label, column in table.items()
         }
-    lost = int(numbered.size - numbered.sum())
-    return (f"{lost} {name} messages without the number of a sensor left out",) if lost else ()
+    unnumbered = int(numbered.size - numbered.sum())
+    finding = f"{unnumbered} {name} messages without the number of a sensor left out"
+    return (finding,) if unnumbered else ()
 
 
 def _boot(table: dict[str, Array], path: str, name: str) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from ...formats import UNITS
-from ...formats.text.headers import factor_of, unit_in, without_unit
+from ...formats.text.headers import LONGEST_NAME, factor_of, unit_in, without_unit
 from ...formats.text.units import usual_unit
 from ...records import Array
 
@@ -34,7 +34,8 @@ def bare(name: str, kinds: Sequence[str]) -> list[str]:
 
 
 def _parts(name: str) -> list[str]:
-    """Name without brackets, and what follows each of its dots or slashes."""
+    """Name without brackets, and what follows each of its dots or slashes; of none an empty one."""
+    name = name if len(name) <= LONGEST_NAME else ""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")
     parts = re.split(r"[./]", plain) if plain.startswith("/") else plain.split(".")
     return [".".join(parts[k:]) for k in range(len(parts))]
