@@ -21,6 +21,8 @@ from ...base.errors import InputError, near
 from ...geodesy.rotation import CV_RUB, rotation_from_opk
 from ...records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ...records.block import ImageObservations as Observations
+from ..text.layout import shown
+from ..text.numbers import EXACT, PLAIN, finite, whole
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from .columns import first_repeat
 
@@ -130,16 +132,15 @@ def _text(element: Element | None) -> str:
     return "" if element is None or element.text is None else element.text.strip()
 
 
-def _numbers(path: Path, element: Element | None, name: str, count: int | None = None) -> Array:
-    """Return the numbers of an element, with commas between them."""
-    text = _text(element)
-    try:
-        values = np.array([float(word) for word in text.split(",") if word.strip()])
-    except ValueError:
-        values = np.zeros(0)
-    if (count is not None and values.size != count) or not np.isfinite(values).all():
+def _numbers(path: Path, text: str | None, name: str, count: int | None = None) -> Array:
+    """Return the numbers of a text with commas between them, of which there are `count`."""
+    values = np.array([finite(word) for word in (text or "").split(",")])
+    if (count is not None and values.size != count) or np.isnan(values).any():
         raise InputError.at_line(
-            path, None, f"<{name}>: {text!r} is not {count or 'a list of'} numbers; correct it"
+            path,
+            None,
+            f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
+            " between several",
         )
     return values
 
@@ -174,7 +175,7 @@ def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
 
 def _whole(table: Table | TextTable, values: Array, name: str) -> NDArray[np.int64]:
     """Return a column of whole numbers."""
-    wrong = values != np.round(values)
+    wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
     if wrong.any():
         row = int(np.argmax(wrong))
         raise table.error_at(row, f"{name} {values[row]:g} is no whole number; correct the line")
@@ -214,7 +215,7 @@ def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tup
     for file, columns, element, _ in _files(path, base, given, "prior_eo", PRIOR_EO):
         table = read_table(file)
         _checked(table, columns)
-        unit = element.get("units") or "degrees"
+        unit = element.get("units", "degrees")
         if unit not in ANGLES:
             raise InputError.at_line(
                 path, None, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}"
@@ -240,13 +241,10 @@ def _image_points(
         images = _row_of(table, _whole(table, value["im"], "image"), order)
         points = _whole(table, value["id"], "point")
         _once(table, images, points, value["im"])
-        both = element.get("sxy") or "1"
-        try:
-            sigma = np.full((len(images), 2), float(both))
-        except ValueError:
-            raise InputError.at_line(
-                path, None, f"sxy={both!r} is no number of pixels; correct it"
-            ) from None
+        both = element.get("sxy", "1")
+        sigma = np.full((len(images), 2), finite(both))
+        if np.isnan(sigma).any():
+            raise InputError.at_line(path, None, f"sxy={both!r} is no number of pixels; {PLAIN}")
         for k, name in enumerate(("sx", "sy")):
             if name in value:
                 sigma[:, k] = value[name]
@@ -279,7 +277,7 @@ def _ground(
         number, *values = (table.floats(columns.index(c)) for c in GROUND)
         keep = np.ones(len(number), dtype=bool)
         for rule in parent.findall("filter"):
-            listed = np.isin(number, _numbers(path, _ids(rule), "filter"))
+            listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
             if (action := _text(rule)) not in ("keep", "remove"):
                 raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
@@ -291,13 +289,6 @@ def _ground(
     every = np.concatenate(sigma)
     cov = every[:, :, None] ** 2 * np.eye(3)
     return np.concatenate(ids), np.concatenate(position), cov
-
-
-def _ids(rule: Element) -> Element:
-    """Return an element whose text is the attribute id of a filter."""
-    out = ElementTree.Element("filter")
-    out.text = rule.get("id") or ""
-    return out
 
 
 def _cameras(
@@ -317,6 +308,10 @@ def _cameras(
 
 def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
     """Return one camera; lengths in mm become pixels."""
+
+    def of(key: str, count: int | None = None) -> Array:
+        return _numbers(path, camera.findtext(key), key, count)
+
     name = _text(camera.find("name")) or _text(camera.find("id")) or "1"
     model, unit = _text(camera.find("model")), _text(camera.find("unit"))
     if model != BACKWARD_MODEL or unit != "mm":
@@ -326,13 +321,12 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
             f"camera {name}: model {model!r} in {unit!r}; read is {BACKWARD_MODEL} in mm: set"
             " DBAT's camera to it and adjust again",
         )
-    width, height = _numbers(path, camera.find("image"), "image", 2)
-    sensor = _text(camera.find("sensor")).replace("auto", "0").split(",")
-    try:
-        size = np.array([float(word) for word in sensor])
-    except ValueError:
-        size = np.zeros(0)
-    if size.size != 2 or not size.max() > 0.0:
+    width, height = of("image", 2)
+    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+        raise InputError.at_line(path, None, f"camera {name}: <image> is not whole pixels")
+    sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
+    size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
+    if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
         raise InputError.at_line(
             path, None, f"camera {name}: <sensor> is not width,height in mm; correct it"
         )
@@ -343,16 +337,15 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         raise InputError.at_line(
             path, None, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
         )
-    aspect = _numbers(path, camera.find("aspect"), "aspect", 1)[0]
-    skew = _numbers(path, camera.find("skew"), "skew", 1)[0]
-    K, P = (_numbers(path, camera.find(letter), letter) for letter in "KP")
-    if K.size > 4 or P.size > 2:
+    aspect, skew = of("aspect", 1)[0], of("skew", 1)[0]
+    K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
+    if K.size > 4 or P.size not in (0, 2):
         raise InputError.at_line(
-            path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 and 2 at most"
+            path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
         )
     value = dict.fromkeys(INTERIOR, 0.0)
-    value["f"] = per_mm * _numbers(path, camera.find("cc"), "cc", 1)[0]
-    value["cx"], value["cy"] = per_mm * _numbers(path, camera.find("pp"), "pp", 2)
+    value["f"] = per_mm * of("cc", 1)[0]
+    value["cx"], value["cy"] = per_mm * of("pp", 2)
     value |= {f"k{k}": K[k - 1] for k in range(1, K.size + 1)}
     value |= dict(zip(("p1", "p2"), P * (1.0, -1.0) if P.size == 2 else (), strict=False))
     value |= {"b1": aspect - 1.0, "b2": -skew}
@@ -394,13 +387,13 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
     datum = root.find(".//set_datum")
     if datum is None:
         return held
-    text, first = datum.get("ref_cam") or "1", _text(datum)
-    base = datum.get("ref_base") or "longest"
-    if first != "depend" or not text.isdecimal() or not 0 < int(text) <= len(position):
+    text, first = datum.get("ref_cam", "1"), _text(datum)
+    base = datum.get("ref_base", "longest")
+    if first != "depend" or not 0 < whole(text) <= len(position):
         raise InputError.at_line(
             path, None, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
         )
-    reference = int(text) - 1
+    reference = whole(text) - 1
     apart = np.abs(position - position[reference])
     if not np.isfinite(apart).all():
         raise InputError.at_line(
@@ -409,11 +402,11 @@ def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
             "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
         )
     if base != "longest":
-        if not base.isdecimal() or not 0 < int(base) <= len(position):
+        if not 0 < whole(base) <= len(position):
             raise InputError.at_line(
                 path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
             )
-        apart[np.arange(len(apart)) != int(base) - 1] = -1.0
+        apart[np.arange(len(apart)) != whole(base) - 1] = -1.0
     held[reference] = True
     held[np.unravel_index(int(np.argmax(apart)), apart.shape)] = True
     return held

@@ -1,0 +1,46 @@
+"""Numbers of files that are no tables: words, elements and attributes of XML, arrays of JSON.
+
+What stands where a number belongs and is none is refused by whoever reads it; nothing stands in for
+it. A number has digits of ASCII and a point, and is below `LARGEST`: Python itself also takes
+digits of other scripts, 1_000, nan and 1e308 for numbers, numpy texts and truth values.
+"""
+
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from .layout import NUMBER
+from .text import LARGEST, Array
+
+PLAIN = "write a plain decimal number, such as -1.5e-4"
+EXACT = 2**53  # whole numbers beyond it are not exact as a float
+
+
+def finite(text: str | None) -> float:
+    """Return the number that a text is; not-a-number where it is none, such as an empty one."""
+    word = (text or "").strip()
+    if not word.isascii() or "," in word or NUMBER.fullmatch(word) is None:
+        return np.nan
+    value = float(word)
+    return value if abs(value) < LARGEST else np.nan
+
+
+def whole(text: str | None) -> int:
+    """Return the whole number from zero on that a text is; -1 where it is none."""
+    value = finite(text)
+    return int(value) if value.is_integer() and 0.0 <= value < EXACT else -1
+
+
+def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return numbers of JSON or TOML as an array of that shape; None where they are none."""
+    flat: Any = [value]
+    try:
+        for _ in shape:
+            flat = chain.from_iterable(flat)
+        if not set(map(type, flat)) <= {int, float}:
+            return None
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):  # no list, rows of unequal length, 10^400
+        return None
+    return array if array.shape == shape and (np.abs(array) < LARGEST).all() else None
