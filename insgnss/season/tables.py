@@ -8,6 +8,7 @@ from typing import Any
 
 from ..base.errors import InputError, UsageError
 from ..base.wording import DOCTOR
+from ..formats.text.numbers import PLAIN, finite
 from .row import COLUMNS, TEXTS, Row, is_number
 
 HEAD = "# insgnss season 1: one row a flight, columns and units in data_specs/season.md"
@@ -68,11 +69,10 @@ def read_season(path: Path) -> list[Row]:
             raise InputError.at_line(path, number, problem)
         row: Row = {}
         for name, cell in zip(head, cells, strict=True):
-            try:
-                row[name] = cell if name in TEXTS else float(cell) if cell else None
-            except ValueError:
-                problem = f"{name}: {cell!r} is no number"
-                raise InputError.at_line(path, number, problem) from None
+            row[name] = cell if name in TEXTS else finite(cell) if cell else None
+            if row[name] != row[name]:
+                problem = f"{name}: {cell!r} is no number; {PLAIN}, or nothing"
+                raise InputError.at_line(path, number, problem)
         rows.append(row)
     return rows
 

@@ -10,6 +10,7 @@ from ...base.errors import InputError, near
 from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
 from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
+from ..text.numbers import array_of
 from ..text.text import Source
 
 MODELS = ("forward", "backward")
@@ -99,11 +100,11 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
             raise given.error(name, f"{value:g}; a standard deviation must be greater than zero")
     rows = table.value("correlations", list, np.eye(len(names)).tolist())
     try:
-        rho = np.array(rows, dtype=np.float64)
-        if rho.shape != (len(names),) * 2 or np.abs(rho - rho.T).max(initial=0.0) > 1e-9:
+        rho = array_of(rows, (len(names),) * 2)
+        if rho is None or np.abs(rho - rho.T).max(initial=0.0) > 1e-9:
             raise ValueError
         return InteriorCovariance(names, rho * sigma * sigma[:, None])
-    except (ValueError, TypeError, InputError):
+    except (ValueError, InputError):
         raise table.error(
             "correlations",
             f"expected {len(names)} rows of as many numbers, symmetric and positive definite, in"

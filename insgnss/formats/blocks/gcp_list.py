@@ -16,6 +16,7 @@ from ...base.files import atomic_write, lines_of
 from ...geodesy.projection import is_geographic
 from ..orientation.exported import check_names
 from ..text.layout import decode, is_comment, shown
+from ..text.numbers import whole
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
 from .columns import first_repeat, positive_sigma
@@ -152,8 +153,8 @@ def _crs(path: Source, row: tuple[int, str]) -> str:
         return "EPSG:4326"
     if words[:2] == ["WGS84", "UTM"] and len(words) == 3:
         zone, south = words[2].rstrip("NS"), words[2].endswith("S")
-        if zone.isdecimal() and 1 <= int(zone) <= 60:
-            return f"EPSG:{(32700 if south else 32600) + int(zone)}"
+        if 1 <= whole(zone) <= 60:
+            return f"EPSG:{(32700 if south else 32600) + whole(zone)}"
     try:
         CRS.from_user_input(text)
     except CRSError:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ...base.errors import near
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..text.layout import shown
+from ..text.numbers import PLAIN, finite, whole
 from ..text.text import Source
 from .columns import positive_sigma
 from .ground_points import GroundTable
@@ -32,7 +33,7 @@ from .metashape_project import Element, ProjectFile, opened_project, read_ply
 
 MARKER_M = 0.005  # accuracy of markers where the project states none, as in the program
 CAMERA_M = 10.0  # accuracy of reference coordinates of images, likewise
-TRUE = ("true", "1", "")
+FLAGS = {"true": True, "1": True, "false": False, "0": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +54,7 @@ class _Chunk:
         """An accuracy of the chunk's settings."""
         for element in self.element.findall("./settings/property"):
             if element.get("name") == name:
-                value = _number(self.source, element.get("value"), f"setting {name}")
-                return value if value > 0.0 else default
+                return _positive(self.source, element.get("value"), f"setting {name}")
         return default
 
 
@@ -92,7 +92,7 @@ def read_metashape_block(
     of = _chunk(root, source, chunk)
     enabled = [c for c in of.all("cameras", "camera") if c.get("id") is not None]
     notes = []
-    if off := [c for c in enabled if c.get("enabled", "").lower() not in TRUE]:
+    if off := [c for c in enabled if not _flag(of.source, c, "enabled")]:
         notes.append(f"{len(off)} disabled images left out")
         enabled = [c for c in enabled if c not in off]
     names = file_names([c.get("label") or "" for c in enabled], of.source.path)
@@ -166,10 +166,10 @@ def read_metashape_references(path: Source, chunk: str | None = None) -> tuple[G
         position.append(
             [_number(of.source, reference.get(k), f"reference of {name}: {k}") for k in "xyz"]
         )
-        given = [reference.get(f"s{k}") or reference.get("sxyz") for k in "xyz"]
+        given = [reference.get(f"s{k}", reference.get("sxyz")) for k in "xyz"]
         sigma.append(
             [
-                default if text is None else _number(of.source, text, f"accuracy of {name}")
+                default if text is None else _positive(of.source, text, f"accuracy of {name}")
                 for text in given
             ]
         )
@@ -188,12 +188,34 @@ def _text(element: Element | None) -> str:
 
 def _number(source: ProjectFile, text: str | None, description: str) -> float:
     """Return a finite number; the error says of what it is."""
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise source.error(f"{description}: {shown(text)} is no number; export the file again")
+    value = finite(text)
+    if np.isnan(value):
+        raise source.error(f"{description}: {shown(text)} is no number; {PLAIN}, or export again")
+    return value
+
+
+def _positive(source: ProjectFile, text: str | None, description: str) -> float:
+    """Return a number greater than zero."""
+    value = _number(source, text, description)
+    if value <= 0.0:
+        raise source.error(f"{description}: {value:g}; it must be greater than zero")
+    return value
+
+
+def _flag(source: ProjectFile, element: Element, key: str) -> bool:
+    """Return an attribute that is true or false; true where it is missing."""
+    text = element.get(key, "true")
+    if (value := FLAGS.get(text.lower())) is None:
+        raise source.error(f"<{element.tag}> {key}={shown(text)}; it is true or false")
+    return value
+
+
+def _pixels(source: ProjectFile, element: Element, key: str, name: str) -> int:
+    """Return a side of an image."""
+    value = whole(element.get(key))
+    if value <= 0:
+        problem = f"camera {name}: {key} {shown(element.get(key))} is no whole number of pixels"
+        raise source.error(f"{problem}; export the cameras again")
     return value
 
 
@@ -267,9 +289,7 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
     size = sensor.find("resolution") if size is None else size
     if size is None:
         raise source.error(f"camera {shown(name)} has no <resolution>; export the cameras again")
-    width, height = (
-        _number(source, size.get(key), f"camera {name}: {key}") for key in ("width", "height")
-    )
+    width, height = (_pixels(source, size, key, name) for key in ("width", "height"))
     half = 0.5 * np.array([width, height])
     value = dict.fromkeys(INTERIOR, 0.0)
     if calibration is None:
@@ -283,7 +303,7 @@ def _camera(source: ProjectFile, sensor: Element, notes: list[str]) -> BrownCame
         }
         value |= _brown(source, name, read, half, notes)
     interior = np.array([value[key] for key in INTERIOR])
-    return BrownCamera(name, int(width), int(height), interior)
+    return BrownCamera(name, width, height, interior)
 
 
 def _brown(
@@ -324,12 +344,12 @@ def _brown(
 def _nominal_focal(source: ProjectFile, sensor: Element, name: str) -> float:
     """Return the focal length in pixels that a sensor was built with."""
     given = {p.get("name"): p.get("value") for p in sensor.findall("property")}
-    try:
-        return float(given["focal_length"] or "") / float(given["pixel_width"] or "")
-    except (KeyError, ValueError, ZeroDivisionError):
+    if not {"focal_length", "pixel_width"} <= set(given):
         raise source.error(
             f"camera {shown(name)} has neither calibration nor focal length; align the images first"
-        ) from None
+        )
+    focal, pixel = (_positive(source, given[k], k) for k in ("focal_length", "pixel_width"))
+    return focal / pixel
 
 
 def _similarity(source: ProjectFile, element: Element | None) -> tuple[Array, Array, float] | None:
@@ -409,22 +429,15 @@ def _ground(of: _Chunk, notes: list[str]) -> tuple[GroundTable | None, dict[str 
             [_number(of.source, reference.get(k), f"marker {name}: {k}") for k in ("x", "y", "z")]
         )
         both = reference.get("sxyz")
-        plan = reference.get("sxy") or both
-        given = [
-            reference.get("sx") or plan,
-            reference.get("sy") or plan,
-            reference.get("sz") or both,
-        ]
-        row = [
-            default if text is None else _number(of.source, text, f"marker {name}: accuracy")
-            for text in given
-        ]
-        if min(row) <= 0.0:
-            raise of.source.error(
-                f"marker {shown(name)}: accuracy {min(row):g} m; it must be greater than zero"
-            )
-        sigma.append(row)
-        check.append(reference.get("enabled", "").lower() not in TRUE)
+        plan = reference.get("sxy", both)
+        given = [reference.get("sx", plan), reference.get("sy", plan), reference.get("sz", both)]
+        sigma.append(
+            [
+                default if text is None else _positive(of.source, text, f"marker {name}: accuracy")
+                for text in given
+            ]
+        )
+        check.append(not _flag(of.source, reference, "enabled"))
     if flat:
         notes.append(f"{flat} markers without height are tie points")
     if not names:
@@ -456,7 +469,7 @@ def _markers(
                     f"marker {shown(labels[number])} is measured in an image of the id {image},"
                     " which is not in the file; export markers with their images"
                 )
-            if any(location.get(k, "").lower() not in TRUE for k in ("pinned", "valid")):
+            if not all([_flag(of.frame_source, location, k) for k in ("pinned", "valid")]):
                 loose += 1
                 continue
             description = f"marker {labels[number]} in image id {image}"

@@ -21,6 +21,7 @@ from ...base.errors import InputError
 from ...base.files import lines_of
 from ...base.unpacking import check_unpacked
 from ..text.layout import decode, shown
+from ..text.numbers import whole
 from ..text.text import Source, load_bytes
 
 Element = ElementTree.Element
@@ -209,7 +210,7 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:
         raise source.error(f"{name}: has no column {missing[0]}; save the project again")
     kind = np.dtype([(column, _TYPES[of]) for of, column in columns])
-    n = int(elements[0][2]) if elements[0][2:] and elements[0][2].isdecimal() else -1
+    n = whole(elements[0][2]) if elements[0][2:] else -1
     if n < 0 or len(body) < n * kind.itemsize:
         raise source.error(
             f"{name}: ends after {len(body) // kind.itemsize} of {n} rows; copy the project again"

@@ -21,6 +21,7 @@ from ...geodesy.rotation import rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..bundle.opensfm import REFERENCE
 from ..text.layout import decode, shown
+from ..text.numbers import EXACT, array_of, whole
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
 from .columns import positive_sigma
@@ -187,18 +188,16 @@ def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> float:
     """Return a finite number of a table."""
     value = table.get(key, default) if isinstance(table, dict) else None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError.at_line(file, None, f"{of}: {key} {value!r} is no number; export it again")
-    return float(value)
+    if (number := array_of(value, ())) is None:
+        raise InputError.at_line(
+            file, None, f"{of}: {key} {value!r:.60} is no number; export it again"
+        )
+    return float(number)
 
 
 def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
-    value = shot.get(key) if isinstance(shot, dict) else None
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        vector = np.zeros(0)
-    if vector.shape != (3,) or not (np.abs(vector) < LARGEST).all():
+    vector = array_of(shot.get(key) if isinstance(shot, dict) else None, (3,))
+    if vector is None or not (np.abs(vector) < LARGEST).all():
         raise InputError.at_line(
             file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
         )
@@ -219,6 +218,9 @@ def _camera(file: Path, name: str, given: Any) -> BrownCamera:
         return _value(file, given, key, default, f"camera {shown(name)}")
 
     width, height = value("width", None), value("height", None)
+    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+        problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
+        raise InputError.at_line(file, None, f"{problem}; export it again")
     size = max(width, height)
     fx, fy = [
         value("focal" if model == "perspective" else key, None) for key in ("focal_x", "focal_y")
@@ -262,7 +264,7 @@ def _tracks(
     version, first = 0, 0
     if lines[0].startswith(VERSION):
         text, first = lines[0][len(VERSION) :].strip(), 1
-        version = int(text) if text.isdecimal() else -1
+        version = whole(text)
     if version not in FIELDS:
         raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
     image_row, point, xy, scale = [], [], [], []

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.errors import UsageError
+from ..text.numbers import finite, whole
 
 _OPENCV = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
 BROWN_NAMES = {
@@ -131,20 +132,17 @@ def camera_of(text: str | None, who: str) -> Camera:
     words = str(text).replace(",", " ").split()
     if words[0] not in PARAMETERS:
         raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {HOW}")
-    try:
-        width, height = (int(w) for w in words[1:3])
-        parameters = tuple(float(w) for w in words[3:])
-    except ValueError:
-        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}") from None
+    if len(words) < 3:
+        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
+    width, height = map(whole, words[1:3])
+    parameters = tuple(map(finite, words[3:]))
+    if min(width, height) < 0 or any(map(math.isnan, parameters)):
+        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
     if len(parameters) != PARAMETERS[words[0]]:
         raise UsageError(
             f"camera {words[0]}: {len(parameters)} parameters, it has {PARAMETERS[words[0]]}; {HOW}"
         )
     camera = Camera(words[0], width, height, parameters)
-    if (
-        min(width, height) <= 0
-        or min(camera.focal) <= 0.0
-        or not all(map(math.isfinite, parameters))
-    ):
+    if min(width, height) <= 0 or min(camera.focal) <= 0.0:
         raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {HOW}")
     return camera

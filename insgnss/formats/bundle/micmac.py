@@ -36,6 +36,8 @@ from ..orientation.exported import (
     table_text,
     xml_text,
 )
+from ..text.layout import shown
+from ..text.numbers import PLAIN, finite
 from ..text.text import Source
 
 XML = """<?xml version="1.0" ?>
@@ -189,14 +191,12 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
             problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
             raise InputError.at_line(file, None, problem)
         texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
-        try:
-            values = np.array([[float(x) for x in (text or "").split()] for text in texts])
-        except ValueError:
-            values = np.zeros(0)
-        if values.shape != (4, 3) or not np.isfinite(values).all():
-            raise InputError.at_line(
-                file, None, "Centre and L1 to L3 are not three numbers each; copy it again"
-            )
+        rows = [[finite(word) for word in (text or "").split()] for text in texts]
+        for text, row in zip(texts, rows, strict=True):
+            if len(row) != 3 or np.isnan(row).any():
+                problem = f"Centre and L1 to L3 are not three numbers each: {shown(text)}"
+                raise InputError.at_line(file, None, f"{problem}; {PLAIN}, or copy it again")
+        values = np.array(rows)
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(values[0])
         matrices.append(values[1:])

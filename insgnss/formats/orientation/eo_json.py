@@ -24,6 +24,7 @@ from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_
 from ...records import ExteriorOrientation
 from ...records.relative import RelativeControl
 from ...records.rig import RigCamera, RigImages
+from ..text.numbers import EXACT, array_of
 from ..text.text import Source
 from . import eo_packed
 from .relative_csv import relative_member
@@ -153,7 +154,7 @@ def _datum(plane: dict[str, Any]) -> str | None:
 
 def _epoch(plane: dict[str, Any]) -> float | None:
     """Return the epoch, decimal year; None where there is none."""
-    return float(plane["epoch"]) if "epoch" in plane else None
+    return float(_of_shape(plane, "epoch", ())) if "epoch" in plane else None
 
 
 def _image_up(camera_from_body: Array) -> str:
@@ -233,12 +234,10 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         eo = ExteriorOrientation(
             images=names,
             **numbers,
-            gps_week=int(content["gps_week"]),
-            origin=np.array(
-                content["tangent_plane"]["origin_lat_lon_rad_height_m"], dtype=np.float64
-            ),
-            boresight=np.array(content["applied"]["boresight"], dtype=np.float64),
-            camera_from_body=np.array(content["applied"]["camera_from_body"], dtype=np.float64),
+            gps_week=_week(content),
+            origin=_of_shape(content["tangent_plane"], "origin_lat_lon_rad_height_m", (3,)),
+            boresight=_of_shape(content["applied"], "boresight", (3, 3)),
+            camera_from_body=_of_shape(content["applied"], "camera_from_body", (3, 3)),
             history=tuple(content["history"]),
             datum=_datum(content["tangent_plane"]),
             epoch=_epoch(content["tangent_plane"]),
@@ -327,8 +326,8 @@ def _rig(path: Source, content: dict[str, Any]) -> RigImages | None:
     cameras = tuple(
         RigCamera(
             str(camera["name"]),
-            np.array(camera["boresight"], dtype=np.float64),
-            np.array(camera["camera_from_body"], dtype=np.float64),
+            _of_shape(camera, "boresight", (3, 3)),
+            _of_shape(camera, "camera_from_body", (3, 3)),
         )
         for camera in content["cameras"]
     )
@@ -383,29 +382,31 @@ def _unsound(eo: ExteriorOrientation) -> str:
 
 
 def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:
-    try:
-        values = [image[key] for image in images]
-        if any(value is None for value in values):
-            raise TypeError
-        return np.array(values, dtype=np.float64).reshape(-1, *shape)
-    except (TypeError, ValueError):
-        for image in images:
-            if _is_array(image[key], shape):
-                continue
-            size = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
-            shown_value = "null" if image[key] is None else f"{image[key]!r:.60}"
-            raise ValueError(
-                f"image {image['image']}: {key} is {shown_value}, not {size}"
-            ) from None
-        raise
+    """Return the numbers of a key of every image, (n, *shape)."""
+    if not images:
+        return np.zeros((0, *shape))
+    array = array_of([image[key] for image in images], (len(images), *shape))
+    if array is None:
+        array = np.stack([_of_shape(image, key, shape) for image in images])
+    return array
 
 
-def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
-    """Tell whether a value of a JSON is an array of numbers of that shape."""
-    try:
-        return np.array(value, dtype=np.float64).shape == shape and value is not None
-    except (TypeError, ValueError):
-        return False
+def _of_shape(of: dict[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    """Return the numbers of a key; ValueError, with the image where it is one, for others."""
+    if (array := array_of(of[key], shape)) is not None:
+        return array
+    size = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
+    who = f"image {of['image']}: " if "image" in of else ""
+    shown_value = "null" if of[key] is None else f"{of[key]!r:.60}"
+    raise ValueError(f"{who}{key} is {shown_value}, not {size}")
+
+
+def _week(content: dict[str, Any]) -> int:
+    """Return the GPS week, a whole number."""
+    week = float(_of_shape(content, "gps_week", ()))
+    if not (week.is_integer() and abs(week) < EXACT):
+        raise ValueError(f"gps_week is {content['gps_week']!r}, no whole number")
+    return int(week)
 
 
 def _optional(images: list[dict[str, Any]], key: str) -> Array | None:

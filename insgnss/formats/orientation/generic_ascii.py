@@ -27,6 +27,7 @@ from ...geodesy.rotation import (
 )
 from ...records import FramedOrientation
 from ...records.framed import GEOCENTRIC, TANGENT
+from ..text.numbers import finite
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
     CAMERA_AXES,
@@ -257,8 +258,8 @@ def _lengths(words: str) -> tuple[LengthUnit, LengthUnit]:
     units = re.fullmatch(r"plan (.+) = (\S+) m, heights (.+) = (\S+) m", words)
     if units is None:
         raise ValueError(words)
-    plan, height = LengthUnit(units[1], float(units[2])), LengthUnit(units[3], float(units[4]))
-    if not (0.0 < plan.metres < np.inf and 0.0 < height.metres < np.inf):
+    plan, height = LengthUnit(units[1], finite(units[2])), LengthUnit(units[3], finite(units[4]))
+    if not (plan.metres > 0.0 and height.metres > 0.0):
         raise ValueError(words)
     return plan, height
 

@@ -1,11 +1,13 @@
 """The CRS that a program's file names by its well-known text or its code."""
 
 import re
+from math import isnan
 from typing import Any
 
 from ...base.errors import InputError
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ..text.layout import shown
+from ..text.numbers import finite
 from ..text.text import Source
 
 LOCAL = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
@@ -83,11 +85,8 @@ def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, 
         A text that is none of these.
     """
     if text.upper().startswith("ENU:"):
-        try:
-            origin = tuple(float(word) for word in text[4:].split(","))
-        except ValueError:
-            origin = ()
-        if len(origin) not in (2, 3):
+        origin = tuple(finite(word) for word in text[4:].split(","))
+        if len(origin) not in (2, 3) or not abs(origin[0]) <= 90.0 or any(map(isnan, origin)):
             raise InputError.at_line(path, None, f"{shown(text)} is not ENU:latitude,longitude")
         return TANGENT, "", (*origin, 0.0)[:3]
     return (*kind_of_wkt(text, path), ())

@@ -27,6 +27,7 @@ from ..blocks.metashape_block import read_metashape_block
 from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
+from ..text.numbers import PLAIN, finite
 from ..text.text import Source
 from .crs import kind_of_definition
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
@@ -75,7 +76,7 @@ def read_bentley(path: Source) -> ReturnedPoses:
     for block in root.iter("Block"):
         own = _text(block, "SRSId")
         for group in block.iter("Photogroup"):
-            Q = _camera_axes(_text(group, "CameraOrientation") or "XRightYDown", path)
+            Q = _camera_axes(group.findtext("CameraOrientation", "XRightYDown").strip(), path)
             for photo in group.iter("Photo"):
                 name = _text(photo, "ImagePath")
                 pose, system = _pose(photo, own)
@@ -86,6 +87,9 @@ def read_bentley(path: Source) -> ReturnedPoses:
                 centre.append([_number(pose, f"Center/{axis}", name, path) for axis in "xyz"])
                 C.append(_rotation(pose, name, path).T @ Q)
                 names.append(name)
+                if system and system not in systems:
+                    problem = f"photograph {shown(name)}: SRSId {shown(system)} is no <SRS> of it"
+                    raise InputError.at_line(path, None, f"{problem}; export again")
                 used.append(systems.get(system, ""))
     if len(set(used)) > 1:
         raise InputError.at_line(
@@ -127,15 +131,10 @@ def _text(element: Element, tag: str) -> str:
 
 def _number(element: Element, tag: str, name: str, path: Source) -> float:
     """Return a finite number of an element."""
-    text = element.findtext(tag)
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError.at_line(
-            path, None, f"photograph {shown(name)}: {tag} {shown(text)} is no number; export again"
-        )
+    value = finite(text := element.findtext(tag))
+    if np.isnan(value):
+        problem = f"photograph {shown(name)}: {tag} {shown(text)} is no number"
+        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, or export again")
     return value
 
 
@@ -305,6 +304,8 @@ def read_colmap(path: Source) -> ReturnedPoses:
             words = text.split()
             if words[1:2] == ["shift:"]:
                 shift = np.array(numbers(words[2:5], file, line))
+                if shift.size != 3:
+                    raise InputError.at_line(file, line, f"{shown(text)}: a shift is three numbers")
             continue
         if poses_next:
             words = text.split(maxsplit=9)

@@ -193,7 +193,7 @@ def read_pix4d_external(path: Source) -> ReturnedPoses:
         words = text.replace(",", " ").split()
         if not words or words[0].lower() == "imagename":
             continue
-        if len(words) < OPK_COLUMNS:
+        if len(words) != OPK_COLUMNS:
             raise InputError.at_line(
                 path, line, f"{len(words)} fields, expected {OPK_COLUMNS}: {shown(text)}"
             )
