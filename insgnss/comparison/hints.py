@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.units import LARGEST
+from ..formats.text.layout import shown
+from ..formats.text.numbers import PLAIN, finite
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 
@@ -79,13 +81,18 @@ def turned(C: Array, P: Array | None) -> Array | None:
 
 
 def origin_in(path: Path) -> TangentPlane | None:
-    """The origin that a header names: `latitude 46.57..
+    """The origin that a header names; None where it names none.
 
-    deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height.
+    It is `latitude 46.57 deg, longitude 6.54 deg, ... height 0 m`, or `origin 46.57 6.54 deg 0 m`.
+
+    Raises
+    ------
+    InputError
+        What stands there is no number.
     """
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
-    number = r"(-?[0-9]+(?:\.[0-9]+)?)"
+    number = r"(\S*\d\S*?)"
     origin = re.search(
         rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
         head,
@@ -93,5 +100,8 @@ def origin_in(path: Path) -> TangentPlane | None:
     origin = origin or re.search(rf"origin {number} {number} deg {number} m", head)
     if origin is None:
         return None
-    lat, lon, height = (float(number) for number in origin.groups())
+    lat, lon, height = map(finite, origin.groups())
+    if np.isnan([lat, lon, height]).any() or not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
+        problem = f"the header's {shown(origin[0])} is no origin of a tangent plane"
+        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, angles in degrees")
     return TangentPlane(np.radians(lat), np.radians(lon), height)

@@ -107,6 +107,11 @@ def image_times(directory: Path, names: Sequence[str]) -> Array | None:
     """Return the times of images by their camera's clock, s (n,) from the first image.
 
     None where `directory` is no directory or one of its images holds no time.
+
+    Raises
+    ------
+    InputError
+        An image whose tags are broken, or whose time is none.
     """
     if not directory.is_dir():
         return None
@@ -115,6 +120,8 @@ def image_times(directory: Path, names: Sequence[str]) -> Array | None:
         try:
             with (directory / name).open("rb") as stream:
                 times.append(time_taken(stream, name))
-        except (OSError, ValueError, InputError):
+        except (OSError, ValueError):
             return None
+        except InputError as error:
+            raise InputError(f"{directory}: {error}") from None
     return np.array([(time - times[0]).total_seconds() for time in times])

@@ -212,7 +212,7 @@ def test_markers_alone(tmp_path):
         ('sensor_id="1"', 'sensor_id="5"', "no <sensor> with the id 5"),
         ('label="8002.tif"', 'label="8001.tif"', "image '8001.tif' is there twice"),
         ('label="P2"', 'label="P1"', "marker 'P1' is there twice"),
-        ('sxy="0.02"', 'sxy="0"', "marker 'P1': accuracy 0 m; it must be greater than zero"),
+        ('sxy="0.02"', 'sxy="0"', "marker P1: accuracy: 0; it must be greater than zero"),
         ('camera_id="11"', 'camera_id="55"', "measured in an image of the id 55"),
         ('marker_id="3"', 'marker_id="33"', "no marker with the id 33"),
         ('8001.tif"><transform>', '8001.tif"><transform>1 ', "17 numbers, 16 must stand there"),

@@ -22,7 +22,7 @@ from ...geodesy.rotation import CV_RUB, rotation_from_opk
 from ...records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ...records.block import ImageObservations as Observations
 from ..text.layout import shown
-from ..text.numbers import EXACT, PLAIN, finite, whole
+from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from .columns import first_repeat
 
@@ -173,22 +173,13 @@ def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
         )
 
 
-def _whole(table: Table | TextTable, values: Array, name: str) -> NDArray[np.int64]:
-    """Return a column of whole numbers."""
-    wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise table.error_at(row, f"{name} {values[row]:g} is no whole number; correct the line")
-    return values.astype(np.int64)
-
-
 def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Return numbers and names of the images, in the order of the table."""
     ids, names = [], []
     for file, columns, _, _ in _files(path, base, given, "images", IMAGES):
         table = read_text_table(file)
         _checked(table, columns)
-        ids.append(_whole(table, table.floats(columns.index("id")), "image"))
+        ids.append(whole_rows(table, table.floats(columns.index("id")), "image"))
         names += [Path(name).name for name in table.strings(columns.index("path"))]
     if not ids:
         raise InputError.at_line(path, None, "no <images> with a <file>; name the list of images")
@@ -221,7 +212,7 @@ def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tup
                 path, None, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}"
             )
         value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        rows = _row_of(table, _whole(table, value["id"], "image"), order)
+        rows = _row_of(table, whole_rows(table, value["id"], "image"), order)
         position[rows] = np.column_stack([value[name] for name in PRIOR_EO[1:4]])
         opk = ANGLES[unit] * np.column_stack([value[name] for name in PRIOR_EO[4:]])
         C_mc[rows] = rotation_from_opk(opk) @ CV_RUB
@@ -238,8 +229,8 @@ def _image_points(
         table = read_table(file)
         _checked(table, columns)
         value = {name: table.values[:, k] for k, name in enumerate(columns)}
-        images = _row_of(table, _whole(table, value["im"], "image"), order)
-        points = _whole(table, value["id"], "point")
+        images = _row_of(table, whole_rows(table, value["im"], "image"), order)
+        points = whole_rows(table, value["id"], "point")
         _once(table, images, points, value["im"])
         both = element.get("sxy", "1")
         sigma = np.full((len(images), 2), finite(both))
@@ -281,7 +272,7 @@ def _ground(
             if (action := _text(rule)) not in ("keep", "remove"):
                 raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
             keep &= listed if action == "keep" else ~listed
-        ids.append(_whole(table, number, "point")[keep])
+        ids.append(whole_rows(table, number, "point")[keep])
         position.append(np.column_stack(values[:3])[keep])
         sigma.append(np.column_stack(values[3:])[keep])
     if not ids:

@@ -9,13 +9,14 @@ import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...base.errors import InputError, UsageError
 from ..text.layout import shown
 from ..text.text import Source
-from .camera import Camera
+from .camera import PARAMETERS, Camera
 
 MODELS = (
     *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
@@ -102,14 +103,14 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     connection = sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)
     try:
         stored = {
-            str(name): (int(number), int(camera))
+            _text(name): (_whole(number), _whole(camera))
             for number, name, camera in connection.execute(
                 "SELECT image_id, name, camera_id FROM images"
             )
         }
         frames = _frames(connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
-        given = {int(row[0]): row[1:] for row in rows}
+        given = {_whole(row[0]): row[1:] for row in rows}
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise _no_database(path, str(error)) from None
     finally:
@@ -202,28 +203,43 @@ def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
         f" LEFT JOIN ({sensors}) s ON s.rig_id = f.rig_id WHERE d.sensor_type = 0"
     )
     return {
-        int(image): (int(rig), int(frame), int(count))
+        _whole(image): (_whole(rig), _whole(frame), _whole(count))
         for image, rig, frame, count in connection.execute(query)
     }
 
 
-def _camera(path: Source, number: int, row: tuple[int, int, int, bytes] | None) -> Camera:
+def _whole(value: Any) -> int:
+    """Return a whole number; ValueError for what else a table of SQLite holds in its place."""
+    if type(value) is not int:
+        raise ValueError(f"{value!r:.60} where a whole number must stand")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r:.60} where the name of an image must stand")
+    return value
+
+
+def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
     """Return a camera of the database."""
     if row is None:
         raise InputError.at_line(path, None, f"has no camera {number}; extract features again")
     model, width, height, blob = row
-    if not isinstance(model, int) or not 0 <= model < len(MODELS) or len(blob or b"") % 8:
+    if type(model) is not int or not 0 <= model < len(MODELS):
         raise InputError.at_line(
-            path, None, f"camera {number}: model {model!r} is none of COLMAP's known here"
+            path, None, f"camera {number}: model {model!r:.60} is none of COLMAP's known here"
         )
-    parameters = np.frombuffer(blob or b"", dtype="<f8")
-    if not np.isfinite(parameters).all():
+    name, parameters = MODELS[model], np.full(1, np.nan)
+    if isinstance(blob, bytes) and len(blob) == 8 * PARAMETERS.get(name, len(blob) // 8):
+        parameters = np.frombuffer(blob, dtype="<f8")
+    sizes = all(type(side) is int and side > 0 for side in (width, height))
+    if not (sizes and np.isfinite(parameters).all()):
+        problem = f"camera {number} ({name}, {width!r:.60} x {height!r:.60} pixels)"
         raise InputError.at_line(
-            path,
-            None,
-            f"camera {number} has parameters that are no numbers; make the database anew",
+            path, None, f"{problem}: size or parameters are no numbers; make the database anew"
         )
-    return Camera(MODELS[model], int(width), int(height), tuple(parameters.tolist()))
+    return Camera(name, width, height, tuple(parameters.tolist()))
 
 
 def _no_database(path: Source, why: str) -> InputError:

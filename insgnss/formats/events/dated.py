@@ -36,9 +36,10 @@ from .events import events_in_order
 
 STAMP = re.compile(
     r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})[ T_]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,9}))?"
-    r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?"
+    r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?",
+    re.ASCII,
 )
-DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})")
+DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
 ALIASES: Aliases = {
     "image": (
         *("image", "images", "img", "photo", "name", "label", "filename", "file", "file name"),
@@ -56,7 +57,7 @@ ALIASES: Aliases = {
 }
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
-OFFSET = re.compile(r"utc(?:([+-])(\d{1,2})(?::?(\d{2}))?)?$")
+OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
 MATTERS_S = 5e-3  # a last digit from which on the standard deviation of a stamp is carried along
 SCALES = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
 
@@ -310,15 +311,20 @@ def stated_scale(title: str, signs: set[str]) -> str | None:
 def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int, float]:
     """GPS week and seconds of a stamp with an offset of its own, or of a scale."""
     own = match[8] if match[8] and match[8][0] in "+-" else ""
-    offset = offset_of(f"utc{own}" if own else scale)
+    offset = offset_of(scale)
     year, month, day, hour, minute, second = (int(match[k]) for k in range(1, 7))
     try:
+        if second > 60:  # which a leap second is called
+            raise ValueError(second)
         when = datetime(year, month, day, hour, minute) + timedelta(seconds=second)
-    except ValueError:
+        if own:
+            offset = offset_of(f"utc{own}")
+        if offset is None:
+            week, tow = gps_from_calendar(when, "gpst")
+        else:
+            week, tow = gps_from_calendar(when - timedelta(seconds=offset), "utc")
+    except (ValueError, OverflowError, UsageError):
         raise lines.error_at(row, f"{shown(match[0])} is no date; correct the line") from None
-    fraction = float(f"0.{match[7]}") if match[7] else 0.0
-    if offset is None:
-        week, tow = gps_from_calendar(when, "gpst")
-    else:
-        week, tow = gps_from_calendar(when - timedelta(seconds=offset), "utc")
-    return week, tow + fraction
+    except InputError as error:
+        raise lines.error_at(row, str(error)) from None
+    return week, tow + (float(f"0.{match[7]}") if match[7] else 0.0)

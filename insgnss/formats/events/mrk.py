@@ -24,9 +24,9 @@ from ..text.layout import BINARY, decode, is_binary, shown
 from ..text.text import Source, load, number
 from .events import events_in_order
 
-_WEEK = re.compile(r"\[\s*(\d+)\s*\]")
+_WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
 _TOKEN = re.compile(r"[^\s,;]+")
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
 OFFSET = ("n", "e", "v")
 LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import BinaryIO
 
+from ...base.errors import InputError
 from .jpeg import exif_of
 from .tiff_tags import Tiff
 
 CAMERA_MAKE, CAMERA_MODEL, ORIGINAL, FRACTION, OFFSET = 0x010F, 0x0110, 0x9003, 0x9291, 0x9011
 COLUMNS, ROWS, FOCAL_35_MM = 0xA002, 0xA003, 0xA405
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how TIFF and BigTIFF begin
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)  # of the film that FocalLengthIn35mmFilm speaks of
 
 
@@ -77,16 +79,15 @@ def time_taken(stream: BinaryIO, who: str) -> datetime:
     ValueError
         The image has no time.
     InputError
-        Its tags are broken.
+        Its time is none, or its tags are broken.
     """
-    tiff = _tags(stream, who)
-    if tiff is None:
-        raise ValueError(f"{who}: has no Exif")
-    second, fraction = (
-        (tiff.bytes_of(tiff.exif, tag) or b"").decode("ascii").strip("\0 ")
-        for tag in (ORIGINAL, FRACTION)
-    )
-    return datetime.strptime(f"{second}.{fraction[:6] or 0}", "%Y:%m:%d %H:%M:%S.%f")
+    second, fraction, _ = _written_time(stream, who)
+    try:
+        return datetime.strptime(f"{second}.{fraction[:6] or 0}", "%Y:%m:%d %H:%M:%S.%f")
+    except ValueError:
+        problem = f"DateTimeOriginal {second!r} with the fraction {fraction!r} is no time"
+        advice = "correct the tags, or give a list of names (camera.images) in place of the images"
+        raise InputError(f"{who}: {problem}; {advice}") from None
 
 
 def stamp_taken(stream: BinaryIO, who: str) -> str:
@@ -101,16 +102,25 @@ def stamp_taken(stream: BinaryIO, who: str) -> str:
     InputError
         Its tags are broken.
     """
+    second, fraction, offset = _written_time(stream, who)
+    return f"{second}{'.' if fraction else ''}{fraction}{offset}"
+
+
+def _written_time(stream: BinaryIO, who: str) -> tuple[str, ...]:
+    """Return second, fraction and offset as they stand; ValueError for an image without time.
+
+    Exif writes an unknown time as blanks between colons; cameras whose clock was never set, zeros.
+    """
     tiff = _tags(stream, who)
     if tiff is None:
         raise ValueError(f"{who}: has no Exif")
     second, fraction, offset = (
-        (tiff.bytes_of(tiff.exif, tag) or b"").decode("ascii").strip("\0 ")
+        (tiff.bytes_of(tiff.exif, tag) or b"").decode("latin-1").strip("\0 ")
         for tag in (ORIGINAL, FRACTION, OFFSET)
     )
-    if not second:
+    if not second.strip(" :0"):
         raise ValueError(f"{who}: has no DateTimeOriginal")
-    return f"{second}{'.' if fraction else ''}{fraction}{offset}"
+    return second, fraction, "" if not offset.strip(" :") else offset
 
 
 def camera_maker(stream: BinaryIO, who: str) -> str:
@@ -134,7 +144,7 @@ def _tags(stream: BinaryIO, who: str) -> Tiff | None:
         stream.seek(offset)
         return stream.read(length)
 
-    if read(0, 2) in (b"II", b"MM"):
+    if read(0, 4) in TIFF:  # raw files of another kind begin with II or MM, too
         return Tiff(read, size, who)
     exif = exif_of(read, size, who) if read(0, 2) == b"\xff\xd8" else b""
     if not exif:

@@ -93,11 +93,13 @@ class Tiff:
         )
 
     def number_of(self, directory: Mapping[int, _Entry], tag: int) -> float | None:
-        """Return the first number of a tag of whole numbers or ratios, None where it has none."""
+        """Return the first number of a tag; None where it is missing or divides by zero."""
         entry, data = directory.get(tag), self.bytes_of(directory, tag)
-        form = None if entry is None else {3: "H", 4: "I", 5: "II", 10: "ii"}.get(entry.kind)
-        if form is None or data is None or len(data) < (size := struct.calcsize(f"={form}")):
+        if entry is None or data is None:
             return None
+        form = {3: "H", 4: "I", 5: "II", 10: "ii"}.get(entry.kind, "")
+        if not form or len(data) < (size := struct.calcsize(f"={form}")):
+            raise self._broken(f"tag {tag} holds no number")
         numbers = struct.unpack(self._order + form, data[:size])
         if len(numbers) == 1:
             return float(numbers[0])

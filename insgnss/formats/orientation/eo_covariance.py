@@ -88,7 +88,7 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
     content = _content(path)
     with _refusing(path):
         images = [str(name) for name in content["images"]]
-        number = np.asarray(content["strip"], dtype=np.int64)
+        number = content["strip"].astype(np.int64, casting="safe")
         if number.shape != (len(images),):
             raise ValueError(f"{number.size} strip numbers of {len(images)} images")
         in_file = _rows_in_file(path, images, eo)
@@ -97,7 +97,7 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
             whole = np.flatnonzero(number == k)
             rows = np.flatnonzero(np.isin(in_file, whole))
             if rows.size:
-                cov = np.asarray(content[f"cov_{k}"], dtype=np.float64)
+                cov = content[f"cov_{k}"].astype(np.float64, casting="safe")
                 if cov.shape != (6 * whole.size, 6 * whole.size):
                     raise ValueError(f"cov_{k}: shape {cov.shape} of {whole.size} images")
                 index = np.searchsorted(whole, in_file[rows])
@@ -133,8 +133,8 @@ def read_common_errors(path: Source, eo: ExteriorOrientation) -> CommonErrors | 
         return None
     with _refusing(path):
         images = [str(name) for name in content["images"]]
-        segment = np.asarray(content["segment"], dtype=np.int64)
-        factor = np.asarray(content["common"], dtype=np.float64)
+        segment = content["segment"].astype(np.int64, casting="safe")
+        factor = content["common"].astype(np.float64, casting="safe")
         if factor.shape[:2] != (len(images), 6) or segment.shape != (len(images),):
             raise ValueError(f"common: shape {factor.shape} of {len(images)} images")
         rows = _rows_in_file(path, images, eo)

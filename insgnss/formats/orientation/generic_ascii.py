@@ -27,7 +27,7 @@ from ...geodesy.rotation import (
 )
 from ...records import FramedOrientation
 from ...records.framed import GEOCENTRIC, TANGENT
-from ..text.numbers import finite
+from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
     CAMERA_AXES,
@@ -381,6 +381,8 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
         return table.floats(k) / ANGLE_UNITS[how.unit]
     if kind in ("metre", "sigma"):
         return table.floats(k) * how.lengths[of_height(name)].metres
+    if kind == "whole":
+        return whole_rows(table, table.floats(k), name).astype(np.float64)
     return table.floats(k)
 
 

@@ -59,7 +59,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             check_archive(path, file.zip)
             names = [str(name) for name in file["images"]]
-            cov = np.asarray(file["cov"], dtype=np.float64)
+            cov = file["cov"].astype(np.float64, casting="safe")
     except InsgnssError:
         raise
     except Exception as error:  # a damaged file makes numpy and zipfile fail in any way

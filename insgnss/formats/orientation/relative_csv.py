@@ -17,6 +17,7 @@ from ...base.files import atomic_write
 from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
 from ...records.relative import FORMS, RelativeControl
 from ..text.columns import Aliases, columns_of
+from ..text.numbers import whole_rows
 from ..text.text import Source, read_text_table
 from .exported import quoted_names
 
@@ -203,7 +204,7 @@ def read_relative_csv(path: Source) -> RelativeTable:
     return RelativeTable(
         forms[0],
         tuple(zip(table.strings(index["image_i"]), table.strings(index["image_j"]), strict=True)),
-        table.floats(index["line"]).astype(np.int64),
+        whole_rows(table, table.floats(index["line"]), "line"),
         table.floats(index["dt_s"]),
         block(OFFSET),
         rotation_from_quaternion(q / length[:, None]),

@@ -9,8 +9,10 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .layout import NUMBER
+from .order import Lines
 from .text import LARGEST, Array
 
 PLAIN = "write a plain decimal number, such as -1.5e-4"
@@ -30,6 +32,15 @@ def whole(text: str | None) -> int:
     """Return the whole number from zero on that a text is; -1 where it is none."""
     value = finite(text)
     return int(value) if value.is_integer() and 0.0 <= value < EXACT else -1
+
+
+def whole_rows(lines: Lines, values: Array, name: str) -> NDArray[np.int64]:
+    """Return a column of whole numbers; InputError with the line for others."""
+    wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise lines.error_at(row, f"{name} {values[row]:g} is no whole number; correct the line")
+    return values.astype(np.int64)
 
 
 def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
