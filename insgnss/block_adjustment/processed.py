@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError
 from .inputs import Inputs
 
 
@@ -21,20 +20,10 @@ def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
     -------
     mapping or None
         Its tables; None where no report says them.
-
-    Raises
-    ------
-    InputError
-        The report is no JSON.
     """
     beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
     try:
-        report = json.loads(beside.read_text(encoding="utf-8"))
-    except OSError:
+        flight = json.loads(beside.read_text(encoding="utf-8"))["flight"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    except (ValueError, RecursionError) as error:
-        raise InputError.at_line(
-            beside, None, f"is no JSON: {error}; process the flight again, or take the file away"
-        ) from None
-    flight = report.get("flight") if isinstance(report, dict) else None
     return flight if isinstance(flight, dict) and "mounting" in flight else None

@@ -334,6 +334,11 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         raise InputError.at_line(
             path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
         )
+    for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
+        if (text := camera.findtext(key)) is not None and whole(text) != count:
+            raise InputError.at_line(
+                path, None, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
+            )
     value = dict.fromkeys(INTERIOR, 0.0)
     value["f"] = per_mm * of("cc", 1)[0]
     value["cx"], value["cy"] = per_mm * of("pp", 2)

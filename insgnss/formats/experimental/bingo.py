@@ -72,7 +72,7 @@ def read_bingo(
         )
     images: list[str] = []
     lines, image_row, point, xy = [], [], [], []
-    inside, ended, line = False, False, 0
+    inside, ended, line, within = False, False, 0, 0
     for line, row in enumerate(lines_of(decode(load_bytes(path).tobytes())), start=1):
         words = row.split()
         if not words or is_comment(row):
@@ -85,6 +85,7 @@ def read_bingo(
                     path, line, f"image {shown(words[0])} is there twice; join its two blocks"
                 )
             images.append(words[0])
+            within = line if inside and not within else within
             inside = True
         elif inside:
             lines.append(line)
@@ -98,6 +99,10 @@ def read_bingo(
     if ended and inside:
         raise InputError.at_line(
             path, line, f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+        )
+    if ended and within:
+        raise InputError.at_line(
+            path, within, f"an image begins before the {END} of another, or a number is missing"
         )
     if not image_row:
         raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
