@@ -94,7 +94,7 @@ def read_camera_covariance(path: Source) -> InteriorCovariance | None:
         return None
     given = table.table("sigma")
     names = tuple(name for name in INTERIOR if name in given.data)
-    sigma = np.array([given.number(name) for name in names])
+    sigma = np.array([given.number(name, ..., -LARGEST_PX, LARGEST_PX) for name in names])
     for name, value in zip(names, sigma, strict=True):
         if not value > 0.0:
             raise given.error(name, f"{value:g}; a standard deviation must be greater than zero")

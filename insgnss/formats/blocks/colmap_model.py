@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, UsageError
+from ...base.files import lines_of
 from ...base.wording import DOCTOR
 from ...records.block import INTERIOR, Array, BrownCamera
-from ..bundle.camera import BROWN_NAMES
-from ..text.text import Source
+from ..bundle.camera import BROWN_NAMES, PARAMETERS
+from ..text.layout import LARGEST, decode, shown
+from ..text.numbers import PLAIN, finite
+from ..text.text import Source, load_bytes
 from .columns import positive_sigma
 from .image_points import SIGMA_PX
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 PARTS = ("cameras", "images", "points3D")
+SIGNS = set("0123456789+-.eE \t\r")  # of numbers in a line of image points
 
 
 def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
@@ -132,6 +136,8 @@ def _model(path: Path) -> Any:
             f"holds no COLMAP model ({', '.join(PARTS)}, all .bin or all .txt); give the directory"
             " that does, such as sparse/0",
         )
+    if kinds[0] == ".txt":
+        _refuse_text(directory)
     try:
         return pycolmap.Reconstruction(str(directory))
     except MemoryError:
@@ -143,6 +149,40 @@ def _model(path: Path) -> Any:
             f"pycolmap does not read this model: {' '.join(str(error).split())[:120]}; write it"
             " again from COLMAP",
         ) from None
+
+
+def _refuse_text(directory: Path) -> None:
+    """Refuse lines with what is no number: pycolmap takes 5% for 5, and a missing one for others'.
+
+    In images.txt a line of an image is followed by that of its image points.
+    """
+    for name in ("cameras.txt", "images.txt"):
+        below = False
+        for line, text in enumerate(lines_of(decode(load_bytes(directory / name).tobytes())), 1):
+            if not below and (not text.strip() or text.lstrip().startswith("#")):
+                continue
+            words = text.split() if below or name == "cameras.txt" else text.split(maxsplit=9)
+            if below:
+                good = len(words) % 3 == 0 and _spells_numbers(text, words)
+            elif name == "images.txt":
+                good = len(words) == 10 and not np.isnan([*map(finite, words[:9])]).any()
+            else:
+                count = PARAMETERS.get(words[1] if len(words) > 1 else "", len(words) - 4)
+                values = [finite(word) for word in (*words[:1], *words[2:])]
+                good = len(words) == 4 + count > 4 and not np.isnan(values).any()
+            below = name == "images.txt" and not below
+            if not good:
+                problem = f"{shown(text)}: a number is missing, or none"
+                raise InputError.at_line(directory / name, line, f"{problem}; {PLAIN}")
+
+
+def _spells_numbers(text: str, words: list[str]) -> bool:
+    """Whether all words of a line are numbers, by `float`, which is quick, and their signs."""
+    try:
+        values = [*map(float, words)]
+    except ValueError:
+        return False
+    return set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST
 
 
 def _camera(path: Source, number: int, given: Any) -> BrownCamera:

@@ -403,7 +403,8 @@ def _camera_to_chunk(source: ProjectFile, image: Element) -> Array:
     assert transform is not None
     description = f"transform of image {image.get('label')}"
     T = _numbers(source, transform, 16, description).reshape(4, 4)
-    if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
+    off = max(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max(), np.abs(T[3] - np.eye(4)[3]).max())
+    if off > 1e-6 or np.linalg.det(T[:3, :3]) < 0.0:
         raise source.error(f"{description}: is no rotation; export the cameras again")
     return T
 

@@ -103,14 +103,14 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     connection = sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)
     try:
         stored = {
-            _text(name): (_whole(number), _whole(camera))
+            _text(path, name): (_whole(path, number), _whole(path, camera))
             for number, name, camera in connection.execute(
                 "SELECT image_id, name, camera_id FROM images"
             )
         }
-        frames = _frames(connection)
+        frames = _frames(path, connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
-        given = {_whole(row[0]): row[1:] for row in rows}
+        given = {_whole(path, row[0]): row[1:] for row in rows}
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise _no_database(path, str(error)) from None
     finally:
@@ -187,7 +187,7 @@ def names_in_database(
     return {k: own[0] for k, own in enumerate(choices) if own}
 
 
-def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
+def _frames(path: Source, connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
     """Return rig, frame, and number of images of that frame and of sensors of that rig, by image.
 
     The number is the larger one. Databases without frames give none.
@@ -203,21 +203,24 @@ def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
         f" LEFT JOIN ({sensors}) s ON s.rig_id = f.rig_id WHERE d.sensor_type = 0"
     )
     return {
-        _whole(image): (_whole(rig), _whole(frame), _whole(count))
+        _whole(path, image): (_whole(path, rig), _whole(path, frame), _whole(path, count))
         for image, rig, frame, count in connection.execute(query)
     }
 
 
-def _whole(value: Any) -> int:
-    """Return a whole number; ValueError for what else a table of SQLite holds in its place."""
+def _whole(path: Source, value: Any) -> int:
+    """Return a whole number; a table of SQLite may hold anything in its place."""
     if type(value) is not int:
-        raise ValueError(f"{value!r:.60} where a whole number must stand")
+        problem = f"{value!r:.60} where a whole number must stand; make the database anew"
+        raise InputError.at_line(path, None, problem)
     return value
 
 
-def _text(value: Any) -> str:
+def _text(path: Source, value: Any) -> str:
+    """Return the name of an image."""
     if not isinstance(value, str):
-        raise ValueError(f"{value!r:.60} where the name of an image must stand")
+        problem = f"{value!r:.60} where the name of an image must stand; make the database anew"
+        raise InputError.at_line(path, None, problem)
     return value
 
 

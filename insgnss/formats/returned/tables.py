@@ -141,11 +141,15 @@ def read_metashape_reference(path: Source) -> ReturnedPoses:
         words = [word.strip().strip('"') for word in split_fields(text, delimiter)]
         if not text.strip() or text.startswith("#"):
             continue
-        if len(words) <= max(columns) or not all(words[k] for k in columns):
+        if len(words) > len(fields):
+            problem = f"{len(words)} fields, the header has {len(fields)}: {shown(text)}"
+            raise InputError.at_line(path, line, problem)
+        pose = [words[k] if k < len(words) else "" for k in columns]
+        if not any(pose[:3]) or not any(pose[3:]):
             left_out += 1
             continue
         names.append(words[fields.index("label")])
-        rows.append(numbers([words[k] for k in columns], path, line))
+        rows.append(numbers(pose, path, line))
     kind, crs = kind_of_wkt(wkt, path)
     table = np.reshape(rows, (-1, 6))
     if kind == GEOGRAPHIC:

@@ -1,8 +1,7 @@
 """Numbers of files that are no tables: words, elements and attributes of XML, arrays of JSON.
 
 What stands where a number belongs and is none is refused by whoever reads it; nothing stands in for
-it. A number has digits of ASCII and a point, and is below `LARGEST`: Python itself also takes
-digits of other scripts, 1_000, nan and 1e308 for numbers, numpy texts and truth values.
+it. The rule is that of tables, `layout.float_of`; numpy would take texts and truth values as well.
 """
 
 from itertools import chain
@@ -11,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import NUMBER
+from .layout import LARGEST, float_of
 from .order import Lines
-from .text import LARGEST, Array
+from .text import Array
 
 PLAIN = "write a plain decimal number, such as -1.5e-4"
 EXACT = 2**53  # whole numbers beyond it are not exact as a float
@@ -21,11 +20,8 @@ EXACT = 2**53  # whole numbers beyond it are not exact as a float
 
 def finite(text: str | None) -> float:
     """Return the number that a text is; not-a-number where it is none, such as an empty one."""
-    word = (text or "").strip()
-    if not word.isascii() or "," in word or NUMBER.fullmatch(word) is None:
-        return np.nan
-    value = float(word)
-    return value if abs(value) < LARGEST else np.nan
+    value = float_of((text or "").strip())
+    return np.nan if value is None else value
 
 
 def whole(text: str | None) -> int:
