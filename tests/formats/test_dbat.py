@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from format_pages import UNREADABLE
 
 from insgnss.base.errors import InputError
 from insgnss.formats.blocks.dbat import read_dbat
@@ -34,7 +35,7 @@ def written(tmp_path: Path, changes: dict[str, tuple[str, str]] | None = None) -
         ("script", "im,id,x,y", "im,id,x,y,sx", "4 fields, the script names 5"),
         ("script", "<model>3</model>", "<model>-1</model>", "model '-1' in 'mm'; read is 3 in mm"),
         ("script", "auto,24", "30,24", "pixels are not square; give <sensor> auto,24"),
-        ("script", "auto,24", "wide", "<sensor> is not width,height in mm"),
+        ("script", "auto,24", "wide", "<sensor> 'wide' is not width,height in mm"),
         ("script", "<cc>24.3581</cc>", "<cc>f</cc>", "<cc>: 'f' is not 1 numbers; write a plain"),
         ("script", "1e-5,2e-5", "1e-5,2e-5,0", "3 K and 3 P; there are 4 at most, and 2"),
         ("script", 'units="degrees"', 'units="degree"', "did you mean 'degrees'?"),
@@ -56,6 +57,56 @@ def test_what_is_wrong_is_named(kind, old, new, message, tmp_path) -> None:
     """Oracle: the fault that was written."""
     with pytest.raises(InputError, match=re.escape(message)):
         read_dbat(written(tmp_path, {kind: (old, new)}))
+
+
+@pytest.mark.parametrize("value", UNREADABLE)
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<K>2.174e-4,", "<K>{},"),
+        ("<K>2.174e-4,-1.518e-7,0<", "<K>{}<"),
+        ("<P>1e-5,", "<P>{},"),
+        ("<skew>0<", "<skew>{}<"),
+        ("<aspect>1<", "<aspect>{}<"),
+        ("<cc>24.3581<", "<cc>{}<"),
+        ("<pp>18.1143,", "<pp>{},"),
+        ("<image>5616,", "<image>{},"),
+        ("<sensor>auto,24", "<sensor>auto,{}"),
+        ('sxy="0.5"', 'sxy="{}"'),
+        ('ref_base="longest"', 'ref_base="{}"'),
+    ],
+)
+def test_a_value_that_cannot_be_read_is_named(old, new, value, tmp_path) -> None:
+    """Oracle: the value that was written; once K and P of such values meant no distortion."""
+    with pytest.raises(InputError) as refusal:
+        read_dbat(written(tmp_path, {"script": (old, new.format(value))}))
+    assert value in str(refusal.value)
+    assert old.strip("<").partition(">")[0].partition("=")[0] in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<P>1e-5,2e-5<", "<P>1e-5<", "3 K and 1 P"),
+        ("<K>2.174e-4,-1.518e-7,0<", "<K>2.174e-4,,0<", "<K>: '2.174e-4,,0' is not a list"),
+        ("<K>2.174e-4,-1", "<nK>3</nK><K>2,174e-4,-1", "<nK> '3', 4 stand there"),
+        ("<image>5616,", "<image>5616.5,", "<image> 5616.5,3744 is not whole pixels"),
+        ("auto,24", "auto24,24", "<sensor> 'auto24,24' is not width,height"),
+        ("auto,24", "-1,24", "<sensor> '-1,24' is not width,height"),
+        ('units="degrees"', 'units=""', "prior_eo: angles in ''"),
+    ],
+)
+def test_what_once_was_taken_for_something_else(old, new, message, tmp_path) -> None:
+    """Oracle: the fault that was written; each was read as zero, as another place or a default."""
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_dbat(written(tmp_path, {"script": (old, new)}))
+
+
+@pytest.mark.parametrize("number", ["9" * 30, "-1e20"])
+def test_numbers_of_points_that_no_integer_holds(number, tmp_path) -> None:
+    """Oracle: the line; they wrapped around."""
+    with pytest.raises(InputError, match=r":1: point .* is no whole number"):
+        read_dbat(written(tmp_path, {"true": ("1,    1,1880", f"1, {number},1880")}))
 
 
 def test_control_and_check_points_of_one_file(tmp_path) -> None:

@@ -25,14 +25,17 @@ from block_scene import (
     write_opensfm,
     zipped,
 )
-from format_pages import on_page
+from format_pages import UNREADABLE, on_page
 from oracles import oracle
 
 from insgnss.adjust.camera import pixels_of
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.measured_block import MeasuredBlock, image_points, no_poses
-from insgnss.formats.blocks.metashape_block import read_metashape_block
+from insgnss.formats.blocks.metashape_block import (
+    read_metashape_block,
+    read_metashape_references,
+)
 from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.reading import FORMATS, read_measured_block, recognised
 from insgnss.formats.experimental.bingo import read_bingo
@@ -234,6 +237,43 @@ def test_what_is_wrong_in_metashape_is_named(old, new, message, tmp_path):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize("value", UNREADABLE)
+@pytest.mark.parametrize(
+    "place",
+    [
+        *("(?<=<f>)1400[^<]*", "(?<=<k3>)[^<]*", '(?<="adjusted"><resolution width=")\\d+'),
+        *("(?<=<translation>)[^ ]*", "(?<=<scale>)[^<]*", "(?<=<transform>)[-.e0-9]+"),
+        *('(?<=sxy=")[^"]*', '(?<=value=")0.8', '(?<=pinned="true" x=")[^"]*'),
+        *('(?<=pinned=")true', '(?<=label="off.tif" enabled=")false', '(?<=enabled=")false(?="/></m)'),
+    ],
+)
+def test_a_value_of_metashape_that_cannot_be_read(place, value, tmp_path):
+    """Oracle: the value that was written."""
+    path = Metashape().write_xml(tmp_path / "a.xml")
+    text, count = re.subn(place, value, path.read_text(), count=1)
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as refusal:
+        read_metashape_block(path)
+    assert value in str(refusal.value)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "x", ""])
+def test_an_accuracy_that_is_none_stands_for_no_other(value, tmp_path):
+    """Oracle: the value that was written; a setting of zero was taken as not written, and an empty
+    accuracy of an axis as that of all.
+    """
+    reference = f'<reference x="1" y="2" z="3" sx="{value}" sxyz="0.1"/></camera>'
+    text = Metashape().write_xml(tmp_path / "a.xml").read_text()
+    path = tmp_path / "b.xml"
+    path.write_text(text.replace("</transform></camera>", f"</transform>{reference}"))
+    with pytest.raises(InputError, match=rf"accuracy of 8001\.tif: .*{value}"):
+        read_metashape_references(path)
+    path.write_text(text.replace('value="0.3"', f'value="{value}"'))
+    with pytest.raises(InputError, match=rf"setting accuracy_projections: .*{value}"):
+        read_metashape_block(path)
+
+
 def test_several_chunks(tmp_path):
     """Oracle: the label that is named."""
     path = Metashape().write_xml(tmp_path / "a.xml")
@@ -357,6 +397,28 @@ def test_what_colmap_cannot_give(tmp_path):
         read_measured_block(tmp_path)
 
 
+@pytest.mark.parametrize("value", UNREADABLE)
+def test_a_text_model_of_colmap_with_what_is_no_number(value, tmp_path):
+    """Oracle: the value that was written; pycolmap takes 5% for 5 and 0x10 for 0."""
+    parameters, terms = MODELS["OPENCV"]
+    colmap_model("OPENCV", parameters, observed(distorted_pixels(**terms))).write_text(str(tmp_path))
+    for name, row, column in (("cameras.txt", -1, 2), ("cameras.txt", -1, -1), ("images.txt", -2, 3)):
+        lines = (tmp_path / name).read_text().splitlines()
+        words = lines[row].split(" ")
+        words[column] = value
+        changed = "\n".join([*lines[:row], " ".join(words), *lines[row:][1:]]) + "\n"
+        (tmp_path / name).write_text(changed, encoding="utf-8")
+        with pytest.raises(InputError, match=rf"{name}:{len(lines) + 1 + row}: .*missing, or none"):
+            read_measured_block(tmp_path)
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+    read_measured_block(tmp_path)
+    text = (tmp_path / "images.txt").read_text()
+    last = text.splitlines()[-1].split()[0]
+    (tmp_path / "images.txt").write_text(text.replace(last, f"{value}%"), encoding="utf-8")
+    with pytest.raises(InputError, match="missing, or none"):
+        read_measured_block(tmp_path)
+
+
 def test_colmap_without_pycolmap(tmp_path, monkeypatch):
     """Oracle: a Python without it."""
     monkeypatch.setitem(__import__("sys").modules, "pycolmap", None)
@@ -422,6 +484,14 @@ def test_reconstructions_that_are_not_connected(tmp_path):
         ("reconstruction.json", '"v2 cam"}', '"v3 cam"}', "no camera 'v3 cam'"),
         ("reconstruction.json", '"shots"', '"shorts"', "is no list of reconstructions with shots"),
         ("reconstruction.json", "[{", "[", "is no JSON"),
+        ("reconstruction.json", '"width": 1280', '"width": 1280.5', "no whole numbers of pixels"),
+        ("reconstruction.json", '"width": 1280', '"width": "1280"', "width '1280' is no number"),
+        ("reconstruction.json", '"k1": ', '"k1": true, "x": ', "k1 True is no number"),
+        ("reconstruction.json", '"k1": ', f'"k1": 1{"0" * 400}, "x": ', "is no number"),
+        ("reconstruction.json", '"k1": ', '"k1": NaN, "x": ', "k1 nan is no number"),
+        ("reconstruction.json", '"rotation": [', '"rotation": ["1", 1, 1], "x": [', "is not three"),
+        ("reconstruction.json", '"altitude": ', '"altitude": null, "x": ', "altitude None is no"),
+        ("tracks.csv", "_v2", "_v\N{ARABIC-INDIC DIGIT TWO}", ":1: version"),
         ("tracks.csv", "_v2", "_v7", ":1: version 'OPENSFM_TRACKS_VERSION_v7'; read are 0 to 2"),
         ("tracks.csv", "\t-1\t-1\n", "\t-1\n", ":2: 10 fields, expected 11"),
         ("tracks.csv", "\t7\t", "\t7\tx", ":2: 'x"),
@@ -480,6 +550,7 @@ def test_gcp_list(head, tmp_path):
     [
         ("EPSG:32632", "EPSG:99999", ":1: CRS 'EPSG:99999' is unknown"),
         ("EPSG:32632", "UTM 32", ":1: 'UTM 32' is no CRS"),
+        ("EPSG:32632", "WGS84 UTM \N{ARABIC-INDIC DIGIT THREE}2N", "is unknown"),
         ("8001.tif G1\n", "\n", ":2: 5 fields"),
         ("1011.2", "nan", ":2: 'nan' where a finite number must stand"),
         ("8002.tif G2\n", "8002.tif", ":4: truncated: the file ends within this line"),
@@ -540,6 +611,7 @@ def test_bingo(unit, um, tmp_path):
         ("8002", "8001", ":5: image '8001' is there twice"),
         ("1006", "1020", ":3: point '1020' is measured twice in image '8001', before in line 2"),
         ("-1.90643", "left", ":2: 'left' where a finite number"),
+        (" -1.90643", "", ":2: an image begins before the -99 of another, or a number is missing"),
         ("1.87814\n-99\n", "1.87814\n", ":6: truncated: the file ends before the -99 of image"),
         ("1.87814\n-99\n", "1.87814\n-9", ":7: truncated"),
     ],

@@ -314,12 +314,13 @@ def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
         )
     width, height = of("image", 2)
     if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
-        raise InputError.at_line(path, None, f"camera {name}: <image> is not whole pixels")
+        problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
+        raise InputError.at_line(path, None, f"{problem}; correct it")
     sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
     size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
     if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
         raise InputError.at_line(
-            path, None, f"camera {name}: <sensor> is not width,height in mm; correct it"
+            path, None, f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm"
         )
     per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
     with np.errstate(all="ignore"):  # a size that is no number is none of the image's
