@@ -8,7 +8,6 @@ from typing import Any
 
 from ..base.errors import InputError, UsageError
 from ..base.wording import DOCTOR
-from ..formats.text.numbers import PLAIN, finite
 from .row import COLUMNS, TEXTS, Row, is_number
 
 HEAD = "# insgnss season 1: one row a flight, columns and units in data_specs/season.md"
@@ -69,12 +68,21 @@ def read_season(path: Path) -> list[Row]:
             raise InputError.at_line(path, number, problem)
         row: Row = {}
         for name, cell in zip(head, cells, strict=True):
-            row[name] = cell if name in TEXTS else finite(cell) if cell else None
-            if row[name] != row[name]:
-                problem = f"{name}: {cell!r} is no number; {PLAIN}, or nothing"
-                raise InputError.at_line(path, number, problem)
+            try:
+                row[name] = cell if name in TEXTS else _number(cell) if cell else None
+            except ValueError:
+                problem = f"{name}: {cell!r} is no number"
+                raise InputError.at_line(path, number, problem) from None
         rows.append(row)
     return rows
+
+
+def _number(cell: str) -> float:
+    """Return a finite number of ASCII digits; ValueError for what else Python takes for one."""
+    value = float(cell)
+    if not (cell.isascii() and "_" not in cell and is_number(value)):
+        raise ValueError(cell)
+    return value
 
 
 def refuse_without_parquet() -> None:

@@ -1,6 +1,7 @@
 """Two files against each other: formats, matching, statistics, and the answer's three shapes."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -233,6 +234,13 @@ def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(
     lat, lon = np.degrees(flight.eo.origin[:2])
     c = compare_files(flight["metashape.csv"], path, origin=(lat, lon, flight.eo.origin[2]))
     assert largest(c, ("east", "north", "up")) < 2e-4
+    for value in ("\N{MINUS SIGN}46.5", "4,65", "465.7", "1_0", "\N{ARABIC-INDIC DIGIT THREE}"):
+        other = re.sub(r"(?<=latitude )\S+", value, text, count=1)
+        path.write_text(other, encoding="utf-8")
+        with pytest.raises(
+            InputError, match=f"the header's 'latitude {value} deg, .* is no origin"
+        ):
+            compare_files(flight["metashape.csv"], path)
 
 
 def test_another_origin_is_no_difference(flight: Written, tmp_path: Path) -> None:

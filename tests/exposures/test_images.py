@@ -53,6 +53,47 @@ def test_times_of_images_are_those_of_their_exif(tmp_path: Path) -> None:
     assert image_times(tmp_path / "a.jpg", ("a.jpg",)) is None
 
 
+@pytest.mark.parametrize("text", ["    :  :     :  :  ", "0000:00:00 00:00:00"])
+def test_a_time_that_exif_calls_unknown_is_none(tmp_path: Path, text: str) -> None:
+    """Oracle: Exif 2.32: an unknown date has blanks between its colons; cameras write zeros."""
+    stamped(tmp_path / "a.jpg", text)
+    assert image_times(tmp_path, ("a.jpg",)) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "fraction"),
+    [
+        ("2018:13:04 12:00:01", "5"),
+        ("2018:10:04 12:61:01", "5"),
+        ("yesterday", "5"),
+        ("2018:10:04 12:00:01", "5%"),
+        ("2018:10:04 12:00:01", "-5"),
+    ],
+)
+def test_a_time_that_is_written_and_is_none_is_named(
+    tmp_path: Path, text: str, fraction: str
+) -> None:
+    """Oracle: the image and what stands there; once the times of all images were left out."""
+    stamped(tmp_path / "a.jpg", text, fraction)
+    with pytest.raises(InputError, match=f"a.jpg: DateTimeOriginal '{text}' .*'{fraction}' is no"):
+        image_times(tmp_path, ("a.jpg",))
+
+
+def test_raw_files_of_another_kind_have_no_time(tmp_path: Path) -> None:
+    """Oracle: how files of Panasonic and Olympus begin, which are no TIFF."""
+    for head in (b"IIU\0", b"IIRO", b"MMOR"):
+        (tmp_path / "a.rw2").write_bytes(head + bytes(64))
+        assert image_times(tmp_path, ("a.rw2",)) is None
+
+
+def stamped(path: Path, text: str, fraction: str = "") -> None:
+    """A picture of one pixel with these texts for DateTimeOriginal and its fraction."""
+    image = pytest.importorskip("PIL.Image")
+    exif = image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: text, 0x9291: fraction})
+    image.new("L", (1, 1)).save(path, exif=exif)
+
+
 def exposed(times):
     """Events with numbers alone."""
     names, told = numbered(len(times))

@@ -52,6 +52,9 @@ def test_a_covariance_that_cannot_be(camera, covariance, tmp_path) -> None:
     for old, new, words in (
         ("f = 0.4", "f = 0.0", "sigma.f: 0; a standard deviation must be greater than zero"),
         ("0.9", "1.1", "symmetric and positive definite, in the order f, cx, b1"),
+        ("0.9", '"0.9"', "expected 6 rows of as many numbers"),
+        ("[1, ", "[true, ", "expected 6 rows of as many numbers"),
+        ("f = 0.4", "f = 1e308", "sigma.f: 1e+308 is outside"),
     ):
         (tmp_path / "bad.toml").write_text(text.replace(old, new))
         with pytest.raises(InputError, match=re.escape(words)):

@@ -187,6 +187,16 @@ def test_both_or_neither_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         ("time_s", None, "image 8002.tif: time_s is null, not a number"),
         ("position_m", [1.0, 2.0], r"image 8002.tif: position_m is \[1.0, 2.0\], not 3 numbers"),
         ("C_mc", "north", "image 8002.tif: C_mc is 'north', not 3 x 3 numbers"),
+        ("time_s", "200002.0", "image 8002.tif: time_s is '200002.0', not a number"),
+        ("time_s", True, "image 8002.tif: time_s is True, not a number"),
+        ("time_s", 1e308, "image 8002.tif: time_s is 1e.308, not a number"),
+        ("position_m", [1.0, "2.0", 3.0], "image 8002.tif: position_m is .*, not 3 numbers"),
+        ("position_m", [1.0, False, 3.0], "image 8002.tif: position_m is .*, not 3 numbers"),
+        ("gps_week", 2008.7, "gps_week is 2008.7, no whole number"),
+        ("gps_week", "2008", "gps_week is '2008', not a number"),
+        ("tangent_plane", {"epoch": "2020.5"}, "epoch is '2020.5', not a number"),
+        ("tangent_plane", {"origin_lat_lon_rad_height_m": ["0.8", 0.1, 1]}, "not 3 numbers"),
+        ("applied", {"boresight": [[1, 0, 0], [0, 1, 0], [0, 0, True]]}, "not 3 x 3 numbers"),
     ],
 )
 def test_a_value_that_is_none_is_named(
@@ -196,7 +206,10 @@ def test_a_value_that_is_none_is_named(
     monkeypatch.setattr(eo_packed, "FROM_IMAGES", 10_000)
     write_eo_json(scene(), tmp_path / "eo.json")
     content = json.loads((tmp_path / "eo.json").read_text())
-    content["images"][1][key] = value
+    if key not in content:
+        content["images"][1][key] = value
+    else:
+        content[key] = content[key] | value if isinstance(value, dict) else value
     (tmp_path / "eo.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=told):
         read_eo_json(tmp_path / "eo.json")

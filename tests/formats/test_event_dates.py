@@ -76,6 +76,36 @@ def test_nothing_is_guessed(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "stamp",
+    [
+        *(
+            "2021-03-18 12:19:75",
+            "2021-03-18 12:19:04.5%",
+            "2021-03-18 12:19:04+99:00",
+            "1970-01-02 00:00:00",
+        ),
+        *(
+            "2021-03-18 12:19:04+02:75",
+            "9999-12-31 23:59:60",
+            "\N{ARABIC-INDIC DIGIT TWO}021-03-18 12:19:04",
+        ),
+    ],
+)
+def test_a_date_that_is_none_is_named(tmp_path, stamp):
+    """Oracle: minutes have 60 seconds and a leap second, offsets are up to 14 hours."""
+    path = table(tmp_path, f"a.jpg,2021-03-18 12:19:04\nb.jpg,{stamp}\n")
+    with pytest.raises(InputError, match=r":2: .*"):
+        read_events(path, time_scale="utc")
+
+
+def test_a_leap_second_is_a_time(tmp_path):
+    """Oracle: the second after 23:59:59 of 2016-12-31 was called 60."""
+    path = table(tmp_path, "a.jpg,2016-12-31 23:59:59.50\nb.jpg,2016-12-31 23:59:60.50\n")
+    events = read_events(path, time_scale="gpst")
+    assert np.diff(events.time).tolist() == [1.0]
+
+
+@pytest.mark.parametrize(
     ("fraction", "sigma", "late_s"),
     [("", 0.2887, 0.5), (".6", 0.02887, 0.6), (".623", None, 0.623)],
 )

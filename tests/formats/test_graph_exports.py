@@ -3,8 +3,10 @@ its convention everywhere.
 """
 
 import json
+import sqlite3
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats.bundle.colmap import write_colmap, write_colmap_priors
+from insgnss.formats.bundle.colmap_database import read_colmap_database
 from insgnss.formats.bundle.opf import write_opf
 from insgnss.formats.orientation.g2o import write_g2o
 from insgnss.formats.orientation.tum import write_tum
@@ -400,6 +403,9 @@ def test_colmap_priors_without_pycolmap(tmp_path: Path, monkeypatch: pytest.Monk
         ("PINHOLE 5120 3840 5607", "camera PINHOLE: 1 parameters, it has 4"),
         ("THIN 1 2 3", "camera model 'THIN' is none of COLMAP's"),
         ("PINHOLE wide 3840 1 1 1 1", "is not a model and numbers"),
+        ("PINHOLE 5_120 3840 1 1 1 1", "is not a model and numbers"),
+        ("PINHOLE 5120 3840 1 1 1 nan", "is not a model and numbers"),
+        ("PINHOLE 5120", "is not a model and numbers"),
         ("PINHOLE,5120,3840,1,1,1", "camera PINHOLE: 3 parameters, it has 4"),
         ("PINHOLE 0 3840 1 1 1 1", "size and focal lengths must be positive"),
     ],
@@ -409,6 +415,37 @@ def test_colmap_cameras_refused(tmp_path: Path, camera: str | None, message: str
     with pytest.raises(UsageError, match=message):
         write_colmap(framed(block(), "tangent plane"), tmp_path / "m", camera=camera)
     assert not (tmp_path / "m").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("images SET camera_id = 'x'", "'x' where a whole number must stand"),
+        ("images SET camera_id = 1.5", "1.5 where a whole number must stand"),
+        ("images SET name = NULL", "None where the name of an image must stand"),
+        ("cameras SET width = '5%'", "'5%' x 3840 pixels.: size or parameters are no numbers"),
+        ("cameras SET height = 0", "5120 x 0 pixels.: size or parameters are no numbers"),
+        ("cameras SET params = '5607'", "size or parameters are no numbers"),
+        ("cameras SET params = zeroblob(16)", "size or parameters are no numbers"),
+        ("cameras SET params = NULL", "size or parameters are no numbers"),
+        ("cameras SET model = 'PINHOLE'", "model 'PINHOLE' is none of COLMAP's"),
+    ],
+)
+def test_a_database_with_what_is_no_number(tmp_path: Path, change: str, message: str) -> None:
+    """Oracle: the value that was written; SQLite holds any kind in any column."""
+    path = tmp_path / "database.db"
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("CREATE TABLE images (image_id, name, camera_id)")
+        db.execute("CREATE TABLE cameras (camera_id, model, width, height, params)")
+        db.execute("INSERT INTO images VALUES (1, '8001.tif', 1)")
+        params = np.array([5607.0, 2560.0, 1920.0]).tobytes()
+        db.execute("INSERT INTO cameras VALUES (1, 0, 5120, 3840, ?)", [params])
+        db.commit()
+        assert read_colmap_database(path, ["8001.tif"]).cameras[1].focal == (5607.0, 5607.0)
+        db.execute(f"UPDATE {change}")
+        db.commit()
+    with pytest.raises(InputError, match=message):
+        read_colmap_database(path, ["8001.tif"])
 
 
 def test_colmap_refusals(tmp_path: Path) -> None:

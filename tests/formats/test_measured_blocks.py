@@ -244,7 +244,11 @@ def test_what_is_wrong_in_metashape_is_named(old, new, message, tmp_path):
         *("(?<=<f>)1400[^<]*", "(?<=<k3>)[^<]*", '(?<="adjusted"><resolution width=")\\d+'),
         *("(?<=<translation>)[^ ]*", "(?<=<scale>)[^<]*", "(?<=<transform>)[-.e0-9]+"),
         *('(?<=sxy=")[^"]*', '(?<=value=")0.8', '(?<=pinned="true" x=")[^"]*'),
-        *('(?<=pinned=")true', '(?<=label="off.tif" enabled=")false', '(?<=enabled=")false(?="/></m)'),
+        *(
+            '(?<=pinned=")true',
+            '(?<=label="off.tif" enabled=")false',
+            '(?<=enabled=")false(?="/></m)',
+        ),
     ],
 )
 def test_a_value_of_metashape_that_cannot_be_read(place, value, tmp_path):
@@ -401,8 +405,14 @@ def test_what_colmap_cannot_give(tmp_path):
 def test_a_text_model_of_colmap_with_what_is_no_number(value, tmp_path):
     """Oracle: the value that was written; pycolmap takes 5% for 5 and 0x10 for 0."""
     parameters, terms = MODELS["OPENCV"]
-    colmap_model("OPENCV", parameters, observed(distorted_pixels(**terms))).write_text(str(tmp_path))
-    for name, row, column in (("cameras.txt", -1, 2), ("cameras.txt", -1, -1), ("images.txt", -2, 3)):
+    colmap_model("OPENCV", parameters, observed(distorted_pixels(**terms))).write_text(
+        str(tmp_path)
+    )
+    for name, row, column in (
+        ("cameras.txt", -1, 2),
+        ("cameras.txt", -1, -1),
+        ("images.txt", -2, 3),
+    ):
         lines = (tmp_path / name).read_text().splitlines()
         words = lines[row].split(" ")
         words[column] = value

@@ -3,13 +3,14 @@ from scipy's rotations, or by the program's own package, read back to the poses 
 """
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ba_scene import Array, D, block, framed
-from format_pages import on_page
+from format_pages import UNREADABLE, on_page
 from numpy.testing import assert_allclose
 from oracles import oracle
 from pyproj import CRS
@@ -20,7 +21,7 @@ from insgnss.formats.bundle.bentley import write_bentley
 from insgnss.formats.bundle.colmap import write_colmap
 from insgnss.formats.bundle.inpho import write_inpho_prj
 from insgnss.formats.bundle.micmac import write_micmac_xml
-from insgnss.formats.returned.crs import kind_of_wkt
+from insgnss.formats.returned.crs import kind_of_definition, kind_of_wkt
 from insgnss.formats.returned.reading import RETURNED, read_returned_poses, returned_form
 from insgnss.mounting_calibration.poses import read_camera_poses
 from insgnss.records import FramedOrientation
@@ -306,6 +307,73 @@ def test_damaged_files_are_one_line(tmp_path: Path) -> None:
         kind_of_wkt("PROJCS nonsense", "x")
     with pytest.raises(UsageError, match="did you mean 'bentley'"):
         read_returned_poses(tmp_path / "b.xml", "bently")
+
+
+PLACES = {  # of a number that is read, in a file of each case
+    "metashape_opk_text": r"(?<=8001\t)[^\t]*",
+    "metashape_reference": r"(?<=8002\.tif,)(.*,)[^,]*(?=\n)",
+    "metashape_reference ypr": r"(?<=8002\.tif\t)(.*\t)[^\t]*(?=\n)",
+    "pix4d_external": r"(?<=8001\.tif )[^ ]*",
+    "pix4d_camera": r"(?<=\n0\.01 0\.02\n)[^ ]*",
+    "micmac": r"(?<=<L2>)[^ ]*",
+    "bentley": r"(?<=<M_11>)[^<]*",
+    "bentley geographic": r"(?<=<z>)[^<]*",
+    "inpho": r"(?<=2018\n)(\s+[-.\d]+\s+)[-.\d]+",
+    "colmap": r"(?<=\n2 )[^ ]*",
+}
+
+
+@pytest.mark.parametrize("value", UNREADABLE)
+@pytest.mark.parametrize("name", PLACES)
+def test_a_value_that_cannot_be_read_is_named(tmp_path: Path, name: str, value: str) -> None:
+    """Oracle: the value that was written."""
+    write, where, form, _ = CASES[name]
+    path = write(framed(block(), where), tmp_path)
+    file = next(path.glob("Orientation-*"), path / "images.txt") if path.is_dir() else path
+    place = re.search(PLACES[name], file.read_text())
+    assert place is not None
+    head, tail = place.string[: place.start()], place.string[place.end() :]
+    file.write_text(f"{head}{''.join(place.groups(''))}{value}{tail}", encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(str(file))) as refusal:
+        read_returned_poses(path, form)
+    assert value in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("metashape_reference", "8002.tif,", "8002.tif,1,", "fields, the header has"),
+        ("pix4d_external", "8001.tif ", "8001.tif 1,", ":2: 8 fields, expected 7"),
+        ("bentley", "<Metadata><SRSId>0<", "<Metadata><SRSId>7<", "SRSId '7' is no <SRS> of it"),
+        (
+            "bentley",
+            "<Photogroup>",
+            "<Photogroup><CameraOrientation/>",
+            "Orientation '' is unknown",
+        ),
+        ("colmap", "# shift: ", "# shift: 1 # ", "where a finite number must stand"),
+    ],
+)
+def test_what_once_was_taken_for_something_else(
+    tmp_path: Path, name: str, old: str, new: str, message: str
+) -> None:
+    """Oracle: the fault that was written; decimal commas moved the columns behind them."""
+    write, where, form, _ = CASES[name]
+    path = write(framed(block(), where), tmp_path)
+    file = path / "images.txt" if path.is_dir() else path
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_returned_poses(path, form)
+
+
+@pytest.mark.parametrize(
+    "origin", ["46.5", "46,5,6,5", "6.5\N{MINUS SIGN},6", "nan,6", "91,6", "1_0,6"]
+)
+def test_an_origin_that_is_none(origin: str) -> None:
+    """Oracle: a latitude up to 90 degrees, a longitude and perhaps a height."""
+    with pytest.raises(InputError, match="is not ENU:latitude,longitude"):
+        kind_of_definition(f"ENU:{origin}", "x.xml")
 
 
 @pytest.mark.parametrize("name", ["bentley", "pix4d_external"])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.base.errors import InputError
 from insgnss.config.camera_options import ImageMatch
 from insgnss.config.flight_file import MountingSource
 from insgnss.formats.images.exif import camera_tags
@@ -56,6 +57,19 @@ def test_the_camera_of_an_image_is_read(images: Path) -> None:
         got = camera_tags(stream, "1.jpg")
     assert (got.model, got.image_size) == ("FC6310", (40, 30))
     assert got.focal_px == pytest.approx(24.0 * 50.0 / 43.2666, rel=1e-4)
+
+
+def test_a_tag_that_is_no_number_is_named(images: Path) -> None:
+    """Oracle: Exif, PixelXDimension is SHORT or LONG; such an image once had no size."""
+    image = pytest.importorskip("PIL.Image")
+    exif = image.Exif()
+    exif.get_ifd(0x8769).update({0xA002: "forty", 0xA003: 30})
+    image.new("L", (40, 30)).save(images / "1.jpg", exif=exif)
+    with (
+        (images / "1.jpg").open("rb") as stream,
+        pytest.raises(InputError, match=r"1\.jpg: tag 40962 holds no number"),
+    ):
+        camera_tags(stream, "1.jpg")
 
 
 @pytest.mark.parametrize(

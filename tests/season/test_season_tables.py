@@ -56,12 +56,15 @@ def test_the_table_comes_back(tmp_path: Path) -> None:
     [
         ("name\nf1\n", r"season\.csv:1: is no season\.csv"),
         ("# insgnss season 1\nname,images\nf1\n", r"season\.csv:3: 1 values under 2 columns"),
-        ("# insgnss season 1\nname,images\nf1,x\n", r"season\.csv:3: images: 'x' is no number"),
+        *(
+            (f"# insgnss season 1\nname,images\nf1,{x}\n", rf"season\.csv:3: images: '{x}' is no n")
+            for x in ("x", "5%", "1_0", "nan", "inf", "\N{ARABIC-INDIC DIGIT ONE}2")
+        ),
     ],
 )
 def test_what_is_no_season_is_refused(tmp_path: Path, text: str, message: str) -> None:
     """Oracle: the lines of the file."""
-    (tmp_path / "season.csv").write_text(text)
+    (tmp_path / "season.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=message):
         read_season(tmp_path / "season.csv")
 

@@ -157,8 +157,9 @@ def _refuse_text(directory: Path) -> None:
     In images.txt a line of an image is followed by that of its image points.
     """
     for name in ("cameras.txt", "images.txt"):
-        below = False
-        for line, text in enumerate(lines_of(decode(load_bytes(directory / name).tobytes())), 1):
+        below, path = False, directory / name
+        data = load_bytes(path).tobytes() if path.stat().st_size else b""
+        for line, text in enumerate(lines_of(decode(data)), start=1):
             if not below and (not text.strip() or text.lstrip().startswith("#")):
                 continue
             words = text.split() if below or name == "cameras.txt" else text.split(maxsplit=9)
@@ -173,7 +174,7 @@ def _refuse_text(directory: Path) -> None:
             below = name == "images.txt" and not below
             if not good:
                 problem = f"{shown(text)}: a number is missing, or none"
-                raise InputError.at_line(directory / name, line, f"{problem}; {PLAIN}")
+                raise InputError.at_line(path, line, f"{problem}; {PLAIN}")
 
 
 def _spells_numbers(text: str, words: list[str]) -> bool:

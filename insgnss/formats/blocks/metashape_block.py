@@ -470,7 +470,8 @@ def _markers(
                     f"marker {shown(labels[number])} is measured in an image of the id {image},"
                     " which is not in the file; export markers with their images"
                 )
-            if not all([_flag(of.frame_source, location, k) for k in ("pinned", "valid")]):
+            pinned, valid = (_flag(of.frame_source, location, k) for k in ("pinned", "valid"))
+            if not (pinned and valid):
                 loose += 1
                 continue
             description = f"marker {labels[number]} in image id {image}"
@@ -513,5 +514,7 @@ def _tie_points(
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros((0, 2)), np.zeros(0)
     scale = np.concatenate(size)
-    scale[~(scale > 0.0)] = 1.0
+    if not (scale >= 0.0).all():
+        raise of.frame_source.error("sizes of tie points that are negative or none; save it again")
+    scale[scale == 0.0] = 1.0
     return np.concatenate(image_row), np.concatenate(track), np.concatenate(uv), scale

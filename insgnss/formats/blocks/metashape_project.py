@@ -210,6 +210,8 @@ def read_ply(source: ProjectFile, name: str, needed: tuple[str, ...]) -> NDArray
     if missing := [column for column in needed if column not in {c[1] for c in columns}]:
         raise source.error(f"{name}: has no column {missing[0]}; save the project again")
     kind = np.dtype([(column, _TYPES[of]) for of, column in columns])
+    if "id" in needed and kind["id"].kind == "f":
+        raise source.error(f"{name}: numbers of points are no integers; save the project again")
     n = whole(elements[0][2]) if elements[0][2:] else -1
     if n < 0 or len(body) < n * kind.itemsize:
         raise source.error(

@@ -283,12 +283,14 @@ def _tracks(
         point.append(words[1])
         xy.append([number_in(word, file, line) for word in words[3:5]])
         scale.append(number_in(words[5], file, line) if version else 1.0)
+        if scale[-1] < 0.0:
+            raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it is zero or more")
     if not image_row:
         raise InputError.at_line(
             file, None, "no observation of an image of the reconstruction; copy both of one run"
         )
     ratio = np.array(scale)
-    good = ratio > 0.0
+    good = ratio > 0.0  # zero: not known
     ratio[good] /= np.median(ratio[good]) if good.any() else 1.0
     ratio[~good] = 1.0
     return np.array(image_row, dtype=np.int64), point, np.array(xy).reshape(-1, 2), ratio

@@ -96,14 +96,11 @@ def read_bingo(
             raise InputError.at_line(
                 path, line, f"{shown(row)}: no image before; a block begins with image and camera"
             )
-    if ended and inside:
-        raise InputError.at_line(
-            path, line, f"truncated: the file ends before the {END} of image {shown(images[-1])}"
-        )
-    if ended and within:
-        raise InputError.at_line(
-            path, within, f"an image begins before the {END} of another, or a number is missing"
-        )
+    if ended and (within or inside):
+        problem = f"an image begins before the {END} of another, or a number is missing"
+        if inside:
+            problem = f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+        raise InputError.at_line(path, line if inside else within, problem)
     if not image_row:
         raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
     rows = np.array(image_row, dtype=np.int64)
