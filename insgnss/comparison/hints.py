@@ -61,16 +61,24 @@ class Hints:
         return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
 
 
-def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
+def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array | None:
     """(n, 3, 3) of standard deviations (n, 3).
 
     Of angles, whose psi is E d(angles); None where there are none, or where all are zero.
+
+    Raises
+    ------
+    InputError
+        One that is negative, too large, or zero beside others.
     """
-    if sigma is None or not (sigma > 0.0).all():
+    if sigma is None or not sigma.any():
         return None
+    if (wrong := ~((sigma > 0.0) & (sigma <= LARGEST))).any():
+        row = int(np.argmax(wrong.any(axis=1)))
+        value = sigma[row][wrong[row]][0]
+        problem = f"pose {row + 1}: a standard deviation of {value:g}, others are positive"
+        raise InputError.at_line(path, None, f"{problem}; correct it or leave these columns out")
     P = np.zeros((len(sigma), 3, 3))
-    if (sigma > LARGEST).any():
-        raise InputError(f"a standard deviation of {sigma.max():g}; correct it or leave it out")
     P[:, range(3), range(3)] = sigma**2
     return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
 

@@ -160,7 +160,7 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
     plane = hints.plane or origin_in(path)
     lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, path)
     C_Ef = np.swapaxes(C_fE, 1, 2)
-    sigma_opk = diagonal(eo.sigma_opk, opk_jacobian(eo.opk))
+    sigma_opk = diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk))
     return Poses(
         str(path),
         "eo_local_plane",
@@ -170,7 +170,7 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
         h,
         images=eo.images,
         C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
-        cov_position=turned(C_Ef, diagonal(eo.sigma_position_m)),
+        cov_position=turned(C_Ef, diagonal(path, eo.sigma_position_m)),
         cov_attitude=turned(C_Ef, sigma_opk),
         angle_set="opk",
         angles=eo.opk,
@@ -229,7 +229,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         time=time,
         gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
         C_Ex=C,
-        cov_position=turned(C_Ef, diagonal(sigma)),
+        cov_position=turned(C_Ef, diagonal(path, sigma)),
         C_fE=C_fE,
         local=x if frame.kind in ("tangent plane", "projected") else None,
         plane=frame.plane,
@@ -294,7 +294,7 @@ def _of_body(
     position, attitude = (
         (None, None)
         if sigma is None
-        else (diagonal(sigma[:, :3]), diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
+        else (diagonal(path, sigma[:, :3]), diagonal(path, sigma[:, 6:], rpy_jacobian(rpy)))
     )
     return Poses(
         str(path),

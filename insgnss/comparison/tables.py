@@ -103,7 +103,7 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     angles, R, E = _attitude(table, of, layout)
     north = layout.angle_set == "ypr" and frame.kind != "tangent plane"
     s_position, s_angles = _sigmas(table, of)
-    P = diagonal(s_angles, E)
+    P = diagonal(path, s_angles, E)
     time, week = _time(path, table, of)
     return Poses(
         str(path),
@@ -116,7 +116,9 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         time=time,
         gps_week=week if week is not None else hints.gps_week,
         C_Ex=R if north else C_Ef @ R,
-        cov_position=turned(C_Ef, diagonal(None if s_position is None else s_position * unit_m)),
+        cov_position=turned(
+            C_Ef, diagonal(path, None if s_position is None else s_position * unit_m)
+        ),
         cov_attitude=P if north else turned(C_Ef, P),
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,

@@ -234,6 +234,13 @@ def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(
     lat, lon = np.degrees(flight.eo.origin[:2])
     c = compare_files(flight["metashape.csv"], path, origin=(lat, lon, flight.eo.origin[2]))
     assert largest(c, ("east", "north", "up")) < 2e-4
+    lines = flight["metashape.csv"].read_text().splitlines()
+    for value in ("0", "-0.01"):
+        changed = lines[2].split(",")
+        changed[8] = value
+        path.write_text("\n".join([*lines[:2], ",".join(changed), *lines[3:]]) + "\n")
+        with pytest.raises(InputError, match=f"pose 2: a standard deviation of {value}, others"):
+            read_poses(path, "metashape")
     for value in ("\N{MINUS SIGN}46.5", "4,65", "465.7", "1_0", "\N{ARABIC-INDIC DIGIT THREE}"):
         other = re.sub(r"(?<=latitude )\S+", value, text, count=1)
         path.write_text(other, encoding="utf-8")

@@ -342,6 +342,7 @@ def test_names_and_attitudes_that_it_cannot_hold(tmp_path: Path) -> None:
     [
         ("# angle unit: deg\n", "", "no header line '# angle unit: ...'"),
         ("# north: true", "# north: up", "conventions"),
+        ("# frame kind: ", "# frame kind: x", "conventions 'x"),
         (" omega ", " omaga ", "omaga"),
         ("8002.tif ", "8002.tif x", ":12: 'x"),
     ],

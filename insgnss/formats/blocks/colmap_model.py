@@ -170,7 +170,7 @@ def _refuse_text(directory: Path) -> None:
             else:
                 count = PARAMETERS.get(words[1] if len(words) > 1 else "", len(words) - 4)
                 values = [finite(word) for word in (*words[:1], *words[2:])]
-                good = len(words) == 4 + count > 4 and not np.isnan(values).any()
+                good = len(words) == 4 + max(0, count) and not np.isnan(values).any()
             below = name == "images.txt" and not below
             if not good:
                 problem = f"{shown(text)}: a number is missing, or none"

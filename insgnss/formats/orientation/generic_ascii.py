@@ -26,7 +26,7 @@ from ...geodesy.rotation import (
     rotation_from_ypr,
 )
 from ...records import FramedOrientation
-from ...records.framed import GEOCENTRIC, TANGENT
+from ...records.framed import GEOCENTRIC, KINDS, TANGENT
 from ..text.numbers import finite, whole_rows
 from ..text.text import Source, TextTable, read_text_table
 from .ascii_columns import (
@@ -355,9 +355,10 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         or axes not in CAMERA_AXES
         or how.attitude not in DIRECTIONS
         or how.north not in NORTHS
+        or kind not in KINDS
     ):
         raise InputError.at_line(
-            path, None, f"the header's conventions {how} are unknown; export the table again"
+            path, None, f"the header's conventions {kind!r}, {how} are unknown; export it again"
         )
     names = [field.lstrip("# ") for field in table.layout.header_fields or ()]
     strange = [name for name in names if name != "image" and name not in GROUP_OF]
