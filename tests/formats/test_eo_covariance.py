@@ -143,7 +143,7 @@ def test_a_file_of_another_run_is_refused(written) -> None:
         ({"cov_0": np.eye(6)}, r"cov_0: shape \(6, 6\) of 4 images"),
         ({"cov_0": np.full((24, 24), np.nan)}, "value in row 0 is not finite"),
         ({"cov_0": np.full((24, 24), "1.0")}, "a value is not what the format asks for"),
-        ({"strip": np.full(9, 0.7)}, "a value is not what the format asks for"),
+        ({"strip": np.array([-1, 0, 0, 0, 0, 1, 1, 1, -1.4])}, "a value is not what"),
     ],
 )
 def test_what_is_no_such_file_is_refused(written, change, message) -> None:

@@ -219,6 +219,7 @@ def test_markers_alone(tmp_path):
         ('camera_id="11"', 'camera_id="55"', "measured in an image of the id 55"),
         ('marker_id="3"', 'marker_id="33"', "no marker with the id 33"),
         ('8001.tif"><transform>', '8001.tif"><transform>1 ', "17 numbers, 16 must stand there"),
+        ("0.0 0.0 0.0 1.0</trans", "0.0 0.0 0.5 1.0</trans", "8001.tif: is no rotation"),
         ("</frame>", '</frame><frame id="1"/>', "2 frames (a moving object)"),
         (
             "</chunk>",
