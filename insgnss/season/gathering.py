@@ -110,7 +110,7 @@ def _matching(pattern: str) -> list[SeasonFlight]:
 def _table(path: Path) -> list[SeasonFlight]:
     """Return the flights of a table."""
     with path.open(encoding="utf-8-sig", newline="") as stream:
-        rows = csv.reader(line for line in stream if not line.lstrip().startswith("#"))
+        rows = csv.reader("\n" if line.lstrip().startswith("#") else line for line in stream)
         try:
             return _of_rows(path, list(rows))
         except (csv.Error, UnicodeDecodeError) as error:
@@ -118,17 +118,18 @@ def _table(path: Path) -> list[SeasonFlight]:
 
 
 def _of_rows(path: Path, rows: list[list[str]]) -> list[SeasonFlight]:
-    head = [word.strip() for word in rows[0]] if rows else []
+    first = next((k for k, row in enumerate(rows) if row), 0)  # comments became empty rows
+    head = [word.strip() for word in rows[first]] if rows else []
     if "flight" not in head:
         given = ", ".join(head) or "none"
         names = ", ".join(TABLE_COLUMNS)
         problem = f"has no column flight (columns: {given}); a table of flights has {names}"
-        raise InputError.at_line(path, 1, problem)
+        raise InputError.at_line(path, first + 1, problem)
     if odd := [word for word in head if word not in TABLE_COLUMNS]:
         problem = f"column {odd[0]!r} is unknown; known are {', '.join(TABLE_COLUMNS)}"
-        raise InputError.at_line(path, 1, problem)
+        raise InputError.at_line(path, first + 1, problem)
     flights = []
-    for number, row in enumerate(rows[1:], 2):
+    for number, row in enumerate(rows[first + 1 :], first + 2):
         if not any(word.strip() for word in row):
             continue
         if len(row) != len(head):

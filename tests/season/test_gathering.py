@@ -51,6 +51,8 @@ def test_a_table_gives_names_and_outputs(tree: Path) -> None:
         ("name,out\na,b\n", r"flights\.csv:1: has no column flight \(columns: name, out\)"),
         ("flight,oot\nmay/f1,b\n", r"flights\.csv:1: column 'oot' is unknown; known are flight"),
         ("flight,out\nmay/f1\n", r"flights\.csv:2: 1 values under 2 columns"),
+        ("# a\nflight,out\n# b\nmay/f1\n", r"flights\.csv:4: 1 values under 2 columns"),
+        ("# a\n\nname\na\n", r"flights\.csv:3: has no column flight"),
         ("flight\nmay/f9\n", r"flights\.csv:2: flight 'may/f9' does not exist"),
         ("flight\n", r"flights\.csv: names no flight"),
         ("", r"flights\.csv:1: has no column flight \(columns: none\)"),
