@@ -12,10 +12,11 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
+from ...base.units import LARGEST
 from ...base.wording import DOCTOR
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import BROWN_NAMES, PARAMETERS
-from ..text.layout import LARGEST, decode, shown
+from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
 from .columns import positive_sigma

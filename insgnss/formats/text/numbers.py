@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import LARGEST, float_of
+from ...base.units import LARGEST
+from .layout import float_of
 from .order import Lines
 from .text import Array
 
