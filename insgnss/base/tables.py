@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from .errors import InputError, near
 from .files import lines_of
+from .nesting import DEEPEST, too_deep
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
 LONGEST_TOML = 1_000_000  # characters
-DEEPEST = 100
 LONGEST_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
 NESTED = f"tables or lists within each other (limit {DEEPEST}); write them flat"
 _DOTTED = re.compile(r"[^=#]*")
@@ -303,15 +303,9 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         if line_number and "\\" in text.split("\n")[line_number - 1]:
             remedy = "; write paths with /, on Windows too, or in single quotes"
         raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
-    if _deeper(data, DEEPEST):
+    if too_deep(data):
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
     return data
-
-
-def _deeper(value: object, levels: int) -> bool:
-    """Tell whether tables and lists stand within each other more than so many levels deep."""
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return any(levels == 0 or _deeper(item, levels - 1) for item in inner)
 
 
 def _key_lines(text: str) -> dict[str, int]:

@@ -251,7 +251,7 @@ def test_wrong_use_is_told(tmp_path, page):
         read_variances(write(tmp_path, HEADER + "tau_s,deviation\n0.01,1\n"), member="c")
     with pytest.raises(UsageError, match="none of gyro, accel"):
         read_variances(write(tmp_path, page), units={"mag": "T"})
-    with pytest.raises(InputError, match="2: not JSON"):
+    with pytest.raises(InputError, match="2: is no JSON"):
         read_variances(write(tmp_path, '{"a":\n}'))
     with pytest.raises(InputError, match="an object with wvar or avar"):
         read_variances(write(tmp_path, "[1, 2]"))

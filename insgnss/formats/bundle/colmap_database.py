@@ -8,11 +8,11 @@ little endian doubles; those older than COLMAP 3.12 know neither rigs nor frames
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError, UsageError
+from ..text.database import opened_database
 from ..text.layout import shown
 from ..text.text import Source
 from .camera import Camera
@@ -24,7 +24,9 @@ MODELS = (
     *("EUCM", "EQUIRECTANGULAR"),
 )
 """Camera models of COLMAP by their number."""
-FILE_HEAD = b"SQLite format 3\0"
+WITH_RIGS = ("rigs", "rig_sensors", "frames", "frame_data")
+TABLES = ("images", "cameras", *WITH_RIGS)
+KIND = "database of COLMAP; give its database.db"
 
 
 @dataclass(frozen=True)
@@ -91,16 +93,7 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     UsageError
         Images in a rig of several cameras.
     """
-    try:
-        with Path(path).open("rb") as stream:
-            head = stream.read(len(FILE_HEAD))
-    except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}"
-        raise InputError.at_line(path, None, problem) from None
-    if head != FILE_HEAD:
-        raise _no_database(path, "no SQLite file")
-    connection = sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)
-    try:
+    with opened_database(path, TABLES, KIND) as connection:
         stored = {
             str(name): (int(number), int(camera))
             for number, name, camera in connection.execute(
@@ -110,10 +103,6 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
         frames = _frames(connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
         given = {int(row[0]): row[1:] for row in rows}
-    except (sqlite3.Error, TypeError, ValueError) as error:
-        raise _no_database(path, str(error)) from None
-    finally:
-        connection.close()
     chosen = []
     names = names_in_database(images, tuple(stored), path, skip)
     for name in names.values():
@@ -192,7 +181,7 @@ def _frames(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]]:
     The number is the larger one. Databases without frames give none.
     """
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-    if not {"rigs", "rig_sensors", "frames", "frame_data"} <= tables:
+    if not tables.issuperset(WITH_RIGS):
         return {}
     images = "SELECT frame_id, COUNT(*) AS n FROM frame_data GROUP BY frame_id"
     sensors = "SELECT rig_id, COUNT(*) + 1 AS n FROM rig_sensors GROUP BY rig_id"
@@ -224,10 +213,3 @@ def _camera(path: Source, number: int, row: tuple[int, int, int, bytes] | None) 
             f"camera {number} has parameters that are no numbers; make the database anew",
         )
     return Camera(MODELS[model], int(width), int(height), tuple(parameters.tolist()))
-
-
-def _no_database(path: Source, why: str) -> InputError:
-    short = " ".join(why.split())[:120]
-    return InputError.at_line(
-        path, None, f"is no database of COLMAP: {short}; give its database.db"
-    )
