@@ -308,6 +308,14 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     return data
 
 
+def line_of_key(path: Path, key: str) -> int | None:
+    """Return the line of a key by its dotted name; None where a file does not have it itself."""
+    try:
+        return _key_lines(path.read_text(encoding="utf-8-sig")).get(key)
+    except (OSError, ValueError):
+        return None
+
+
 def _key_lines(text: str) -> dict[str, int]:
     """Line, counted from 1, of every table header and of every key that begins a line.
 

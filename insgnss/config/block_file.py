@@ -210,7 +210,8 @@ class BlockOutput:
 
     directory: Path = option(
         Path(DIRECTORY),
-        "directory of the products, made where it is missing",
+        "directory of the products, in or below that of the block file (elsewhere: `--out`), made"
+        " where it is missing",
         kind="directory",
         form="directory",
         usual=f'"{DIRECTORY}"',
