@@ -9,6 +9,7 @@ import reprlib
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from .errors import InputError, near
 from .files import lines_of
 from .nesting import DEEPEST, too_deep
+from .trusted import trusting
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -74,7 +76,10 @@ class Table:
         line, prefix = None, full
         while prefix and line is None:
             line, prefix = source.lines.get(prefix), prefix.rpartition(".")[0]
-        return InputError.at_line(source.path, line, f"{full}: {problem}")
+        known = key.partition(".")[0] in self.keys.get(self.name, ())
+        # a key of ours is no text of others, wherever the file lies that several flights share
+        with trusting([source.path]) if known else nullcontext():
+            return InputError.at_line(source.path, line, f"{full}: {problem}")
 
     def source(self, key: str) -> Source:
         """Return the file that `key`, or the value around it, came from."""

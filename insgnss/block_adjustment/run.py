@@ -8,6 +8,7 @@ from typing import Any
 from ..base.errors import DataError
 from ..base.provenance import refuse_other_results
 from ..base.received import refuse_outside
+from ..base.trusted import at_home
 from ..config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
@@ -70,6 +71,7 @@ class AdjustmentResult:
         return self.figures
 
 
+@at_home
 def adjust(
     file: BlockFile,
     out: Path | None = None,

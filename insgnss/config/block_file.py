@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
+from ..base.trusted import at_home
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -309,6 +310,7 @@ BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
 """The dataclasses whose options are the keys of each table."""
 
 
+@at_home
 def load_block(path: str | Path) -> BlockFile:
     """Read and check a block file.
 

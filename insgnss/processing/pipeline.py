@@ -14,6 +14,7 @@ from typing import Any
 from ..base.beside import Beside
 from ..base.files import json_ready, sha256
 from ..base.provenance import circumstances, versions
+from ..base.trusted import at_home
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
@@ -122,6 +123,7 @@ class ProcessResult:
         return "\n".join(lines)
 
 
+@at_home
 def process(
     flight: Flight,
     out: Path | None = None,
