@@ -76,9 +76,9 @@ class Table:
         line, prefix = None, full
         while prefix and line is None:
             line, prefix = source.lines.get(prefix), prefix.rpartition(".")[0]
-        known = key.partition(".")[0] in self.keys.get(self.name, ())
-        # a key of ours is no text of others, wherever the file lies that several flights share
-        with trusting([source.path]) if known else nullcontext():
+        ours = near(key.partition(".")[0], self.keys.get(self.name, ())).startswith("did you")
+        # a key of ours, or one that is nearly so, is no text of others, wherever the file lies
+        with trusting([source.path]) if ours else nullcontext():
             return InputError.at_line(source.path, line, f"{full}: {problem}")
 
     def source(self, key: str) -> Source:
