@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from .trusted import hidden, instead, without_text
+from .received.trusted import hidden, instead, without_text
 from .wording import named, setting
 
 _ABSENT: Any = object()

@@ -17,7 +17,7 @@ from typing import Any
 
 from .errors import UsageError
 from .files import sha256
-from .nesting import read_object
+from .received.nesting import read_object
 from .staging import destination, written
 from .wording import command_line, relative
 

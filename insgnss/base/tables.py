@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from .errors import InputError, near
 from .files import lines_of
-from .nesting import DEEPEST, too_deep
-from .trusted import trusting
+from .received.nesting import DEEPEST, too_deep
+from .received.trusted import trusting
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.nesting import read_object
+from ..base.received.nesting import read_object
 from .inputs import Inputs
 
 

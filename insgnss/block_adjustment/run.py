@@ -7,8 +7,8 @@ from typing import Any
 
 from ..base.errors import DataError
 from ..base.provenance import refuse_other_results
-from ..base.received import refuse_outside
-from ..base.trusted import at_home
+from ..base.received.outputs import refuse_outside
+from ..base.received.trusted import at_home
 from ..config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of

@@ -27,7 +27,7 @@ from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import refuse_other_than_utf8
 from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from ..base.memory import out_of_memory
-from ..base.trusted import trusting, words_as_paths
+from ..base.received.trusted import trusting, words_as_paths
 from .console import Parser, Progress
 from .verb import report_error
 

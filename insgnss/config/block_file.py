@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
-from ..base.trusted import at_home
+from ..base.received.trusted import at_home
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved

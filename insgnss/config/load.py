@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..base.errors import InputError, OptionError, UsageError
+from ..base.received.trusted import at_home
 from ..base.tables import Table, read_toml
-from ..base.trusted import at_home
 from ..orient.mounting import (
     PAPER_CAMERA_FROM_BODY,
     ROTATION_TOLERANCE,

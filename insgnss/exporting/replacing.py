@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from ..base.errors import UsageError
-from ..base.nesting import read_object
+from ..base.received.nesting import read_object
 from ..base.staging import Staging
 
 BESIDE = {

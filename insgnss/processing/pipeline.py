@@ -14,7 +14,7 @@ from typing import Any
 from ..base.beside import Beside
 from ..base.files import json_ready, sha256
 from ..base.provenance import circumstances, versions
-from ..base.trusted import at_home
+from ..base.received.trusted import at_home
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import DataError, InputError, InsgnssError, UsageError
 from ..base.provenance import PRODUCTS as HASHES
 from ..base.provenance import hashes_of_products, other_results
-from ..base.received import refuse_outside
+from ..base.received.outputs import refuse_outside
 from ..base.scratch import scratch_directory
 from ..base.staging import together
 from ..base.wording import relative

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.trusted import at_home
+from ..base.received.trusted import at_home
 from ..config.flight_file import Flight
 from ..exposures.rig import CameraExposures, merged_instants
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples

@@ -18,8 +18,8 @@ from typing import Any
 from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.files import sha256
-from ..base.nesting import read_object
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
+from ..base.received.nesting import read_object
 from ..base.scratch import PREFIXES
 from ..base.wording import relative
 from .gathering import FLIGHT_FILE

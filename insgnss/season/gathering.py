@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import InputError, UsageError
+from ..base.received.trusted import inside
 from ..base.scratch import PREFIXES
-from ..base.trusted import inside
 
 FLIGHT_FILE = "flight.toml"
 TABLE_COLUMNS = ("flight", "name", "out")

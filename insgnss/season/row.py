@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.nesting import read_object
+from ..base.received.nesting import read_object
 from ..config.flight_file import Flight
 
 LEVER = ("forward", "right", "down")

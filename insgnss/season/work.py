@@ -19,7 +19,7 @@ from .. import __version__
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.files import sha256
 from ..base.provenance import PRODUCTS, changed_products
-from ..base.trusted import trusting
+from ..base.received.trusted import trusting
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.base.trusted import VARIABLE
+from insgnss.base.received.trusted import VARIABLE
 from insgnss.config.flight_file import Flight
 from insgnss.config.load import load_flight
 from insgnss.processing.input_files import input_files

@@ -12,7 +12,7 @@ import pytest
 
 from insgnss.base import unpacking
 from insgnss.base.errors import InputError
-from insgnss.base.nesting import DEEPEST, parse_json, read_object
+from insgnss.base.received.nesting import DEEPEST, parse_json, read_object
 from insgnss.base.tables import parse_toml
 from insgnss.formats.arrays.npy import load_numpy
 from insgnss.formats.blocks.dbat import read_dbat

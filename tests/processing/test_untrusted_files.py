@@ -10,8 +10,8 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import InputError, InsgnssError
+from insgnss.base.received.trusted import VARIABLE, at_home, trusting
 from insgnss.base.tables import read_toml
-from insgnss.base.trusted import VARIABLE, at_home, trusting
 from insgnss.block_adjustment.run import adjust
 from insgnss.cli import main
 from insgnss.config.block_file import BLOCK_TABLES, load_block

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
-from ...base.nesting import parse_json
+from ...base.received.nesting import parse_json
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera

@@ -65,9 +65,9 @@ def _opened(path: Source) -> Iterator[Any]:
     if bag != file and not (bag / "metadata.yaml").is_file():
         problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
         raise InputError.at_line(path, None, f"{problem}; ros2 bag reindex makes one")
-    for store in sorted(bag.iterdir()) if bag != file else ():
-        if store.is_file() and is_database(store):
-            with opened_database(store, ("messages", "topics"), KIND):
+    for database in sorted(bag.iterdir()) if bag != file else ():
+        if database.is_file() and is_database(database):
+            with opened_database(database, ("messages", "topics"), KIND):
                 pass  # rosbags would read views and virtual tables
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:

@@ -56,9 +56,9 @@ def opened_database(
         instructions than its size accounts for.
     """
     file = Path(str(path))
-    what, _, advice = wanted.partition("; ")
+    kind, _, advice = wanted.partition("; ")
     try:
-        known, size = is_database(file), file.stat().st_size
+        begins, size = is_database(file), file.stat().st_size
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
         raise InputError.at_line(path, None, problem) from None
@@ -71,7 +71,7 @@ def opened_database(
         return spent > left
 
     try:
-        if not known:
+        if not begins:
             raise ValueError("no SQLite file")
         address = f"{file.resolve().as_uri()}?mode=ro"
         with closing(sqlite3.connect(address, uri=True)) as connection:
@@ -80,11 +80,11 @@ def opened_database(
             connection.execute("PRAGMA trusted_schema = OFF")
             for name, sort, hidden in connection.execute(COLUMNS).fetchall():
                 if str(name).lower() in tables and (sort != "table" or hidden):
-                    kind = "a table with columns that are computed" if hidden > 1 else f"a {sort}"
-                    raise ValueError(f"{name} is {kind}, not a plain table")
+                    fault = "a table with columns that are computed" if hidden > 1 else f"a {sort}"
+                    raise ValueError(f"{name} is {fault}, not a plain table")
             yield connection
     except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:120]
         if spent > left:
             why = f"more steps than a file of its size needs (limit {left})"
-        raise InputError.at_line(path, None, f"is no {what}: {why}; {advice}") from None
+        raise InputError.at_line(path, None, f"is no {kind}: {why}; {advice}") from None

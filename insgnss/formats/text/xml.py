@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, ParseError, XMLParser
 from xml.parsers import expat
 
 from ...base.errors import InputError
-from ...base.nesting import DEEPEST
+from ...base.received.nesting import DEEPEST
 from ...base.unpacking import check_unpacked
 
 PIECE = 1 << 20  # bytes that are parsed between two looks at the limits

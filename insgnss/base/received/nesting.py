@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError
+from ..errors import InputError
 
 DEEPEST = 100  # levels: what people and programs write has below 20, and recursions take 1000
 

@@ -26,7 +26,7 @@ VARIABLE = "INSGNSS_SHOWN"
 PATTERN = re.compile(r"[*?\[]")
 _START = re.compile(r"(?::(\d+))?: ")
 _HOMES: ContextVar[tuple[Path, ...]] = ContextVar("directories whose files are shown", default=())
-_PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def inside(path: Named, directory: Named) -> bool:
@@ -62,7 +62,7 @@ def trusting(paths: Iterable[Named]) -> Iterator[None]:
 
 def words_as_paths(words: Iterable[str]) -> list[str]:
     """Return what of the words of a command may be paths, also behind the = of an option."""
-    return [part for word in words for part in (word, word.partition("=")[2]) if part]
+    return [path for word in words for path in (word, word.partition("=")[2]) if path]
 
 
 def at_home(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -4,8 +4,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from .errors import InputError
-from .tables import line_of_key
+from ..errors import InputError
+from ..tables import line_of_key
 from .trusted import inside
 
 
