@@ -91,9 +91,15 @@ class InputError(InsgnssError):
 
 
 class DataError(InsgnssError):
-    """The input is well formed, but the data do not support the answer."""
+    """The input is well formed, but the data do not support the answer.
+
+    A file that is well formed is what the flight file says it is, and no text of others.
+    """
 
     exit_code = 4
+
+    def __init__(self, *args: Any) -> None:
+        Exception.__init__(self, *args)
 
 
 def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:

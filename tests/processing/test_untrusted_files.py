@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import insgnss
-from insgnss.base.errors import InputError, InsgnssError
+from insgnss.base.errors import DataError, InputError, InsgnssError
 from insgnss.base.received.trusted import VARIABLE, at_home, trusting
 from insgnss.base.tables import read_toml
 from insgnss.block_adjustment.run import adjust
@@ -208,4 +208,5 @@ def test_what_nobody_sent_is_shown(sent: Path) -> None:
     with trusting([sent]):
         assert str(InputError(f"adjust: {SECRET}")) == f"adjust: {SECRET}"
         assert SECRET not in str(InputError(f"{secret}: {SECRET}"))
+        assert "3 epochs" in str(DataError(f"{secret}: 3 epochs"))  # it could be read
         assert "does not exist" in said(lambda: read_toml(sent.parent / "none.toml", {}))
