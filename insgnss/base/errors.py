@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from .received.trusted import hidden, instead, without_text
 from .wording import named, setting
 
 _ABSENT: Any = object()
@@ -16,9 +17,16 @@ _ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
 
 class InsgnssError(Exception):
-    """Root of all errors that the package raises on purpose."""
+    """Root of all errors that the package raises on purpose.
+
+    A message that begins with a file shows no text of it where the file is not trusted
+    (`trusted`).
+    """
 
     exit_code = 1
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*(without_text(arg) if isinstance(arg, str) else arg for arg in args))
 
 
 class UsageError(InsgnssError):
@@ -77,14 +85,21 @@ class InputError(InsgnssError):
 
         What ends lines, out of a name or a value of the file, becomes a blank.
         """
+        problem = instead(path) if hidden(path) else problem
         text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
         return cls(_ENDS.sub(" ", text))
 
 
 class DataError(InsgnssError):
-    """The input is well formed, but the data do not support the answer."""
+    """The input is well formed, but the data do not support the answer.
+
+    A file that is well formed is what the flight file says it is, and no text of others.
+    """
 
     exit_code = 4
+
+    def __init__(self, *args: Any) -> None:
+        Exception.__init__(self, *args)
 
 
 def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:

@@ -5,7 +5,6 @@ Every verb that leaves products leaves a document with `made_from` beside them; 
 knows results by it, whichever verb they are of.
 """
 
-import json
 import os
 import platform
 import sys
@@ -19,6 +18,7 @@ from typing import Any
 from .errors import UsageError
 from .inputs import sha256
 from .output.staging import destination, written
+from .received.nesting import read_object
 from .wording import command_line, relative
 
 KEY = "inputs_sha256"
@@ -174,8 +174,8 @@ def other_results(
     if not document.is_file():
         return None
     try:
-        hashes = set(dict(json.loads(document.read_bytes())[KEY]).values())
-    except (OSError, ValueError, KeyError, TypeError):
+        hashes = set(dict(read_object(document, is_replaced=True)[KEY]).values())
+    except (ValueError, KeyError, TypeError):
         return f"{document} is there and does not say what it was made from"
     files = [file for file in measured if file.is_file()]
     others = [file for file in files if sha256(file) not in hashes]

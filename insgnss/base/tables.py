@@ -8,6 +8,7 @@ import re
 import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from .errors import InputError, near
 from .files import lines_of
 from .inputs import read_text
+from .received.nesting import DEEPEST, too_deep
+from .received.trusted import trusting
 from .units import LARGEST, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
 LONGEST_TOML = 1_000_000  # characters
-DEEPEST = 100
 LONGEST_NAME, LONGEST_PATH = 255, 4000  # characters; what file systems take at most
 NESTED = f"tables or lists within each other (limit {DEEPEST}); write them flat"
 _DOTTED = re.compile(r"[^=#]*")
@@ -75,7 +77,10 @@ class Table:
         line, prefix = None, full
         while prefix and line is None:
             line, prefix = source.lines.get(prefix), prefix.rpartition(".")[0]
-        return InputError.at_line(source.path, line, f"{full}: {problem}")
+        ours = near(key.partition(".")[0], self.keys.get(self.name, ())).startswith("did you")
+        # a key of ours, or one that is nearly so, is no text of others, wherever the file lies
+        with trusting([source.path]) if ours else nullcontext():
+            return InputError.at_line(source.path, line, f"{full}: {problem}")
 
     def source(self, key: str) -> Source:
         """Return the file that `key`, or the value around it, came from."""
@@ -300,7 +305,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         if line_number and "\\" in text.split("\n")[line_number - 1]:
             remedy = "; write paths with /, on Windows too, or in single quotes"
         raise InputError.at_line(path, line_number, f"not TOML: {error}{remedy}") from None
-    if _deeper(data, DEEPEST):
+    if too_deep(data):
         raise InputError.at_line(path, None, f"more than {DEEPEST} {NESTED}")
     return data
 
@@ -313,10 +318,12 @@ def _float(text: str) -> float:
     return x
 
 
-def _deeper(value: object, levels: int) -> bool:
-    """Tell whether tables and lists stand within each other more than so many levels deep."""
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return any(levels == 0 or _deeper(item, levels - 1) for item in inner)
+def line_of_key(path: Path, key: str) -> int | None:
+    """Return the line of a key by its dotted name; None where a file does not have it itself."""
+    try:
+        return _key_lines(read_text(path, "utf-8-sig")).get(key)
+    except (OSError, ValueError):
+        return None
 
 
 def _key_lines(text: str) -> dict[str, int]:

@@ -3,8 +3,9 @@
 A megabyte can unpack to a terabyte. Where a file states what it unpacks to (zip, and the variables
 of numpy and MATLAB files) that is looked at before anything is unpacked; a stream that does not
 (gzip, whose stated size is modulo 4 GB, bzip2, compress) is unpacked piece by piece and left at the
-limit. The limit is 4 GB, or what the environment variable INSGNSS_UNPACKED_GB says: no file sets
-it, so that none can lift it.
+limit. The limit is 4 GB, and for a file whose size is known 200 times this size, or 100 MB if that
+is more; the environment variable INSGNSS_UNPACKED_GB replaces both. No file sets it, so that none
+can lift the limit.
 """
 
 import bz2
@@ -22,6 +23,8 @@ from .memory import available
 
 VARIABLE = "INSGNSS_UNPACKED_GB"
 LIMIT_GB = 4.0
+RATIO = 200.0  # unpacked by packed size: text of receivers has 3 to 30, XML of projects 5 to 60
+FREE = 1e8  # bytes that a file of any size may unpack to: they take less than a second
 GB = 1e9
 GZIP, COMPRESS, BZIP2, ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK"
 PACKED = (GZIP, COMPRESS, BZIP2, ZIP)
@@ -39,8 +42,13 @@ DAMAGED = (
 )
 
 
-def unpacked_limit() -> float:
+def unpacked_limit(packed: float = math.inf) -> float:
     """Return how many bytes a file may unpack to.
+
+    Parameters
+    ----------
+    packed : float
+        Its own size, bytes.
 
     Raises
     ------
@@ -54,10 +62,12 @@ def unpacked_limit() -> float:
         limit = math.nan
     if not limit > 0.0:
         raise UsageError(f"{VARIABLE} = {text!r}: a number of GB greater than zero is expected")
-    return limit * GB
+    return limit * GB if text else min(limit * GB, max(FREE, RATIO * packed))
 
 
-def check_unpacked(path: object, size: float, qualifier: str = "") -> None:
+def check_unpacked(
+    path: object, size: float, qualifier: str = "", packed: float = math.inf
+) -> None:
     """Refuse a file that unpacks to more than the limit, or than memory holds.
 
     Parameters
@@ -68,6 +78,8 @@ def check_unpacked(path: object, size: float, qualifier: str = "") -> None:
         What it unpacks to, bytes.
     qualifier : str
         What stands before the size in the message, such as "up to ".
+    packed : float
+        The size of the file itself, bytes.
 
     Raises
     ------
@@ -76,10 +88,11 @@ def check_unpacked(path: object, size: float, qualifier: str = "") -> None:
     DataError
         Beyond what this process may still take of the memory.
     """
-    limit = unpacked_limit()
+    limit = unpacked_limit(packed)
     if size > limit:
         enough = math.ceil(size / GB) if qualifier != "more than " else math.ceil(2 * size / GB)
-        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)})"
+        of = f" for a file of {_gb(packed)}" if limit < unpacked_limit() else ""
+        problem = f"unpacks to {qualifier}{_gb(size)} (limit {_gb(limit)}{of})"
         advice = f"where its source is trusted, set {VARIABLE}={enough} in the environment"
         raise InputError.at_line(path, None, f"{problem}; {advice}")
     left = available()
@@ -108,7 +121,8 @@ def check_archive(path: object, archive: zipfile.ZipFile) -> None:
     if len(members) > MEMBERS:
         problem = f"holds {len(members)} files (limit {MEMBERS})"
         raise InputError.at_line(path, None, f"{problem}; unpack it and give the file itself")
-    check_unpacked(path, sum(member.file_size for member in members))
+    # the list of its members stands at the end
+    check_unpacked(path, sum(member.file_size for member in members), packed=archive.start_dir)
 
 
 def unpack(path: object, data: bytes) -> bytes:
@@ -154,14 +168,17 @@ class _Bounded(io.RawIOBase):
     ----------
     path
         The file, for the message.
+    packed : float
+        The size of what is unpacked, bytes.
     kept : float
         Bytes that are kept; what comes after them is counted only.
     """
 
-    def __init__(self, path: object, kept: float) -> None:
+    def __init__(self, path: object, packed: float, kept: float) -> None:
         left = available()
-        limit = unpacked_limit()
-        self._path, self._limit = path, limit if left is None else min(limit, left)
+        limit = unpacked_limit(packed)
+        self._path, self._packed = path, packed
+        self._limit = limit if left is None else min(limit, left)
         self._kept, self.size, self.content = kept, 0, bytearray()
 
     def writable(self) -> bool:
@@ -173,7 +190,7 @@ class _Bounded(io.RawIOBase):
         view = memoryview(piece)  # type: ignore[arg-type]
         self.size += view.nbytes
         if self.size > self._limit:
-            check_unpacked(self._path, self._limit + 1.0, "more than ")
+            check_unpacked(self._path, self._limit + 1.0, "more than ", self._packed)
         if self.size <= self._kept:
             self.content += view
         return view.nbytes
@@ -181,10 +198,10 @@ class _Bounded(io.RawIOBase):
 
 def _gathered(path: object, data: bytes, fill: Callable[[_Bounded], object]) -> bytes:
     """Return what `fill` writes; far more than of any recording is counted first."""
-    stream = _Bounded(path, USUAL * len(data))
+    stream = _Bounded(path, len(data), USUAL * len(data))
     fill(stream)
     if stream.size > len(stream.content):
-        stream = _Bounded(path, math.inf)
+        stream = _Bounded(path, len(data), math.inf)
         fill(stream)
     return bytes(stream.content)
 

@@ -1,10 +1,10 @@
 """What the flight of an orientation was processed with, as the report beside its eo.json says."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..base.received.nesting import read_object
 from .inputs import Inputs
 
 
@@ -22,8 +22,5 @@ def processed_with(inputs: Inputs) -> Mapping[str, Any] | None:
         Its tables; None where no report says them.
     """
     beside = Path(inputs.file.aerial_control.file or ".").parent / "report.json"
-    try:
-        flight = json.loads(beside.read_text(encoding="utf-8"))["flight"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return None
+    flight = read_object(beside).get("flight")
     return flight if isinstance(flight, dict) and "mounting" in flight else None

@@ -7,6 +7,8 @@ from typing import Any
 
 from ..base.errors import DataError
 from ..base.provenance import refuse_other_results
+from ..base.received.outputs import refuse_outside
+from ..base.received.trusted import at_home
 from ..config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
@@ -69,6 +71,7 @@ class AdjustmentResult:
         return self.figures
 
 
+@at_home
 def adjust(
     file: BlockFile,
     out: Path | None = None,
@@ -105,7 +108,7 @@ def adjust(
     UsageError
         The products cannot be written, or would overwrite those of other image observations.
     """
-    directory = file.output.directory if out is None else Path(out)
+    directory = directory_of(file, out) if write else file.output.directory
     observed = [path for path in (file.images.file,) if path is not None]
     if write:
         refuse_other_results("adjust", directory / DOCUMENT, observed, force)
@@ -133,6 +136,27 @@ def adjust(
         progress(f"writing {directory}")
         files = written(done, figures, judgement, directory)
     return AdjustmentResult(done, figures, judgement, files)
+
+
+def directory_of(file: BlockFile, out: Path | None) -> Path:
+    """Return the directory of the products.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    out : Path or None
+        The directory in place of the block file's.
+
+    Raises
+    ------
+    InputError
+        The block file names one outside of its own directory.
+    """
+    if out is not None:
+        return Path(out)
+    refuse_outside(file.path, "output.directory", [file.output.directory])
+    return file.output.directory
 
 
 def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], None]) -> DataError:

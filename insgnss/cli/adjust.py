@@ -105,8 +105,9 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     file = block_of(options)
     if options.plan:
         from ..block_adjustment.plan import planned
+        from ..block_adjustment.run import directory_of
 
-        out = options.out or file.output.directory
+        out = directory_of(file, options.out)
         return show_result(options, progress, planned(file, progress, out))
     from ..block_adjustment.run import adjust
 

@@ -28,6 +28,7 @@ from ..base.files import refuse_other_than_utf8
 from ..base.inputs import reading
 from ..base.interrupts import Terminated, ignore_endings, raise_on_termination
 from ..base.memory import out_of_memory
+from ..base.received.trusted import trusting, words_as_paths
 from .console import Parser, Progress
 from .verb import report_error
 
@@ -92,7 +93,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings(), listening(progress.share):
         warnings.showwarning = _warn_in_one_line(progress)
         try:
-            code = _run_verb(argv, progress)
+            with trusting(words_as_paths(argv)):
+                code = _run_verb(argv, progress)
             sys.stdout.flush()
         except BrokenPipeError:  # the reader of our output has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
+from ..base.received.trusted import at_home
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -210,7 +211,8 @@ class BlockOutput:
 
     directory: Path = option(
         Path(DIRECTORY),
-        "directory of the products, made where it is missing",
+        "directory of the products, in or below that of the block file (elsewhere: `--out`), made"
+        " where it is missing",
         kind="directory",
         form="directory",
         usual=f'"{DIRECTORY}"',
@@ -308,6 +310,7 @@ BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
 """The dataclasses whose options are the keys of each table."""
 
 
+@at_home
 def load_block(path: str | Path) -> BlockFile:
     """Read and check a block file.
 

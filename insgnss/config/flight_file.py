@@ -169,8 +169,8 @@ class Output:
 
     directory: Path = option(
         Path("02_Processed/GPS-INS"),
-        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it,"
-        " below",
+        "in or below the directory of the flight file (elsewhere: `--out`), made where it is not"
+        " there; with gnss.rover the solution goes into `GPS-PPK` beside it, below",
         kind="directory",
         form="directory",
     )

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.inputs import reading
+from ..base.received.trusted import at_home
 from ..base.tables import Table, read_toml
 from ..orient.mounting import (
     PAPER_CAMERA_FROM_BODY,
@@ -60,6 +61,7 @@ def known_keys() -> dict[str, tuple[str, ...]]:
     return keys | {"": (*keys[""], *tables)}
 
 
+@at_home
 def load_flight(path: str | Path) -> Flight:
     """Read and check a flight file.
 

@@ -20,7 +20,8 @@ SYSTEMS = ("G", "R", "E", "J", "C")
 ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
 """What a flight file may name: a file that came from others must not choose a program to run."""
 
-_NAME = re.compile(r"[a-z0-9]+-[A-Za-z0-9_]+")
+# RTKLIB takes a part of a name for the whole: "ile-tempdir" would set file-tempdir
+_NAME = re.compile(r"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+")
 _OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
 _SET_BY = {
     "out-": "the output has the form that is read again",

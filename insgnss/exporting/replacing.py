@@ -1,11 +1,11 @@
 """What an export replaces: scripts beside the one before, tables of a run, files of others."""
 
-import json
 import re
 from pathlib import Path
 
 from ..base.errors import UsageError
 from ..base.output.staging import Staging
+from ..base.received.nesting import read_object
 
 BESIDE = {
     "_import.py": b"Written by insgnss",
@@ -96,8 +96,8 @@ def frame_of_run(out: Path) -> str | None:
     """
     for name in DOCUMENTS:
         try:
-            document = json.loads((out.parent / name).read_text(encoding="utf-8"))
-            return next(row["frame"] for row in document["exports"] if row["file"] == out.name)
-        except (OSError, ValueError, KeyError, TypeError, StopIteration):
+            exports = read_object(out.parent / name, is_replaced=True)["exports"]
+            return next(row["frame"] for row in exports if row["file"] == out.name)
+        except (KeyError, TypeError, StopIteration):
             continue
     return None

@@ -5,7 +5,6 @@ to the poses of the block, and the flight processed once more with what came out
 are small beside their standard deviations: what is written was tried.
 """
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from ..base.errors import InputError, UsageError
 from ..base.inputs import sha256
+from ..base.tables import parse_toml
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..geodesy.frames import TangentPlane
@@ -229,7 +229,7 @@ def _stated(flight: Flight) -> Stated:
     mounting, delay = flight.mounting, flight.camera.time_offset_s
     keys = {key for source in flight.mounting_files for key in source.keys}
     if flight.path.is_file():
-        tables = tomllib.loads(flight.path.read_text(encoding="utf-8"))
+        tables = parse_toml(flight.path, flight.path.read_text(encoding="utf-8-sig"))
         keys |= set(tables.get("mounting", {})) | set(tables.get("camera", {}))
     else:  # made in Python: what is not the default
         none = Mounting()

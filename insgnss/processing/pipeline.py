@@ -15,6 +15,7 @@ from ..base.beside import Beside
 from ..base.files import json_ready
 from ..base.inputs import reading, sha256
 from ..base.provenance import circumstances, versions
+from ..base.received.trusted import at_home
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
@@ -123,6 +124,7 @@ class ProcessResult:
         return "\n".join(lines)
 
 
+@at_home
 def process(
     flight: Flight,
     out: Path | None = None,

@@ -17,6 +17,7 @@ from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
 from ..base.provenance import PRODUCTS as HASHES
 from ..base.provenance import hashes_of_products, other_results
+from ..base.received.outputs import refuse_outside
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
@@ -95,7 +96,8 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     ------
     UsageError, InputError
         Where the directory cannot be written to, or a product would take the place of an input: the
-        first where `out` names it, the second where the flight file does.
+        first where `out` names it, the second where the flight file does; InputError where the
+        flight file names one outside of its own directory.
     """
     from ..formats import EXPORTS
 
@@ -110,6 +112,8 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, OF_MANY_IMAGES, *exports)}
     if flight.gnss.raw is not None:
         products[ppk_directory(directory)] = PPK_PRODUCTS
+    if out is None:
+        refuse_outside(flight.path, "output.directory", products)
     for target in products:
         if reason := _not_writable(target):
             raise refusal(f"{where}: {reason}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
+from ..base.received.trusted import at_home
 from ..config.flight_file import Flight
 from ..exposures.rig import CameraExposures, merged_instants
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
@@ -130,6 +131,7 @@ class Recording:
             object.__setattr__(self, "sample_count", self.imu.time.size)
 
 
+@at_home
 def read_recording(flight: Flight) -> Recording:
     """Read the files of a flight, bring them to one clock and check them.
 

@@ -7,7 +7,6 @@ changed, or is made by another version is named. An archive may have been moved 
 are looked for from the place that the document names, then from the directories above.
 """
 
-import json
 import os
 import tempfile
 import warnings
@@ -20,6 +19,7 @@ from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.inputs import sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
+from ..base.received.nesting import read_object
 from ..base.wording import relative
 from .gathering import FLIGHT_FILE
 
@@ -168,7 +168,7 @@ def _unprocessed(directory: Path, documents: Sequence[Path]) -> tuple[Path, ...]
     """Return flight files that no results were made from."""
     named: set[Path] = set()
     for document in documents:
-        content = _document(document)
+        content = read_object(document)
         base = _base_of(document, content)
         named |= {(base / name).resolve() for name in content[KEY]}
     flights = (path for path in sorted(directory.rglob(FLIGHT_FILE)) if path.resolve() not in named)
@@ -196,7 +196,7 @@ def _listed(directory: Path) -> tuple[list[Path], list[Path]]:
 
 def _may_leave_orphans(document: Path) -> bool:
     """Tell whether a run leaves what `ORPHANS` names; others, as of `tune`, explain none of it."""
-    products = _document(document).get(PRODUCTS)
+    products = read_object(document).get(PRODUCTS)
     return not products or any(Path(name).name in ORPHANS for name in products)
 
 
@@ -206,20 +206,12 @@ def _is_document(path: Path) -> bool:
         named = KEY.encode() in path.read_bytes()
     except OSError:
         return False
-    return named and isinstance(_document(path).get(KEY), dict)
-
-
-def _document(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
+    return named and isinstance(read_object(path).get(KEY), dict)
 
 
 def _examined(document: Path, remake: bool) -> Examined:
     """Hold one document against what is there."""
-    content = _document(document)
+    content = read_object(document)
     hashes = content[KEY]
     base = _base_of(document, content)
     problems = list(_inputs(hashes, base))
@@ -256,7 +248,7 @@ def changed_since(document: Path) -> tuple[str, ...]:
         Names of inputs, as the document has them; files that are older than the document are not
         read.
     """
-    content = _document(document)
+    content = read_object(document)
     hashes = content.get(KEY)
     if not hashes:
         return ()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import InputError, UsageError
+from ..base.received.trusted import inside
 
 FLIGHT_FILE = "flight.toml"
 TABLE_COLUMNS = ("flight", "name", "out")
@@ -32,7 +33,7 @@ class SeasonFlight:
     out: Path | None = None
 
 
-def gather(sources: Sequence[str]) -> list[SeasonFlight]:
+def gather(sources: Sequence[str], overview: Path | None = None) -> list[SeasonFlight]:
     """Return the flights that some words of the command line name.
 
     Parameters
@@ -41,6 +42,8 @@ def gather(sources: Sequence[str]) -> list[SeasonFlight]:
         Directories, below which every flight.toml counts; patterns such as ``season/*/flight.toml``
         (``**`` for any depth); flight files; and tables of flights, CSV files with a column
         ``flight`` and, if wanted, ``name`` and ``out``, paths relative to the table.
+    overview : Path, optional
+        Directory of the season's page, below which ``out`` may lie as below that of the table.
 
     Returns
     -------
@@ -52,16 +55,16 @@ def gather(sources: Sequence[str]) -> list[SeasonFlight]:
     UsageError
         A word names no flight.
     InputError
-        A table lacks a column, or names a flight that is not there.
+        A table lacks a column, or names a flight that is not there or an ``out`` elsewhere.
     """
     flights: dict[str, SeasonFlight] = {}
     for source in sources:
-        for flight in _of_word(source):
+        for flight in _of_word(source, overview):
             flights.setdefault(os.path.realpath(flight.file), flight)
     return _with_names(list(flights.values()))
 
 
-def _of_word(source: str) -> list[SeasonFlight]:
+def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
     """Return the flights of one word, whose names may still be empty."""
     path = Path(source)
     if path.is_dir():
@@ -72,7 +75,11 @@ def _of_word(source: str) -> list[SeasonFlight]:
             )
         return [SeasonFlight(file) for file in files]
     if path.is_file():
-        return _table(path) if path.suffix.lower() == ".csv" else [SeasonFlight(path.absolute())]
+        return (
+            _table(path, overview)
+            if path.suffix.lower() == ".csv"
+            else [SeasonFlight(path.absolute())]
+        )
     if any(sign in source for sign in PATTERN):
         return _matching(source)
     raise UsageError(
@@ -107,17 +114,17 @@ def _matching(pattern: str) -> list[SeasonFlight]:
     return flights
 
 
-def _table(path: Path) -> list[SeasonFlight]:
+def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
     """Return the flights of a table."""
     with path.open(encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader("\n" if line.lstrip().startswith("#") else line for line in stream)
         try:
-            return _of_rows(path, list(rows))
+            return _of_rows(path, list(rows), overview)
         except (csv.Error, UnicodeDecodeError) as error:
             raise InputError.at_line(path, None, f"is no CSV file in UTF-8: {error}") from None
 
 
-def _of_rows(path: Path, rows: list[list[str]]) -> list[SeasonFlight]:
+def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[SeasonFlight]:
     first = next((k for k, row in enumerate(rows) if row), 0)  # comments became empty rows
     head = [word.strip() for word in rows[first]] if rows else []
     if "flight" not in head:
@@ -142,6 +149,11 @@ def _of_rows(path: Path, rows: list[list[str]]) -> list[SeasonFlight]:
             problem = f"flight {of['flight']!r} does not exist; paths are relative to {path.name}"
             raise InputError.at_line(path, number, problem)
         out = path.absolute().parent / of["out"] if of.get("out") else None
+        homes = filter(None, (path.absolute().parent, overview))
+        if out is not None and not any(inside(out, home) for home in homes):
+            problem = f"out {of['out']!r} is outside of the directory of {path.name}"
+            advice = f"give a directory above it as --out, or lay {path.name} there"
+            raise InputError.at_line(path, number, f"{problem}; {advice}")
         flights.append(SeasonFlight(file, of.get("name", ""), out))
     if not flights:
         raise InputError.at_line(

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..base.output.unfinished import is_unfinished
+from ..base.received.nesting import read_object
 from ..config.flight_file import Flight
 
 LEVER = ("forward", "right", "down")
@@ -190,11 +192,8 @@ def boresight_of(flight: Flight) -> Row:
 
 def read_report(path: Path) -> dict[str, Any] | None:
     """Return a report.json, None where there is none that can be read."""
-    try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return report if isinstance(report, dict) and "inputs_sha256" in report else None
+    report = {} if is_unfinished(path) else read_object(path)
+    return report if "inputs_sha256" in report else None
 
 
 def is_number(value: Any) -> bool:

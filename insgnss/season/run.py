@@ -219,7 +219,7 @@ def run_season(
     start = time.monotonic()
     if request.parquet:
         refuse_without_parquet()
-    flights = gather(request.sources)
+    flights = gather(request.sources, request.out)
     _refuse_files_of_others(request)
     tasks = tasks_of(flights, request)
     ended: dict[str, Outcome] = {}

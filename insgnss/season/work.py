@@ -19,6 +19,7 @@ from .. import __version__
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.inputs import sha256
 from ..base.provenance import PRODUCTS, changed_products
+from ..base.received.trusted import trusting
 from ..base.wording import relative
 from ..config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
@@ -110,7 +111,7 @@ def process_task(task: Task) -> Outcome:
     Outcome
         With the row of the season's table.
     """
-    with _ONE_AT_A_TIME:
+    with _ONE_AT_A_TIME, trusting([task.file]):
         return _outcome(task)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from insgnss.base.errors import InputError
+from insgnss.base.received.trusted import VARIABLE
 from insgnss.config.flight_file import Flight
 from insgnss.config.load import load_flight
 from insgnss.processing.input_files import input_files
@@ -87,14 +88,22 @@ def test_a_chain_takes_the_nearest_and_hashes_all(load: Load, tmp_path: Path) ->
     ],
 )
 def test_a_message_names_the_file_and_line_of_the_key(
-    load: Load, shared: dict[str, str], message: str
+    load: Load,
+    shared: dict[str, str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Oracle: the lines of the files."""
+    """Oracle: the lines of the files; what is none of ours is shown where that is trusted."""
     flight = 'include = "../wing.toml"\n' + OWN
     if "engine" in str(shared):
         flight = flight.replace(
             'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
         )
+    if "TOML" in message or "wings" in message:
+        with pytest.raises(InputError, match=r"wing\.toml:1: is not .* nothing of it is shown"):
+            load(flight, **shared)
+        monkeypatch.setenv(VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match=message):
         load(flight, **shared)
 

@@ -213,9 +213,9 @@ RETIRED = {
     "gnss.correlated": (READY + "correlated = 2.5\n", 5, lambda f: f.gnss.gm_sigma == 2.5),
     "gnss.uncorrelated": (READY + "uncorrelated = 0.5\n", 5, lambda f: f.gnss.white_scale == 0.5),
     "gnss.more": (
-        RAW + "more = { a1-b = 10 }\n",
+        RAW + "more = { pos1-b = 10 }\n",
         7,
-        lambda f: f.gnss.raw.rtklib_options == {"a1-b": "10"},
+        lambda f: f.gnss.raw.rtklib_options == {"pos1-b": "10"},
     ),
     "filter.wheels": (READY + "[filter]\nwheels = true\n", 6, lambda f: f.filter.non_holonomic),
     "gnss.covariance.hampered_s": (

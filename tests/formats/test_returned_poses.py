@@ -298,7 +298,7 @@ def test_damaged_files_are_one_line(tmp_path: Path) -> None:
             "pix4d_external",
         )
     (tmp_path / "b.xml").write_text("<BlocksExchange><Block>")
-    with pytest.raises(InputError, match="is damaged XML"):
+    with pytest.raises(InputError, match="is no XML"):
         read_returned_poses(tmp_path / "b.xml", "bentley")
     (tmp_path / "i.prj").write_text("$PHOTO\n  $PHOTO_NUM : 1\n$END\n")
     with pytest.raises(InputError, match="no image has a pose"):

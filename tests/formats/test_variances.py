@@ -183,7 +183,10 @@ def test_wrong_tables_are_refused_with_their_line(tmp_path, text, words):
         ("# samples = 99\n# axis = gyro_x\n", "rate_hz is not said"),
         ("# rate_hz = 99\n# axis = gyro_x\n", "samples is not said"),
         ("# rate_hz = 99\n# samples = 99\n", "axis is not said"),
-        ("# rate_hz = 0\n# samples = 99\n# axis = gyro_x\n", ":1: rate_hz 0; it must be greater"),
+        (
+            "# rate_hz = 0\n# samples = 99\n# axis = gyro_x\n",
+            ":1: rate_hz 0; a number greater than zero is expected",
+        ),
         ("# rate_hz = fast\n# samples = 99\n# axis = gyro_x\n", ":1: 'fast' where a finite number"),
         ("# rate_hz = 99\n# samples = 99\n# axis = up\n", ":3: axis 'up'"),
         (
@@ -251,7 +254,7 @@ def test_wrong_use_is_told(tmp_path, page):
         read_variances(write(tmp_path, HEADER + "tau_s,deviation\n0.01,1\n"), member="c")
     with pytest.raises(UsageError, match="none of gyro, accel"):
         read_variances(write(tmp_path, page), units={"mag": "T"})
-    with pytest.raises(InputError, match="2: not JSON"):
+    with pytest.raises(InputError, match="2: is no JSON"):
         read_variances(write(tmp_path, '{"a":\n}'))
     with pytest.raises(InputError, match="an object with wvar or avar"):
         read_variances(write(tmp_path, "[1, 2]"))

@@ -45,6 +45,21 @@ def test_a_table_gives_names_and_outputs(tree: Path) -> None:
     assert (second.name, second.out) == ("june/f1", None)
 
 
+def test_outputs_of_a_table_lie_below_it_or_below_the_overview(
+    tree: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Oracle: the rule of `insgnss batch --help`; symbolic links are followed."""
+    over = tmp_path_factory.mktemp("over")
+    (tree / "away").symlink_to(over)
+    for out in (f"../{over.name}/1", str(over / "1"), "away/1"):
+        table = tree / "flights.csv"
+        table.write_text(f"flight,out\nmay/f1,{out}\n")
+        with pytest.raises(InputError, match=r"flights\.csv:2: out '.*' is outside .*as --out"):
+            gather([str(table)], tree)
+        (flight,) = gather([str(table)], over)
+        assert flight.out == tree / out
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -58,12 +58,12 @@ def mark(directory: Path, names: Iterable[str], scratch: Path) -> None:
     if not (left := sorted(names)):
         goal.unlink(missing_ok=True)
         return
-    part = scratch / MARK
-    with part.open("w", encoding="ascii") as stream:
+    draft = scratch / MARK
+    with draft.open("w", encoding="ascii") as stream:
         json.dump(left, stream)
         stream.flush()
         os.fsync(stream.fileno())
-    os.replace(part, goal)
+    os.replace(draft, goal)
     flush_directory(directory)
 
 

@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help=(
             "where season.csv and index.html go (default: the directory that is named alone, else"
-            " the working one); products go where each flight file says"
+            " the working one); products go where each flight file says, or the column out of a"
+            " table, below the table or below DIR"
         ),
     )
     parser.add_argument(

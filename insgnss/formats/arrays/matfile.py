@@ -115,7 +115,8 @@ def _struct(item: Any) -> dict[str, Any]:
 def _checked(data: bytes, order: str, path: object) -> bytes:
     """The file with its variables inflated, after a look at every length."""
     elements = list(_elements(memoryview(data)[HEADER_BYTES:], order))
-    check_unpacked(path, sum(_stated(kind, body, order) for kind, body in elements))
+    stated = sum(_stated(kind, body, order) for kind, body in elements)
+    check_unpacked(path, stated, packed=len(data))
     # without the offset of MATLAB's own subsystem data, which moves
     parts = [data[:116] + bytes(8) + data[124:HEADER_BYTES]]
     for kind, body in elements:

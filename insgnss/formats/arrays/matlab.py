@@ -8,6 +8,7 @@ There is no default: `columns` says which field, label or column of a matrix is 
 states how they are named.
 """
 
+import os
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ def _hdf5(path: Source) -> dict[str, Any]:
 
     try:
         with h5py.File(str(path), "r") as file:
-            check_unpacked(path, stated(file))
+            check_unpacked(path, stated(file), packed=os.path.getsize(path))
             return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
     except InsgnssError:
         raise

@@ -12,7 +12,7 @@ of sigma_0 on DBAT's own demonstration).
 
 from collections.abc import Iterator
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,8 @@ from ...records.block import ImageObservations as Observations
 from ..text.layout import shown
 from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
+from ..text.xml import parse_xml
 from .columns import first_repeat
-
-Element = ElementTree.Element
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
 IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z", "sx", "sy", "sz")
@@ -107,12 +106,7 @@ def read_dbat(path: Source) -> ImageBlock:
 
 def _parsed(path: Path, version: str) -> Element:
     """Return the root of a document of DBAT, which carries an attribute with its version."""
-    try:
-        root = ElementTree.fromstring(load_bytes(path).tobytes())
-    except ElementTree.ParseError as error:
-        raise InputError.at_line(
-            path, error.position[0], f"is no XML: {error}; export it again"
-        ) from None
+    root = parse_xml(path, load_bytes(path).tobytes())
     if root.tag != "document" or version not in root.attrib:
         raise InputError.at_line(
             path, None, f"no <document {version}=...>; this is another kind of XML file"

@@ -10,9 +10,11 @@ A path counts from the directory of the file that it stands in; of a PLY table, 
 
 import zipfile
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import IO, TypeVar
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +25,9 @@ from ...base.unpacking import check_unpacked
 from ..text.layout import decode, shown
 from ..text.numbers import whole
 from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
 
-Element = ElementTree.Element
+Made = TypeVar("Made")
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
@@ -96,10 +99,16 @@ class ProjectFile:
         """
         if not self.zipped:
             return load_bytes(self.path.parent / name).tobytes()
+        return self._unpacked(name, lambda stream, _: stream.read())
+
+    def _unpacked(self, name: str, take: Callable[[IO[bytes], int], Made]) -> Made:
+        """Return what is taken of the stream of a member, and of the size of the zip."""
         try:
             with zipfile.ZipFile(self.path) as archive:
-                check_unpacked(self.path, archive.getinfo(name).file_size)
-                return archive.read(name)
+                size = archive.getinfo(name).file_size
+                check_unpacked(self.path, size, packed=archive.start_dir)
+                with archive.open(name) as stream:
+                    return take(stream, archive.start_dir)
         except KeyError:
             raise self.error(f"has no {name} inside; save the project again") from None
         except FileNotFoundError:
@@ -120,13 +129,11 @@ class ProjectFile:
         Raises
         ------
         InputError
-            It is no XML.
+            It is no XML, or more than a file of its size may hold.
         """
-        data = self.member(DOCUMENT) if self.zipped else load_bytes(self.path).tobytes()
-        try:
-            return ElementTree.fromstring(data)
-        except ElementTree.ParseError as error:
-            raise self.error(f"is no XML: {error}; export it again", error.position[0]) from None
+        if not self.zipped:
+            return parse_xml(self.path, load_bytes(self.path).tobytes())
+        return self._unpacked(DOCUMENT, lambda stream, size: parse_xml(self.path, stream, size))
 
     def opened(self, element: Element) -> "tuple[Element, ProjectFile]":
         """Return what an element stands for: itself, or the document of the zip that it names.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
+from ...base.received.nesting import parse_json
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import rotation_from_vector
 from ...records.block import INTERIOR, Array, BrownCamera
@@ -157,11 +158,7 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
     Those without reference are not connected with each other.
     """
-    try:
-        given = json.loads(decode(load_bytes(file).tobytes()))
-    except (ValueError, RecursionError) as error:
-        line = getattr(error, "lineno", None)
-        raise InputError.at_line(file, line, f"is no JSON: {error}; copy it again") from None
+    given = parse_json(file, decode(load_bytes(file).tobytes()))
     models = given if isinstance(given, list) else [given]
     if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
         raise InputError.at_line(
@@ -236,10 +233,7 @@ def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane 
     """Return the tangent plane of the reconstruction, None where its place is not known."""
     given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
     if given is None and beside.is_file():
-        try:
-            given = json.loads(decode(load_bytes(beside).tobytes()))
-        except (ValueError, RecursionError) as error:
-            raise InputError.at_line(beside, None, f"is no JSON: {error}; copy it again") from None
+        given = parse_json(beside, decode(load_bytes(beside).tobytes()))
     if given is None:
         return None
     lat, lon, height = (

@@ -34,9 +34,16 @@ from ..orientation.exported import (
     comment_lines,
 )
 from ..orientation.poses import vector
+from ..text.database import opened_database
 from ..text.text import Source
 from .camera import Camera, camera_of, cameras_of
-from .colmap_database import DatabaseImage, names_in_database, read_colmap_database
+from .colmap_database import (
+    KIND,
+    TABLES,
+    DatabaseImage,
+    names_in_database,
+    read_colmap_database,
+)
 
 FAR_M, NEAR_M = 1e5, 1e4
 ROUND_M = 1e3
@@ -308,6 +315,9 @@ def _pycolmap() -> Any:
 
 
 def _copy(database: Source, work: Path) -> None:
+    """Copy a database whose tables are tables, which pycolmap does not ask for."""
+    with opened_database(database, (*TABLES, "pose_priors"), KIND):
+        pass
     try:
         shutil.copyfile(database, work)
     except OSError as error:

@@ -8,12 +8,12 @@ little endian doubles; those older than COLMAP 3.12 know neither rigs nor frames
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...base.errors import InputError, UsageError
+from ..text.database import opened_database
 from ..text.layout import shown
 from ..text.text import Source
 from .camera import PARAMETERS, Camera
@@ -25,7 +25,9 @@ MODELS = (
     *("EUCM", "EQUIRECTANGULAR"),
 )
 """Camera models of COLMAP by their number."""
-FILE_HEAD = b"SQLite format 3\0"
+WITH_RIGS = ("rigs", "rig_sensors", "frames", "frame_data")
+TABLES = ("images", "cameras", *WITH_RIGS)
+KIND = "database of COLMAP; give its database.db"
 
 
 @dataclass(frozen=True)
@@ -92,16 +94,7 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
     UsageError
         Images in a rig of several cameras.
     """
-    try:
-        with Path(path).open("rb") as stream:
-            head = stream.read(len(FILE_HEAD))
-    except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}"
-        raise InputError.at_line(path, None, problem) from None
-    if head != FILE_HEAD:
-        raise _no_database(path, "no SQLite file")
-    connection = sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)
-    try:
+    with opened_database(path, TABLES, KIND) as connection:
         stored = {
             _text(path, name): (_whole(path, number), _whole(path, camera))
             for number, name, camera in connection.execute(
@@ -111,10 +104,6 @@ def read_colmap_database(path: Source, images: Sequence[str], skip: bool = False
         frames = _frames(path, connection)
         rows = connection.execute("SELECT camera_id, model, width, height, params FROM cameras")
         given = {_whole(path, row[0]): row[1:] for row in rows}
-    except (sqlite3.Error, TypeError, ValueError) as error:
-        raise _no_database(path, str(error)) from None
-    finally:
-        connection.close()
     chosen = []
     names = names_in_database(images, tuple(stored), path, skip)
     for name in names.values():
@@ -193,7 +182,7 @@ def _frames(path: Source, connection: sqlite3.Connection) -> dict[int, tuple[int
     The number is the larger one. Databases without frames give none.
     """
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-    if not {"rigs", "rig_sensors", "frames", "frame_data"} <= tables:
+    if not tables.issuperset(WITH_RIGS):
         return {}
     images = "SELECT frame_id, COUNT(*) AS n FROM frame_data GROUP BY frame_id"
     sensors = "SELECT rig_id, COUNT(*) + 1 AS n FROM rig_sensors GROUP BY rig_id"
@@ -243,10 +232,3 @@ def _camera(path: Source, number: int, row: tuple[Any, ...] | None) -> Camera:
             path, None, f"{problem}: size or parameters are no numbers; make the database anew"
         )
     return Camera(name, width, height, tuple(parameters.tolist()))
-
-
-def _no_database(path: Source, why: str) -> InputError:
-    short = " ".join(why.split())[:120]
-    return InputError.at_line(
-        path, None, f"is no database of COLMAP: {short}; give its database.db"
-    )

@@ -13,7 +13,6 @@ camera, which MicMac looks for when it uses one.
 
 import os
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -38,7 +37,8 @@ from ..orientation.exported import (
 )
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
 
 XML = """<?xml version="1.0" ?>
 <ExportAPERO>
@@ -179,12 +179,7 @@ def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
         raise InputError.at_line(path, None, "no Orientation-<image>.xml in it; give Ori-<name>")
     names, centres, matrices = [], [], []
     for file in files:
-        try:
-            root = ElementTree.parse(file).getroot()
-        except ElementTree.ParseError as error:
-            raise InputError.at_line(
-                file, error.position[0], "is damaged XML; copy it again"
-            ) from None
+        root = parse_xml(file, load_bytes(file).tobytes())
         outer = root.find(".//Externe")
         convention = None if outer is None else outer.findtext("KnownConv")
         if outer is None or convention not in (None, "eConvApero_DistM2C"):

@@ -6,10 +6,10 @@ that readers of images rely on; the result is parsed, and each property must sta
 
 import re
 from collections.abc import Mapping
-from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 from ...base.errors import InputError
+from ..text.xml import parse_xml
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 EMPTY = (
@@ -80,8 +80,8 @@ def _without(text: str, prefix: str, names: tuple[str, ...]) -> str:
 
 def _once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> bool:
     try:
-        root = ElementTree.fromstring(text.strip())
-    except ElementTree.ParseError:
+        root = parse_xml("", text.strip().encode("utf-8"))
+    except InputError:
         return False
     seen: dict[str, int] = {}
     for element in root.iter():

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
+from ...base.received.nesting import parse_json
 from ...base.tables import is_number
 from ...records import WaveletVariance, chi_square_interval
 from ..text.columns import Aliases, columns_of
@@ -327,15 +328,7 @@ def _curve(
 def _read_json(
     path: Source, text: str, member: str | None, units: Mapping[str, str]
 ) -> PublishedVariances:
-    try:
-        tree = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError.at_line(
-            path,
-            getattr(error, "lineno", None),
-            f"not JSON: {getattr(error, 'msg', error)}; copy it again",
-        ) from None
-    content, name = _member(path, tree, member)
+    content, name = _member(path, parse_json(path, text), member)
 
     prefix = f"{name}: " if name else ""
     refuse = partial(_refusal, path, prefix)

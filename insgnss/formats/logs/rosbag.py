@@ -20,6 +20,7 @@ from ...records import ImuSamples, Quantity
 from ..arrays.content import TableInfo
 from ..arrays.mapped import imu_of_content
 from ..imu.imu_csv import ACCEL, GYRO
+from ..text.database import is_database, opened_database
 from ..text.layout import printable
 from ..text.text import Source
 
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 
 MESSAGE = "sensor_msgs/msg/Imu"
 MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
+KIND = "whole ROS bag; copy it again"
 ENDINGS = (".db3", ".mcap")
 SHARED = 1000  # messages between two shares that are said
 EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
@@ -63,6 +65,10 @@ def _opened(path: Source) -> Iterator[Any]:
     if bag != file and not (bag / "metadata.yaml").is_file():
         problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
         raise InputError.at_line(path, None, f"{problem}; ros2 bag reindex makes one")
+    for database in sorted(bag.iterdir()) if bag != file else ():
+        if database.is_file() and is_database(database):
+            with opened_database(database, ("messages", "topics"), KIND):
+                pass  # rosbags would read views and virtual tables
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader

@@ -11,7 +11,7 @@ opensfm        reconstruction.json, with reference_lla
 """
 
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -28,11 +28,10 @@ from ..blocks.opensfm_model import read_opensfm_poses
 from ..bundle.micmac import read_micmac_xml
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite
-from ..text.text import Source
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
 from .crs import kind_of_definition
 from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
-
-Element = ElementTree.Element
 
 GEOCENTRIC_M = 6.0e6
 DIRECTIONS = {
@@ -62,15 +61,7 @@ def read_bentley(path: Source) -> ReturnedPoses:
     InputError
         Damaged XML, a pose without rotation or centre, or several reference systems.
     """
-    try:
-        root = ElementTree.parse(Path(path)).getroot()
-    except ElementTree.ParseError as error:
-        raise InputError.at_line(
-            path, error.position[0], "is damaged XML; export it again"
-        ) from None
-    except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}"
-        raise InputError.at_line(path, None, problem) from None
+    root = parse_xml(path, load_bytes(path).tobytes())
     systems = {_text(srs, "Id"): _text(srs, "Definition") for srs in root.iter("SRS")}
     names, centre, C, used, left_out, imported = [], [], [], [], 0, 0
     for block in root.iter("Block"):

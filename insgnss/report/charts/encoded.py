@@ -95,7 +95,7 @@ def decoded(text: str) -> tuple[Chart, ...]:
     """
     try:
         return _charts(json.loads(text))
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
         raise InputError(f"the charts of the page cannot be read: {error!r}") from None
 
 
