@@ -6,6 +6,7 @@ The file is tables whose values are checked as they are taken.
 import math
 import re
 import reprlib
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -185,8 +186,9 @@ class Table:
     def sigmas(self, key: str, default: Any) -> Any:
         """Three standard deviations greater than zero."""
         values = self.numbers(key, 3, default)
-        if values is not None and min(values) <= 0:
-            raise self.error(key, f"{list(values)}: a standard deviation must be greater than zero")
+        if values is not None and not 0.0 < min(values) <= max(values) < LARGEST:
+            limits = f"must be greater than zero and below {LARGEST:g}"
+            raise self.error(key, f"{list(values)}: a standard deviation {limits}")
         return values
 
     def matrix(self, key: str) -> NDArray[np.float64]:
@@ -250,8 +252,12 @@ class Table:
 
 
 def is_number(value: object) -> bool:
-    """Whether `value` is a number whose square is a float, too; true and false are none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST
+    """Whether `value` is a finite number that fits into a float; true and false are none."""
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:

@@ -14,6 +14,7 @@ from insgnss.formats.text.layout import float_of
 from insgnss.gnss.rinex.header import scale_of
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.orient.mounting_file import read_mounting_file
 
 
 def sentence(body: str) -> str:
@@ -145,7 +146,7 @@ def test_counts_of_variances_are_whole_numbers(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     rows = "# rate_hz = 100\n# axis = gyro_x\n# scale_s wavelet_variance\n0.02 1e-6\n"
     path.write_text(f"# samples = 250.7\n{rows}")
-    with pytest.raises(InputError, match=r"x\.txt:1: samples 250\.7; a whole number"):
+    with pytest.raises(InputError, match=r"x\.txt:1: samples 250\.7; it must be a whole number"):
         read_variances(path)
     curve = '{"scales": [0.02], "variance": ["1e-6"], "ci_low": [5e-7], "ci_high": [2e-6]}'
     path.write_text(
@@ -207,9 +208,13 @@ def test_a_message_without_its_sensor_and_an_image_without_its_number(tmp_path: 
 
 
 def test_a_setting_beyond_all_quantities_is_refused(tmp_path: Path) -> None:
-    """Oracle: the rule itself: 1e200 was a stray overflow, 1e-400 was zero."""
+    """Oracle: the rule itself: 1e-400 was zero, a sigma of 1e200 a stray overflow."""
     path = tmp_path / "covariance.toml"
-    for value in ("1e200", "1e-400", "-1e999", "9" * 400):
+    for value in ("1e-400", "-1e999", "9" * 400):
         path.write_text(f"ppm = [{value}, 1, 2]\n")
         with pytest.raises(InputError, match=r"covariance\.toml:"):
             read_covariance(path)
+    given = "[mounting]\nantenna_m = [1, 2, 3]\n[calibration.sigma]\nantenna_m = [1e200, 1, 1]\n"
+    path.write_text(given)
+    with pytest.raises(InputError, match=r"covariance\.toml:4: .*below 1e\+150"):
+        read_mounting_file(path, np.eye(3))

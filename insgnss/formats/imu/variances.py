@@ -22,6 +22,7 @@ from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
 from ...base.received.nesting import parse_json
 from ...base.tables import is_number
+from ...base.units import LARGEST
 from ...records import WaveletVariance, chi_square_interval
 from ..text.columns import Aliases, columns_of
 from ..text.layout import decode, is_comment, shown
@@ -250,8 +251,8 @@ def _comments(text: str) -> dict[str, tuple[int | None, str]]:
 def _positive(path: Source, line: int | None, text: str, key: str) -> float:
     value = number(text, path, line or 0) if line else float(text)
     if not 0.0 < value < math.inf or (key == "samples" and value % 1.0):
-        kind = "a whole number" if key == "samples" else "a number"
-        raise InputError.at_line(path, line, f"{key} {text}; {kind} greater than zero is expected")
+        must = "it must be a whole number," if value > 0.0 else "it must be"
+        raise InputError.at_line(path, line, f"{key} {text}; {must} greater than zero")
     return value
 
 
@@ -441,7 +442,7 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
     """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     rows = value if isinstance(value, list) else [value]
     flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
-    numbers = np.array([float(x) if is_number(x) else np.nan for x in flat])
+    numbers = np.array([float(x) if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
     if numbers.size == 0 or not np.isfinite(numbers).all():
         raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
     return numbers
