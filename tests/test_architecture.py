@@ -410,3 +410,40 @@ def test_no_notes_to_oneself(folder: str) -> None:
         if note.search(text)
     ]
     assert found == []
+
+
+OPENS = re.compile(
+    r"\.open\((\"rb\"|encoding)|\.read_bytes\(\)|\.read_text\(|np\.load\(\w*[pP]ath|Image\.open\(path"
+)
+WITHOUT_DOOR = {  # reads without `base.inputs`, and why
+    "base/compilation.py": "sources of the package",
+    "base/memory.py": "what the kernel says of memory",
+    "base/received/nesting.py": "a document that is going to be replaced",
+    "cli/calibrate/imu.py": "a file that is going to be replaced",
+    "cli/compare.py": "a page that is going to be replaced",
+    "config/document.py": "pages of the documentation",
+    "exporting/replacing.py": "files that are going to be replaced",
+    "formats/bundle/import_helpers.py": "a table that the run has just written",
+    "formats/bundle/opensfm.py": "a file that is going to be replaced",
+    "gnss/engine/combined.py": "solutions of the engine in the run's scratch directory",
+    "gnss/engine/rtklib.py": "the engine's own files, which grow while they are read",
+    "gnss/engine/worker.py": "options that the run has written",
+    "installation/compiling.py": "a list in the package",
+    "installation/surroundings.py": "what the kernel says of the processor",
+    "mounting_calibration/products.py": "a file that is going to be replaced",
+    "report/markup.py": "files of the package",
+    "season/page.py": "a page that is going to be replaced",
+    "season/run.py": "a table that is going to be replaced",
+    "simulation/faults.py": "a data set that is being made",
+    "target_measurement/run.py": "a table that is going to be replaced",
+}
+
+
+def test_files_of_the_user_are_read_through_one_door() -> None:
+    """Oracle: the sources; whatever reads by other means says why."""
+    found = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if OPENS.search(path.read_text(encoding="utf-8"))
+    }
+    assert found == set(WITHOUT_DOOR)

@@ -31,6 +31,8 @@ BOM = b"\xef\xbb\xbf"  # byte order mark of UTF-8
 SETTLED_NS = 2_000_000_000  # time (ns) since a change within which a stamp may hide another one
 KEPT_HASHES = 64  # hashes of files that are asked for before a run and after it
 
+NOT_REGULAR = "is not a regular file but a pipe or a device; save its content to a file"
+
 _READ: ContextVar[dict[str, Identity] | None] = ContextVar("files read", default=None)
 _HASHES: dict[tuple[str, Identity], str] = {}
 
@@ -129,12 +131,18 @@ def check_input(path: Source) -> None:
     refuse_unfinished(Path(path))
 
 
+def is_file(path: Path) -> bool:
+    """Tell whether a path is a regular file; pipes and devices raise InputError, links count."""
+    if path.is_file() or path.is_dir() or not path.exists():
+        return path.is_file()
+    raise InputError.at_line(path, None, NOT_REGULAR)
+
+
 def _check(path: Source, state: os.stat_result) -> None:
     if stat.S_ISDIR(state.st_mode):
         raise IsADirectoryError(errno.EISDIR, "is a directory, a file is expected", os.fspath(path))
     if not stat.S_ISREG(state.st_mode):
-        problem = "is not a regular file but a pipe or a device; save its content to a file"
-        raise InputError.at_line(path, None, problem)
+        raise InputError.at_line(path, None, NOT_REGULAR)
     if (files := _READ.get()) is not None:
         _remember(files, os.path.realpath(path), identity_of(state))
 
@@ -145,9 +153,11 @@ def read_bytes(path: Source) -> bytes:
         return stream.read()
 
 
-def opened_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> TextIO:
-    """Open a file to read its text, its ends of lines as they are. Raises what `opened` raises."""
-    return io.TextIOWrapper(opened(path), encoding, errors, newline="")
+def opened_text(
+    path: Source, encoding: str = "utf-8", errors: str = "strict", newline: str | None = None
+) -> TextIO:
+    """Open a file to read its text, as `open` does. Raises what `opened` raises."""
+    return io.TextIOWrapper(opened(path), encoding, errors, newline)
 
 
 def read_text(path: Source, encoding: str = "utf-8", errors: str = "strict") -> str:

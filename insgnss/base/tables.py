@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError, near
 from .files import lines_of
-from .inputs import read_text
+from .inputs import is_file, read_text
 from .received.nesting import DEEPEST, too_deep
 from .received.trusted import trusting
 from .units import LARGEST, spells_zero
@@ -240,7 +240,7 @@ class Table:
         path = self.resolve(name, key)
         if path.is_dir():
             raise self.error(key, f"{name} is a directory, a file is expected")
-        if not path.is_file():
+        if not is_file(path):
             remedy = f"the path is relative to {self.source(key).path.name}"
             slashed = name.replace("\\", "/")
             if slashed != name and self.resolve(slashed).is_file():
@@ -265,7 +265,7 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
 
     `keys` names those that each table may hold.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise InputError.at_line(
             path,
             None,

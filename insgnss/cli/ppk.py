@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.files import atomic_write, expanded, json_ready
+from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
 from ..base.wording import spoken_as
@@ -187,7 +188,7 @@ def _refuse_absent(given: argparse.Namespace) -> None:
         if file is not None and not (option == "--events" and file.is_dir())
     ]
     for option, file in named:
-        if not file.is_file():
+        if not is_file(file):
             problem = (
                 "is a directory, a file is expected"
                 if file.is_dir()

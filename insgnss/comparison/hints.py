@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.inputs import opened_text
 from ..base.units import LARGEST
 from ..formats.text.layout import shown
 from ..formats.text.numbers import PLAIN, finite
@@ -98,7 +99,7 @@ def origin_in(path: Path) -> TangentPlane | None:
     InputError
         What stands there is no number.
     """
-    with path.open(encoding="utf-8", errors="replace") as stream:
+    with opened_text(path, errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
     number = r"(\S*\d\S*?)"
     origin = re.search(

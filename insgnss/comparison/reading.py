@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
 from ..base.files import lines_of
-from ..base.inputs import first_bytes
+from ..base.inputs import first_bytes, opened_text
 from ..formats.returned.reading import RETURNED, returned_form
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
@@ -241,7 +241,7 @@ def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
     """The CRS that the header of a projected frame names by its code."""
     if kind != "projected":
         return None
-    with path.open(encoding="utf-8", errors="replace") as stream:
+    with opened_text(path, errors="replace") as stream:
         code = next(
             (
                 re.search(r"EPSG:\d+(?:\+\d+)?", line)

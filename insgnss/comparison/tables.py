@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.inputs import opened_text
 from ..formats.text.text import TextTable, read_text_table
 from ..geodesy.gpstime import gps_from_unix_utc
 from ..geodesy.rotation import (
@@ -197,7 +198,7 @@ def _time(path: Path, table: TextTable, of: dict[str, int]) -> tuple[Array | Non
 
 def _head(path: Path) -> str:
     """Comment lines before and among the first data."""
-    with path.open(encoding="utf-8", errors="replace") as stream:
+    with opened_text(path, errors="replace") as stream:
         return "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
 
 

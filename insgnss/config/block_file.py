@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..base.errors import InputError, OptionError, near
+from ..base.inputs import is_file
 from ..base.received.trusted import at_home
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
@@ -336,7 +337,7 @@ def load_block(path: str | Path) -> BlockFile:
     path = Path(path)
     if path.is_dir():
         path = path / "block.toml"
-    if not path.is_file():
+    if not is_file(path):
         raise InputError.at_line(
             path, None, "does not exist; give a block file, or eo.json with --images and --ground"
         )

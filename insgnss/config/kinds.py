@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.files import expanded, is_pattern
+from ..base.inputs import is_file
 from ..base.tables import Table, near
 from .ppk_options import ENGINES
 from .schema import Declared, is_place, swapped
@@ -103,7 +104,7 @@ def _absent(table: Table, key: str, path: Path) -> str:
 def files(table: Table, item: Declared) -> tuple[Path, ...]:
     """The paths of files that are there."""
     files = tuple(table.resolve(name, item.name) for name in table.texts(item.name, ()))
-    if missing := [file for file in files if not file.is_file()]:
+    if missing := [file for file in files if not is_file(file)]:
         problem = _absent(table, item.name, missing[0])
         raise table.error(item.name, problem)
     return files
@@ -116,7 +117,7 @@ def observations(table: Table, item: Declared) -> Path | tuple[Path, ...]:
         return table.file(item.name)
     names = (table.text(item.name),) if isinstance(given, str) else table.texts(item.name, ())
     paths = expanded(table.resolve(name, item.name) for name in names)
-    if missing := [path for path in paths if not path.is_file()]:
+    if missing := [path for path in paths if not is_file(path)]:
         problem = _absent(table, item.name, missing[0])
         raise table.error(item.name, problem)
     if not paths:

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..base.errors import InputError, OptionError, UsageError
-from ..base.inputs import reading
+from ..base.inputs import is_file, reading
 from ..base.received.trusted import at_home
 from ..base.tables import Table, read_toml
 from ..orient.mounting import (
@@ -126,7 +126,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     InputError
         With file and line.
     """
-    if not path.is_file():
+    if not is_file(path):
         problem = "does not exist; give a TOML file of the fields of the covariance model"
         raise InputError.at_line(path, None, problem)
     start = "gnss.covariance"

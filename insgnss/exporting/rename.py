@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 
 from ..base.errors import InputError, UsageError
 from ..base.files import atomic_write
+from ..base.inputs import opened_text
 from ..records import ExteriorOrientation
 
 HEADER = ("old", "new")
@@ -116,7 +117,7 @@ def read_names(path: Path) -> dict[str, str]:
     """
     names: dict[str, str] = {}
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with opened_text(path, "utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
             for row in reader:
                 if not row or row[0].lstrip().startswith("#") or tuple(row) == HEADER:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import InputError
+from ..base.inputs import opened
 from ..formats.events.dated import dated_events
 from ..formats.images.exif import stamp_taken
 from ..formats.text.order import note
@@ -63,7 +64,7 @@ def exif_events(
     stamps = []
     for row, name in enumerate(names):
         try:
-            with (directory / name).open("rb") as stream:
+            with opened(directory / name) as stream:
                 stamps.append(stamp_taken(stream, name))
         except (OSError, ValueError) as error:
             raise images.error_at(row, f"holds no time of its exposure ({error})") from None

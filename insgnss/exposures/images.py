@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.files import lines_of, refuse_other_than_utf8
+from ..base.inputs import opened, read_bytes
 from ..formats.images.exif import time_taken
 from ..formats.text.layout import decode, shown
 from ..records import Array
@@ -77,7 +78,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
     else:
         try:
             names = [
-                line.strip() for line in lines_of(decode(path.read_bytes()).removeprefix("\ufeff"))
+                line.strip() for line in lines_of(decode(read_bytes(path)).removeprefix("\ufeff"))
             ]
         except OSError as error:
             raise InputError.at_line(
@@ -118,7 +119,7 @@ def image_times(directory: Path, names: Sequence[str]) -> Array | None:
     times: list[datetime] = []
     for name in names:
         try:
-            with (directory / name).open("rb") as stream:
+            with opened(directory / name) as stream:
                 times.append(time_taken(stream, name))
         except (OSError, ValueError):
             return None

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
+from ..base.inputs import read_text
 from ..base.units import METRE, LengthUnit
 from ..base.wording import DOCTOR
 from .earth import curvature_radii
@@ -558,7 +559,7 @@ def _crs(definition: str) -> Any:
     path = Path(text)
     try:
         if len(text) < 1000 and path.suffix.lower() in (".wkt", ".prj", ".txt") and path.is_file():
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path)
         return CRS.from_user_input(int(text) if text.isdecimal() else text)
     except (CRSError, UnicodeDecodeError, OSError):
         raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None

@@ -42,10 +42,10 @@ phase centre.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from ..base.errors import InputError, OptionError
+from ..base.inputs import read_text
 from ..base.wording import named, setting
 from ..config.ppk_options import EngineSettings, Point
 from ..records import Check
@@ -176,7 +176,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     if options.antex is None or point == "apc":
         return lines
     try:
-        antennas = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
+        antennas = "\n" + read_text(options.antex, errors="replace")
     except OSError as error:
         raise InputError.at_line(
             options.antex,

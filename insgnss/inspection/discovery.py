@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.advance import through
 from ..base.errors import InputError, InsgnssError
+from ..base.inputs import check_input, is_file, opened
 from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
 from .tables.grids import tables_of_file
 from .tables.tabular import VARIABLES, sources_of_table
@@ -105,7 +106,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
                 None,
                 "does not exist; give a flight file, a directory or the files of a recording",
             )
-        files = [path] if path.is_file() else list(_walk(path))
+        files = [path] if is_file(path) else list(_walk(path))
         for file in through(files):
             try:
                 file_sources = sources_of(file)
@@ -162,6 +163,7 @@ def sources_of(path: Path) -> list[Source]:
     InputError
         Where the file cannot be read.
     """
+    check_input(path)
     if path.stat().st_size == 0:
         raise InputError.at_line(path, None, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
@@ -197,7 +199,7 @@ def _known_log(path: Path) -> list[Source] | None:
     """Sources of a file whose format says what it holds; None for tables."""
     from ..formats import sniff_events, sniff_gnss, sniff_imu
 
-    with path.open("rb") as stream:
+    with opened(path) as stream:
         if b"RINEX VERSION" in stream.read(256):
             return []
     imu, gnss, events = sniff_imu(path), sniff_gnss(path), sniff_events(path)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.inputs import opened_text, read_text
 from ..formats.blocks.joined import matched
 from ..formats.orientation.pose_covariance import FILE, read_pose_covariance
 from ..geodesy.frames import TangentPlane
@@ -78,8 +79,8 @@ def _with_aerial_control(path: Path) -> bool:
     if not path.is_file():
         return False
     if path.suffix.lower() == ".json":
-        return '"adjusted with ' in path.read_text(encoding="utf-8", errors="replace")
-    with path.open(encoding="utf-8", errors="replace") as stream:
+        return '"adjusted with ' in read_text(path, errors="replace")
+    with opened_text(path, errors="replace") as stream:
         lines = [line.rstrip("\n") for line in stream if not line.startswith("#")][:100000]
     head = lines[0].split(",") if lines else []
     if "aerial_control" not in head:

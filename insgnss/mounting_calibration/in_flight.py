@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import InputError, UsageError
-from ..base.inputs import sha256
+from ..base.inputs import read_text, sha256
 from ..base.tables import parse_toml
 from ..base.wording import relative
 from ..config.flight_file import Flight
@@ -229,7 +229,7 @@ def _stated(flight: Flight) -> Stated:
     mounting, delay = flight.mounting, flight.camera.time_offset_s
     keys = {key for source in flight.mounting_files for key in source.keys}
     if flight.path.is_file():
-        tables = parse_toml(flight.path, flight.path.read_text(encoding="utf-8-sig"))
+        tables = parse_toml(flight.path, read_text(flight.path, "utf-8-sig"))
         keys |= set(tables.get("mounting", {})) | set(tables.get("camera", {}))
     else:  # made in Python: what is not the default
         none = Mounting()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
+from ..base.inputs import is_file
 from ..formats.blocks.ground_points import GroundAxes, GroundTable
 from ..formats.blocks.measured_block import MeasuredBlock
 from ..formats.blocks.metashape_block import read_metashape_references
@@ -370,7 +371,7 @@ def read_positions(
     InputError
         With file and line.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise InputError.at_line(path, None, "does not exist; check the path")
     if is_block(path):
         ground, crs = read_metashape_references(path)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..base.files import atomic_write, json_ready
-from ..base.inputs import sha256
+from ..base.inputs import is_file, opened, sha256
 from ..base.output.staging import together
 from ..base.provenance import made_from, other_results
 from ..calibrate.materialisation import lever_arm_difference
@@ -102,9 +102,9 @@ def provenance(
         own = replace(own, camera=camera.name, image_size=size, focal_px=camera.of("f"))
     if photo is None:
         return own
-    if not photo.is_file():
+    if not is_file(photo):
         raise InputError.at_line(photo, None, "does not exist; give an image of the camera")
-    with photo.open("rb") as stream:
+    with opened(photo) as stream:
         tags = camera_tags(stream, photo.name)
         try:
             day = time_taken(stream, photo.name).date().isoformat()

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ..base.files import atomic_write, lines_of
+from ..base.inputs import is_file
 from ..base.tables import Table, read_toml
 from ..records import Array
 from .mounting import (
@@ -371,7 +372,7 @@ def read_mounting_file(
         With file and line: the file is missing, empty or no TOML, or a key or a value is wrong.
     """
     path = Path(path)
-    if not path.is_file():
+    if not is_file(path):
         problem = "does not exist; give a mounting.toml of insgnss calibrate or insgnss adjust"
         raise InputError.at_line(path, None, problem)
     root = read_toml(path, KEYS)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import DataError, InputError
+from ..base.inputs import opened
 from ..base.wording import named
 from ..config.flight_file import Flight, MountingSource
 from ..formats import EXPORTS, UNITS
@@ -345,7 +346,7 @@ def camera_of(flight: Flight) -> CameraTags | None:
         return None
     try:
         first = match.images / image_names(match.images, match.image_ending)[0]
-        with first.open("rb") as stream:
+        with opened(first) as stream:
             return camera_tags(stream, first.name)
     except (OSError, InputError):  # told where the images are matched
         return None

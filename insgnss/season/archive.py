@@ -17,7 +17,7 @@ from typing import Any
 
 from .. import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
-from ..base.inputs import sha256
+from ..base.inputs import read_bytes, sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products
 from ..base.received.nesting import read_object
 from ..base.wording import relative
@@ -203,7 +203,7 @@ def _may_leave_orphans(document: Path) -> bool:
 def _is_document(path: Path) -> bool:
     """Tell whether a file says what results were made from; others are not parsed."""
     try:
-        named = KEY.encode() in path.read_bytes()
+        named = KEY.encode() in read_bytes(path)
     except OSError:
         return False
     return named and isinstance(read_object(path).get(KEY), dict)

@@ -7,6 +7,7 @@ serves to decide how many flights run side by side; `process` forecasts again fr
 
 from pathlib import Path
 
+from ..base.inputs import opened
 from ..config.flight_file import Flight
 from ..navigation.blocks import forecast
 
@@ -30,7 +31,7 @@ def rows_of(file: object) -> int:
     if not isinstance(file, Path) or not file.is_file():
         return 0
     size = file.stat().st_size
-    with file.open("rb") as stream:
+    with opened(file) as stream:
         head = stream.read(PROBE)
     if b"\0" in head:
         return size // BINARY_ROW

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import InputError, UsageError
+from ..base.inputs import is_file, opened_text
 from ..base.received.trusted import inside
 
 FLIGHT_FILE = "flight.toml"
@@ -74,7 +75,7 @@ def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
                 f"{source}: no {FLIGHT_FILE} in this directory or below it; give that of the season"
             )
         return [SeasonFlight(file) for file in files]
-    if path.is_file():
+    if is_file(path):
         return (
             _table(path, overview)
             if path.suffix.lower() == ".csv"
@@ -116,7 +117,7 @@ def _matching(pattern: str) -> list[SeasonFlight]:
 
 def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
     """Return the flights of a table."""
-    with path.open(encoding="utf-8-sig", newline="") as stream:
+    with opened_text(path, "utf-8-sig", newline="") as stream:
         rows = csv.reader("\n" if line.lstrip().startswith("#") else line for line in stream)
         try:
             return _of_rows(path, list(rows), overview)
@@ -145,7 +146,7 @@ def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[S
         of = dict(zip(head, (word.strip() for word in row), strict=True))
         file = path.absolute().parent / of["flight"]
         file = file / FLIGHT_FILE if file.is_dir() else file
-        if not of["flight"] or not file.is_file():
+        if not of["flight"] or not is_file(file):
             problem = f"flight {of['flight']!r} does not exist; paths are relative to {path.name}"
             raise InputError.at_line(path, number, problem)
         out = path.absolute().parent / of["out"] if of.get("out") else None

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import InputError, UsageError
+from ..base.inputs import read_text
 from ..base.wording import DOCTOR
 from .row import COLUMNS, TEXTS, Row, is_number
 
@@ -55,7 +56,7 @@ def read_season(path: Path) -> list[Row]:
         It is no table of a season, or a value is no number where one belongs.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError.at_line(path, None, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):

@@ -28,6 +28,7 @@ from typing import Any
 
 from ..base.errors import InputError
 from ..base.files import atomic_write
+from ..base.inputs import read_text
 from .noise_file import model_of_text, text_of_model
 from .noise_model import (
     GAUSS_MARKOV,
@@ -135,7 +136,7 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
     name = os.fspath(name_or_path)
     path = MODELS / f"{name}.toml" if name in shipped else Path(name)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = (
             "not UTF-8 text"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.inputs import opened
 from ..formats.blocks.joined import matched
 
 ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
@@ -110,7 +111,7 @@ def read_grey(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.flo
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         try:
-            with Image.open(path) as photograph:
+            with opened(path) as stream, Image.open(stream) as photograph:
                 _refuse_size(path, photograph.size, size, photograph.getexif().get(0x0112, 1))
                 if photograph.mode[:1] in ("I", "F"):  # 16 bits and more: one channel
                     return np.asarray(photograph, dtype=np.float32)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
-from ..base.inputs import first_bytes, sha256
+from ..base.inputs import first_bytes, read_bytes, sha256
 from ..formats.imu.variances import read_variances
 from ..formats.logs.rosbag import bag_file
 from ..prepare.static_recording import Disturbance, StaticSpan, static_span
@@ -161,7 +161,7 @@ def holds_variances(path: Path) -> bool:
 
 def _published(path: Path, options: TuneOptions) -> StaticRecording:
     """Return the curves of a file of published variances."""
-    head = path.read_bytes()[:HEAD]
+    head = read_bytes(path)[:HEAD]
     if re.match(rb'\s*\{\s*"recordings":', head):
         raise InputError(
             f"{path}: is the table that insgnss tune wrote beside a noise model; give the"

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..base.errors import UsageError
+from ..base.inputs import is_file
 from ..base.provenance import other_results
 
 
@@ -49,7 +50,7 @@ def refuse_others(files: Sequence[Path], measured: Iterable[Path]) -> None:
     if not there:
         return
     table = next(path for path in files if path.suffix == ".json")
-    if not table.is_file():
+    if not is_file(table):
         verb = "is" if len(there) == 1 else "are"
         reason = f"{', '.join(there)} {verb} there already, and not of a tuning"
     elif (reason := other_results(table, measured) or "") == "":

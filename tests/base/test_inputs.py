@@ -12,6 +12,7 @@ from insgnss.base.errors import InputError
 from insgnss.base.files import atomic_write
 from insgnss.base.inputs import check_input, opened, read_bytes, read_text, reading, sha256
 from insgnss.base.output.unfinished import MARK
+from insgnss.cli.main import main
 
 CHANGED = "changed after it was read; wait"
 
@@ -95,3 +96,38 @@ def test_a_file_of_a_killed_run_is_refused_and_others_are_not(file: Path) -> Non
     assert read_text(beside) == "x"
     with pytest.raises(InputError, match="a run was killed while it moved its files into"):
         read_text(file)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+@pytest.mark.parametrize(
+    "command",
+    [
+        *("inspect PIPE", "process PIPE", "verify PIPE", "batch PIPE", "adjust PIPE"),
+        *("tune PIPE", "export PIPE metashape", "compare PIPE PIPE", "figures PIPE"),
+        *("calibrate imu PIPE", "targets predict PIPE PIPE PIPE"),
+        "ppk PIPE --base PIPE --navigation PIPE",
+    ],
+)
+def test_every_verb_says_of_a_pipe_what_it_is(
+    tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the exit code of bad input; a verb that opened the pipe would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    assert main(command.replace("PIPE", str(tmp_path / "pipe.csv")).split()) == 3
+    assert "is not a regular file but a pipe or a device" in capsys.readouterr().err
+
+
+READERS = ("export OUT/eo.json metashape --out X.csv", "compare OUT/eo.json OUT/eo.json")
+
+
+@pytest.mark.parametrize("command", [*READERS, "figures OUT/report.html", "archive OUT"])
+def test_verbs_that_read_products_are_told_of_a_killed_run(
+    tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the mark; the content of the files does not matter."""
+    for name in ("eo.json", "report.json", "report.html"):
+        (tmp_path / name).write_text('{"inputs_sha256": {}}')
+    (tmp_path / MARK).write_text('["eo.json", "report.json", "report.html"]')
+    assert main(command.replace("OUT", str(tmp_path)).replace("X", f"{tmp_path}/x").split()) == 3
+    assert "a run was killed while it moved its files into" in capsys.readouterr().err
+    assert not (tmp_path / "x.csv").exists()

@@ -185,7 +185,7 @@ def test_wrong_tables_are_refused_with_their_line(tmp_path, text, words):
         ("# rate_hz = 99\n# samples = 99\n", "axis is not said"),
         (
             "# rate_hz = 0\n# samples = 99\n# axis = gyro_x\n",
-            ":1: rate_hz 0; a number greater than zero is expected",
+            ":1: rate_hz 0; it must be greater than zero",
         ),
         ("# rate_hz = fast\n# samples = 99\n# axis = gyro_x\n", ":1: 'fast' where a finite number"),
         ("# rate_hz = 99\n# samples = 99\n# axis = up\n", ":3: axis 'up'"),

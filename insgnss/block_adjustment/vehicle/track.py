@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ...adjust.aerial import chained_covariance
 from ...adjust.kinematic import gauss_markov
 from ...base.errors import InputError
+from ...base.inputs import opened_text
 from ...config.block_tables.vehicle import VehicleTable
 from ...formats.blocks.ground_points import GroundAxes, GroundTable
 from ...formats.blocks.joined import matched
@@ -234,7 +235,7 @@ def read_track(
 def _is_trajectory(path: Path) -> bool:
     """Whether the file has the columns of trajectory.csv."""
     try:
-        with path.open(encoding="utf-8", errors="replace") as stream:
+        with opened_text(path, errors="replace") as stream:
             for line in stream:
                 if line.strip() and not line.startswith("#"):
                     return {"lat_deg", "lon_deg", "roll_deg"} <= {

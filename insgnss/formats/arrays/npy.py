@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, InsgnssError
+from ...base.inputs import opened
 from ...base.unpacking import check_archive
 from ..text.layout import printable
 from ..text.text import Source
@@ -30,16 +31,16 @@ def load_numpy(path: Source) -> Content:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with Path(path).open("rb") as stream:
+            with opened(path) as stream:
                 packed = stream.read(2) == b"PK"
             if packed:
                 with (
-                    Path(path).open("rb") as stream,
+                    opened(path) as stream,
                     np.load(stream, allow_pickle=False) as archive,
                 ):
                     check_archive(path, archive.zip)
                     return {printable(name): _plain(archive[name]) for name in archive.files}
-            with Path(path).open("rb") as stream:
+            with opened(path) as stream:
                 array = np.load(stream, allow_pickle=False)
                 expected, size = stream.tell(), stream.seek(0, os.SEEK_END)
             if size != expected:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...base.errors import InputError, near
 from ...base.files import atomic_write
+from ...base.inputs import is_file
 from ...base.tables import Table, read_toml
 from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
 from ..text.numbers import array_of
@@ -39,7 +40,7 @@ def read_camera_toml(path: Source) -> BrownCamera:
         A key that is unknown or missing, or a value that cannot be, with file and line.
     """
     path = Path(path)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError.at_line(path, None, "no such file; check the path of the camera")
     table = read_toml(path, KEYS)
     table.check_keys()

@@ -43,6 +43,7 @@ import numpy as np
 from ... import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.files import atomic_write
+from ...base.inputs import opened
 from ...base.output.staging import together
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU, rpy_from_rotation
@@ -351,7 +352,7 @@ def _gimbal(
 
 def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
     try:
-        with source.open("rb") as stream:
+        with opened(source) as stream:
             if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
                 tags = replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
             atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))

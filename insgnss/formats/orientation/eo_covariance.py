@@ -6,7 +6,6 @@ import io
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import atomic_write
+from ...base.inputs import opened
 from ...base.unpacking import check_archive
 from ...records import ExteriorOrientation
 from ...records.strips import CommonErrors, StripCovariance
@@ -197,7 +197,7 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
     names : those that are wanted, if they are there; by default all.
     """
     try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with opened(path) as stream, np.load(stream, allow_pickle=False) as file:
             check_archive(path, file.zip)
             wanted = [name for name in file.files if names is None or name in names]
             content = {name: file[name] for name in wanted}

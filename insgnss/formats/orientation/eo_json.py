@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...base.errors import InputError
 from ...base.files import atomic_write, atomic_writes
+from ...base.inputs import read_bytes
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
@@ -427,7 +428,7 @@ def _content(path: Source) -> dict[str, Any]:
     import orjson
 
     try:
-        text = Path(path).read_bytes()
+        text = read_bytes(path)
         content = orjson.loads(text)
     except OSError as error:
         raise InputError.at_line(

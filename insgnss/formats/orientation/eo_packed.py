@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.inputs import read_bytes
 from ...base.unpacking import check_archive
 from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
@@ -113,7 +114,7 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
         The file is missing, another one, or not that of this eo.json.
     """
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"{error.strerror or error}"
         message = f"{why}, but the eo.json beside it has its numbers there; {AGAIN}"

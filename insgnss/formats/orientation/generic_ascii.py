@@ -8,13 +8,13 @@ the reader refuses.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
+from ...base.inputs import opened_text
 from ...base.units import LENGTH_UNITS, METRE, LengthUnit
 from ...geodesy.rotation import (
     CV_RUB,
@@ -390,7 +390,7 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
 def _header_words(path: Source) -> dict[str, str]:
     """Return what the comment lines before the table state, by key."""
     words: dict[str, str] = {}
-    with Path(path).open(encoding="utf-8", errors="replace") as stream:
+    with opened_text(path, errors="replace") as stream:
         for line in stream:
             if not line.startswith("#"):
                 break

@@ -3,11 +3,11 @@ data_specs/pose_covariance.md.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from ...base.errors import InputError, InsgnssError
+from ...base.inputs import opened
 from ...base.output.staging import staged
 from ...base.unpacking import check_archive
 from ...records.block import Array
@@ -56,7 +56,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
         The file is damaged, has no such image, or is of other poses.
     """
     try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with opened(path) as stream, np.load(stream, allow_pickle=False) as file:
             check_archive(path, file.zip)
             names = [str(name) for name in file["images"]]
             cov = file["cov"].astype(np.float64, casting="safe")

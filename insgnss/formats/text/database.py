@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from ...base.errors import InputError
+from ...base.inputs import opened
 
 FILE_HEAD = b"SQLite format 3\0"
 COLUMNS = (
@@ -25,7 +26,7 @@ LONGEST = 100_000_000  # bytes of a text or blob, or those of the file where the
 
 def is_database(file: Path) -> bool:
     """Tell whether a file begins as those of SQLite do."""
-    with file.open("rb") as stream:
+    with opened(file) as stream:
         return stream.read(len(FILE_HEAD)) == FILE_HEAD
 
 

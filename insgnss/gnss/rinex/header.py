@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...base.inputs import read_bytes
 from ...base.unpacking import PACKED, check_unpacked, unpack
 from ...formats.text.layout import decode, float_of, shown
 from ...formats.text.text import Source, load
@@ -155,7 +156,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
     head = bytes(buf[:100])
     if not head.startswith(PACKED) and COMPACT not in head:
         return buf, complete, ()
-    content = unpack(path, Path(path).read_bytes())
+    content = unpack(path, read_bytes(path))
     complaints: tuple[str, ...] = ()
     if COMPACT in content[:80]:
         content, complaints = _restored(path, content)

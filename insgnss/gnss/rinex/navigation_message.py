@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
+from ...base.inputs import read_bytes
 from ...base.unpacking import unpack
 from ...formats.text.layout import float_of, shown
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
@@ -248,7 +249,7 @@ def _messages(path: Source, left_out: Counter[str]) -> Iterator[_Message]:
 
 def _text(path: Source) -> str:
     try:
-        return unpack(path, Path(path).read_bytes()).decode("latin-1")
+        return unpack(path, read_bytes(path)).decode("latin-1")
     except FileNotFoundError:
         raise InputError.at_line(
             path, None, "no such file; check the path of the navigation file"

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_write
-from ...base.inputs import sha256
+from ...base.inputs import is_file, read_text, sha256
 from ...base.output.staging import together
 from .chart import Axes, Chart, Ink, Kind, Layer, Link, Mark, Scale
 from .drawn import FORMS, PAGE, Form, Paper, draw
@@ -132,7 +132,7 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
     InputError
         The page is not there, of another run or damaged.
     """
-    if not source.is_file():
+    if not is_file(source):
         kind = "is a directory; give a page" if source.is_dir() else "does not exist; give a page"
         raise InputError.at_line(source, None, f"{kind}, such as report.html")
     is_json = source.suffix.lower() == ".json"
@@ -145,7 +145,7 @@ def charts_of(source: Path) -> tuple[Path, tuple[Chart, ...]]:
             " or a page",
         )
     try:
-        charts, digest = in_page(page.read_text(encoding="utf-8"))
+        charts, digest = in_page(read_text(page))
     except UnicodeDecodeError:
         raise InputError.at_line(page, None, "is no page of insgnss: it is not text") from None
     except InputError as error:
