@@ -21,12 +21,13 @@ of tests chosen by what they compute. The whole suite stays what decides before 
 
 import argparse
 import ast
+import gc
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from fnmatch import fnmatch
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,6 +68,7 @@ class Module:
         self.late: dict[str, tuple[str, str | None]] = {}
         self._define(ast.parse(text).body)
         self.lazy = "__getattr__" in self.definitions
+        self.names = {*self.definitions, *self.imports, *self.late}
 
     def _define(self, body: list[ast.stmt]) -> None:
         for statement in body:
@@ -94,6 +96,16 @@ class Module:
                 ]
                 for name in names or [BODY]:
                     self.definitions.setdefault(name, []).append(statement)
+
+    @cached_property
+    def words(self) -> set[str]:
+        """The strings of the file."""
+        nodes = ast.walk(ast.parse(self.text))
+        return {
+            node.value
+            for node in nodes
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value
+        }
 
     def meaning(self, statement: ast.Import | ast.ImportFrom) -> dict[str, tuple[str, str | None]]:
         """Return module and name by the local names that one import statement binds."""
@@ -135,16 +147,8 @@ class Uses:
         self.words: set[str] = set()  # of strings that may be a command's
         self.verbs: dict[str, set[Node]] = {}  # reached where the word occurs in a test
         self.keyed: dict[str, set[Node]] = {}  # reached where the key occurs in what is reached
-        statements = module.definitions.get(name, [])
         self.bound = dict(module.imports)
-        for statement in statements:
-            for node in ast.walk(statement):
-                if isinstance(node, ast.Import | ast.ImportFrom):
-                    bound = module.meaning(node)
-                    self.bound |= bound
-                    if isinstance(node, ast.Import):  # import a.b.c binds a alone
-                        self._reach(alias.name for alias in node.names)
-        for statement in statements:
+        for statement in module.definitions.get(name, []):
             self._visit(statement)
         self.nodes.discard((module.name, name))
 
@@ -154,6 +158,11 @@ class Uses:
 
     def _visit(self, node: ast.AST, command: bool = True) -> None:
         if is_typing(node) or is_text(node):
+            return
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            self.bound |= self.module.meaning(node)
+            if isinstance(node, ast.Import):  # import a.b.c binds a alone
+                self._reach(alias.name for alias in node.names)
             return
         if isinstance(node, FUNCTIONS):
             inner = [*node.decorator_list, *node.args.defaults, *node.args.kw_defaults, *node.body]
@@ -228,7 +237,7 @@ class Uses:
         """Note the modules beside this one, or in a folder there, that a table's words name."""
         first = argument.values[0] if isinstance(argument, ast.JoinedStr) else None
         head = first.value.strip(".") if isinstance(first, ast.Constant) else ""
-        modules, words = self.tree.modules, self.tree.words_of(self.module)
+        modules, words = self.tree.modules, self.module.words
         if not head and any(":" in word and LOCATION.fullmatch(word) for word in words):
             return  # locations in full
         for word in words:
@@ -248,21 +257,21 @@ class Uses:
         """Follow what is imported as f"insgnss.room.{name}" by the strings of this file."""
         first = text.values[0] if text.values else None
         if isinstance(first, ast.Constant) and str(first.value).startswith(f"{PACKAGE}."):
-            for word in self.tree.words_of(self.module):
+            for word in self.module.words:
                 self._reach_location(f"{first.value}{word}", "")
 
     def _string(self, text: str) -> None:
-        self.strings.add(text)
-        if not self.module.lazy:
-            if match := LOCATION.fullmatch(text):
-                for base in ("", f"{self.module.package}."):
-                    if ":" in text or "." in text:
-                        self._reach_location(base + match[1], match[2] or "")
+        self.strings |= {text, text.rpartition("/")[2]}
+        match = LOCATION.fullmatch(text)
+        if match and not self.module.lazy and (":" in text or "." in text):
+            for base in ("", *parents(f"{self.module.package}.")):
+                self._reach_location(f"{base}.{match[1]}".strip("."), match[2] or "")
         if not self.module.of_package:
             for name in DOTTED.findall(text):
                 self._reach_location(name, "")
+            for module in self.tree.outside(Path(text).stem if text.endswith(".py") else ""):
+                self.nodes |= self.tree.nodes_of(module, module.name, ALL)
             if text == PACKAGE:
-                self._reach([f"{PACKAGE}.__main__"])
                 self.nodes |= self.tree.nodes_of(self.module, f"{PACKAGE}.__main__", ALL)
 
     def _reach_location(self, name: str, attribute: str) -> None:
@@ -271,7 +280,10 @@ class Uses:
         while stem.startswith(f"{PACKAGE}.") and stem not in self.tree.modules:
             stem, _, word = stem.rpartition(".")
             words.insert(0, word)
-        if stem in self.tree.modules and stem.startswith(PACKAGE):
+        module = self.tree.modules.get(stem)
+        if module is None or not module.of_package:
+            return
+        if not words or words[0] in module.names or not module.text:  # flight.toml is no module
             self.nodes |= self.tree.follow(self.module, stem, None, words)
 
 
@@ -309,14 +321,6 @@ class Tree:
             if module.file.startswith("tests/") and Path(module.file).name.startswith("test_")
         ]
 
-    def words_of(self, module: Module) -> set[str]:
-        """Return the strings of a file without blanks."""
-        return {
-            node.value
-            for node in ast.walk(ast.parse(module.text))
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value
-        }
-
     def below(self, stem: str, word: str) -> list[str]:
         """Return modules of a name in the folders of a package."""
         return [
@@ -325,11 +329,15 @@ class Tree:
             if name.startswith(f"{stem}.") and name.endswith(f".{word}") and word.isidentifier()
         ]
 
+    def outside(self, stem: str) -> list[Module]:
+        """Return the modules of this name outside the package: scripts, helpers of tests."""
+        return self._outside.get(stem, [])
+
     def find(self, user: Module, name: str) -> Module | None:
         """Return the module that `name` means in `user`; tests find theirs by the last word."""
         if name in self.modules or user.of_package or name.startswith(f"{PACKAGE}."):
             return self.modules.get(name)
-        near = self._outside.get(name.rpartition(".")[2], [])
+        near = self.outside(name.rpartition(".")[2])
         near = [module for module in near if module.name.endswith(f".{name}")]
         folders = (user.package, "tests", "scripts", "benchmarks")
         return min(
@@ -403,7 +411,7 @@ class Tree:
         todo = [(test.name, name) for name in test.definitions]
         for parent in parents(test.name):
             if conftest := self.modules.get(f"{parent}.conftest"):
-                todo += [(conftest.name, name) for name in conftest.definitions]
+                todo += [(conftest.name, name) for name in fixtures(conftest)]
         nodes, strings, patterns = set(todo), set(), set()
         words: set[str] = set()
         verbs: dict[str, set[Node]] = {}
@@ -438,19 +446,28 @@ class Tree:
         files = {self.modules[module].file for module, _ in nodes}
         if files & self.changed:
             return True
-        names = {Path(text).name for text in strings if len(text) < 200}
-        own = {text for name in self._own(test) for text in self.uses((test.name, name)).strings}
+        own = {text for name in test.definitions for text in self.uses((test.name, name)).strings}
         for file in map(Path, self.changed):
-            data = file.suffix != ".py"
-            if file.name in names or (data and file.parts[0] == PACKAGE and file.stem in strings):
+            named = {file.name, file.stem} if file.parts[0] == PACKAGE else {file.name}
+            if file.suffix != ".py" and named & strings:
                 return True
             listed = any(fnmatch(file.name, pattern) for pattern in patterns - {"*", "*.*"})
             if listed and own & set(file.parts[:-1]):
                 return True
         return False
 
-    def _own(self, test: Module) -> Iterator[str]:
-        yield from test.definitions
+
+def fixtures(conftest: Module) -> list[str]:
+    """Return the fixtures of a conftest, and its body; hooks of pytest use nothing of ours."""
+    return [BODY] + [
+        name
+        for name, statements in conftest.definitions.items()
+        if any(
+            "fixture" in ast.unparse(decorator)
+            for statement in statements
+            for decorator in getattr(statement, "decorator_list", ())
+        )
+    ]
 
 
 def parents(name: str) -> list[str]:
@@ -475,6 +492,7 @@ def changed_files(root: Path, revision: str) -> list[str]:
 
 def main() -> int:
     """Print the test files, or run them."""
+    gc.disable()  # syntax trees have no cycles, and looking for them takes a third of the time
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("revision", nargs="?", default="HEAD", help="default: the last commit")
     parser.add_argument("--changed", nargs="+", metavar="FILE", help="in place of a difference")
