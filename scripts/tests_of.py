@@ -157,7 +157,7 @@ class Uses:
             self.nodes |= self.tree.nodes_of(self.module, module, BODY)
 
     def _visit(self, node: ast.AST, command: bool = True) -> None:
-        if is_typing(node) or is_text(node):
+        if is_text(node):
             return
         if isinstance(node, ast.Import | ast.ImportFrom):
             self.bound |= self.module.meaning(node)

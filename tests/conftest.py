@@ -21,7 +21,6 @@ import gc
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-gc.disable()  # collecting makes 10 000 tests that stay; searching them takes a fifth of its time
 
 from collections import Counter
 from collections.abc import Iterator
@@ -37,6 +36,8 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
+# until all tests are collected: they stay, and searching them for garbage takes half of the time
+gc.disable()
 
 COMPILES_THE_FILTER = "test_public_api.py"
 WITHOUT_THE_FILTER = frozenset(
