@@ -4,7 +4,6 @@
     python scripts/tests_of.py main~3                of what differs from another one
     python scripts/tests_of.py --run -x -m ""        run them, with options of pytest
     python scripts/tests_of.py --changed FILE ...    of these files, whether they differ or not
-    pytest $(python scripts/tests_of.py)             the same by hand
 
 A test file reaches a changed file if its code uses one of the names that the changed file defines,
 directly or through the functions and classes that it uses. Names are followed one by one, those
@@ -504,7 +503,7 @@ def main() -> int:
     share = len(files) / max(1, len(tree.tests))
     print(f"{len(files)} of {len(tree.tests)} test files ({share:.0%})", file=sys.stderr)
     if options.run is None or not files:
-        print("\n".join(files))
+        print(*files, sep="\n", end="\n" if files else "")
         return 0
     return subprocess.run([sys.executable, "-m", "pytest", *options.run, *files]).returncode
 
