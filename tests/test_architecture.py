@@ -63,8 +63,8 @@ STANDS_ON |= {
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "installation": BELOW_ALL | {"gnss", "navigation"},
-    # report: its page; installation: whether kernels are compiled
-    "season": BELOW_ALL | {"config", "navigation", "report", "processing", "installation"},
+    # report: its page
+    "season": BELOW_ALL | {"config", "navigation", "report", "processing"},
     "cli": (
         (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}

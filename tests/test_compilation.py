@@ -19,6 +19,7 @@ import pytest
 
 import insgnss
 from insgnss.base import compilation
+from insgnss.base.advance import listening
 
 BASE = Path(insgnss.__file__).parent / "base"
 SOURCES = {
@@ -361,6 +362,43 @@ def test_without_any_directory_functions_are_compiled_and_one_warning_says_so(tw
     with pytest.warns(UserWarning, match=r"cannot be kept \(.*no locator available") as caught:
         assert (twice(), twice()) == ((2.0, 0), (2.0, 0))
     assert len(caught) == 1
+
+
+HOLDER = """
+import fcntl, os, sys
+os.makedirs(os.path.dirname(sys.argv[1]), exist_ok=True)
+fcntl.lockf(os.open(sys.argv[1], os.O_RDWR | os.O_CREAT), fcntl.LOCK_EX)
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no locks: every process compiles for itself")
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_kernel_that_another_process_compiles_is_waited_for(twice, tmp_path, compiles):
+    """Oracle: numba's count of what came from the disk, and what is said of the waiting; the other
+    process leaves the code behind, or dies without.
+    """
+    assert twice() == (2.0, 0)
+    code = {file: file.read_bytes() for file in _files(tmp_path)}
+    for file in code:
+        file.unlink()
+    said = []
+    command = [sys.executable, "-c", HOLDER, str(tmp_path / "__pycache__" / "compiling.lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == b"\n"
+
+        def end(share: float) -> None:
+            said.append(share)
+            if compiles:
+                for file, content in code.items():
+                    file.write_bytes(content)
+            other.kill()
+
+        with listening(end):
+            assert twice() == (2.0, int(compiles))
+    assert np.isnan(said).all()
+    assert len(said) == (1 if compiles else 2)  # waiting; compiling in its place
 
 
 KILLED = """

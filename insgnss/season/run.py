@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..base.ahead import compile_ahead
 from ..base.errors import InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.output.staging import together
@@ -243,14 +244,13 @@ def run_season(
         return _written(request, outcomes, time.monotonic() - start)
 
     tick(0)
+    if request.scheduler is None:
+        compile_ahead()  # for all workers
     try:
         killed: list[Task] = []
         for portion, workers in parts:
             with cluster(workers, request.scheduler) as client:
-                # compiled once, and not by every worker at the same time
-                first = 1 if workers.count > 1 and _uncompiled() else 0
-                for some in (portion[:first], portion[first:]):
-                    killed += run_tasks(client, some, report, tick)
+                killed += run_tasks(client, portion, report, tick)
         if killed:
             alone = parts[0][1].alone
             with cluster(alone, request.scheduler) as client:
@@ -296,13 +296,6 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
         tasks.append(Task(flight.name, str(flight.file), out, request.again, request.force, needed))
     refuse_shared_outputs(outputs)
     return tasks
-
-
-def _uncompiled() -> bool:
-    """Tell whether the kernels have to be compiled, which a closed form of a second shows."""
-    from ..installation.self_test import self_test
-
-    return self_test().compiled == "compiled now"
 
 
 def _refuse_files_of_others(request: SeasonRequest) -> None:
