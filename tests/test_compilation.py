@@ -139,6 +139,26 @@ def test_what_only_callers_need_is_read_when_one_is_compiled(house, monkeypatch)
     assert _run(house) == (10.0, 1)
 
 
+@pytest.mark.slow
+def test_a_kernel_compiled_for_others_is_compiled_whole_where_python_calls_it(house, monkeypatch):
+    """Oracle: 1 + 1 and 10 (1 + 1), by hand; numba's count of what came from the disk; the symbol
+    of numba's function that takes Python's arguments.
+    """
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    both = RUN.replace("print(", "from house.inner import inner; print(")
+    both = both.replace(
+        "outer(1.0),", "outer(1.0), inner(1.0), sum(inner.stats.cache_hits.values()),"
+    )
+    assert _run(house) == (20.0, 0)
+    (code,) = (house / "__pycache__").glob("inner.inner*.nbc")
+    assert b"cpython5house5inner" not in code.read_bytes()
+    assert _printed(house, both) == "20.0 2.0 0 1"
+    assert b"cpython5house5inner" in code.read_bytes()
+    assert _printed(house, both) == "20.0 2.0 1 1"
+    (house / "outer.py").write_text((house / "outer.py").read_text().replace("10.0 *", "5.0 *"))
+    assert _printed(house, both) == "10.0 2.0 1 0"
+
+
 PRODUCT = """
 import numpy as np
 from .compilation import njit
