@@ -46,16 +46,17 @@ def compile_ahead() -> None:
     """Start helpers where kernels of the filter are missing on disk and processors are to spare."""
     names = [name for name in listed() if name.startswith(ROOMS)]
     longest = _attribute(names[0])
-    if _started or processors() < 2 or not unkept(longest) or not take_turn(longest, wait=False):
+    if _started or processors() < 2 or not Path(sys.executable or "").name.startswith("python"):
+        return  # a program that embeds Python names itself: it would be started once more
+    if not unkept(longest) or not take_turn(longest, wait=False):
         return
     end_turn(longest)
     command, nowhere = elsewhere("help_out(sys.argv[2:])", *names), subprocess.DEVNULL
     for _ in range(HELPERS):
         with suppress(OSError):  # its input stays open as long as this process lives
-            helper = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere
+            _started.append(
+                subprocess.Popen(command, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
             )
-            _started.append(helper)
 
 
 def elsewhere(call: str, *arguments: str) -> list[str]:
