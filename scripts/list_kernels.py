@@ -1,9 +1,9 @@
 """List the kernels that `insgnss demo` and `doctor` run with the types of their arguments.
 
-    python scripts/list_kernels.py [--out insgnss/installation/kernels.json]
+    python scripts/list_kernels.py [--out insgnss/base/kernels.json]
 
-`insgnss doctor --compile` compiles them by this list. The longest to compile come first, by the
-size of their intermediate code.
+`insgnss doctor --compile` and the helpers of a first run compile them by this list. The longest to
+compile come first, by the size of their intermediate code.
 """
 
 import argparse
@@ -17,13 +17,13 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.np.numpy_support import as_dtype
 
-from insgnss.installation.compiling import KERNELS
+from insgnss.base.ahead import KERNELS
 from insgnss.installation.self_test import self_test
 from insgnss.processing.demo import demo
 
 
 def described(kind: Any) -> str | list[Any]:
-    """Return a type of numba as `insgnss.installation.compiling` describes it."""
+    """Return a type of numba as `insgnss.base.ahead` describes it."""
     if isinstance(kind, types.NamedTuple):
         name = f"{kind.instance_class.__module__}.{kind.instance_class.__name__}"
         return [name.removeprefix("insgnss."), *map(described, kind.types)]

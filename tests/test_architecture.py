@@ -63,8 +63,8 @@ STANDS_ON |= {
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "installation": BELOW_ALL | {"gnss", "navigation"},
-    # report: its page; installation: whether kernels are compiled
-    "season": BELOW_ALL | {"config", "navigation", "report", "processing", "installation"},
+    # report: its page
+    "season": BELOW_ALL | {"config", "navigation", "report", "processing"},
     "cli": (
         (ROOMS - {"adjust", "targets"})
         | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof"}
@@ -416,6 +416,7 @@ OPENS = re.compile(
     r"\.open\((\"rb\"|encoding)|\.read_bytes\(\)|\.read_text\(|np\.load\(\w*[pP]ath|Image\.open\(path"
 )
 WITHOUT_DOOR = {  # reads without `base.inputs`, and why
+    "base/ahead.py": "a list in the package",
     "base/compilation.py": "sources of the package",
     "base/memory.py": "what the kernel says of memory",
     "base/received/nesting.py": "a document that is going to be replaced",
@@ -428,7 +429,6 @@ WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "gnss/engine/combined.py": "solutions of the engine in the run's scratch directory",
     "gnss/engine/rtklib.py": "the engine's own files, which grow while they are read",
     "gnss/engine/worker.py": "options that the run has written",
-    "installation/compiling.py": "a list in the package",
     "installation/surroundings.py": "what the kernel says of the processor",
     "mounting_calibration/products.py": "a file that is going to be replaced",
     "report/markup.py": "files of the package",

@@ -19,6 +19,7 @@ import pytest
 
 import insgnss
 from insgnss.base import compilation
+from insgnss.base.advance import listening
 
 BASE = Path(insgnss.__file__).parent / "base"
 SOURCES = {
@@ -136,6 +137,26 @@ def test_what_only_callers_need_is_read_when_one_is_compiled(house, monkeypatch)
     for _ in range(2):
         assert _printed(house, unread) == "2.0 10.0 False False"
     assert _run(house) == (10.0, 1)
+
+
+@pytest.mark.slow
+def test_a_kernel_compiled_for_others_is_compiled_whole_where_python_calls_it(house, monkeypatch):
+    """Oracle: 1 + 1 and 10 (1 + 1), by hand; numba's count of what came from the disk; the symbol
+    of numba's function that takes Python's arguments.
+    """
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    both = RUN.replace("print(", "from house.inner import inner; print(")
+    both = both.replace(
+        "outer(1.0),", "outer(1.0), inner(1.0), sum(inner.stats.cache_hits.values()),"
+    )
+    assert _run(house) == (20.0, 0)
+    (code,) = (house / "__pycache__").glob("inner.inner*.nbc")
+    assert b"cpython5house5inner" not in code.read_bytes()
+    assert _printed(house, both) == "20.0 2.0 0 1"
+    assert b"cpython5house5inner" in code.read_bytes()
+    assert _printed(house, both) == "20.0 2.0 1 1"
+    (house / "outer.py").write_text((house / "outer.py").read_text().replace("10.0 *", "5.0 *"))
+    assert _printed(house, both) == "10.0 2.0 1 0"
 
 
 PRODUCT = """
@@ -361,6 +382,43 @@ def test_without_any_directory_functions_are_compiled_and_one_warning_says_so(tw
     with pytest.warns(UserWarning, match=r"cannot be kept \(.*no locator available") as caught:
         assert (twice(), twice()) == ((2.0, 0), (2.0, 0))
     assert len(caught) == 1
+
+
+HOLDER = """
+import fcntl, os, sys
+os.makedirs(os.path.dirname(sys.argv[1]), exist_ok=True)
+fcntl.lockf(os.open(sys.argv[1], os.O_RDWR | os.O_CREAT), fcntl.LOCK_EX)
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no locks: every process compiles for itself")
+@pytest.mark.parametrize("compiles", [True, False])
+def test_a_kernel_that_another_process_compiles_is_waited_for(twice, tmp_path, compiles):
+    """Oracle: numba's count of what came from the disk, and what is said of the waiting; the other
+    process leaves the code behind, or dies without.
+    """
+    assert twice() == (2.0, 0)
+    code = {file: file.read_bytes() for file in _files(tmp_path)}
+    for file in code:
+        file.unlink()
+    said = []
+    command = [sys.executable, "-c", HOLDER, str(tmp_path / "__pycache__" / "compiling.lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == b"\n"
+
+        def end(share: float) -> None:
+            said.append(share)
+            if compiles:
+                for file, content in code.items():
+                    file.write_bytes(content)
+            other.kill()
+
+        with listening(end):
+            assert twice() == (2.0, int(compiles))
+    assert np.isnan(said).all()
+    assert len(said) == (1 if compiles else 2)  # waiting; compiling in its place
 
 
 KILLED = """

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.ahead import compile_ahead
 from ..config.load import load_flight
 from ..geodesy.rotation import vector_from_rotation
 from ..records import Array, ExteriorOrientation
@@ -107,6 +108,7 @@ def demo(
     from ..simulation.dataset import write_dataset
 
     directory = Path("insgnss_demo") if directory is None else Path(directory)
+    compile_ahead()
     progress("simulate")
     dataset = write_dataset(directory, "ign8", minutes, imu_rate=500.0, seed=seed)
     result = process(load_flight(dataset.flight_file), None, progress)

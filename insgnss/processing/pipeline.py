@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..base.ahead import compile_ahead
 from ..base.beside import Beside
 from ..base.files import json_ready
 from ..base.inputs import reading, sha256
@@ -173,6 +174,7 @@ def _process(
     if others is not None and flight.gnss.raw is not None:
         raise others  # the engine would take minutes
     clock = StepClock(progress)
+    compile_ahead()
 
     clock.step("read")
     inputs = Beside(lambda: _digests(flight))

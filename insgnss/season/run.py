@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..base.ahead import compile_ahead
 from ..base.errors import InsgnssError, UsageError
 from ..base.files import atomic_write
 from ..base.output.staging import together
@@ -255,11 +256,8 @@ def _run(
         from .scheduler import run_on_scheduler
 
         return run_on_scheduler(tasks, request.scheduler, tell, tick)
-    count = request.workers or processors()
-    # kernels are compiled once, by the first flight, and not by every worker at the same time
-    first = 1 if min(count, len(tasks)) > 1 and _uncompiled() else 0
-    killed = run_side_by_side(tasks[:first], 1, tell, tick)
-    return killed + run_side_by_side(tasks[first:], count, tell, tick)
+    compile_ahead()  # for all workers
+    return run_side_by_side(tasks, request.workers or processors(), tell, tick)
 
 
 def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Task]:
@@ -295,13 +293,6 @@ def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Ta
         tasks.append(Task(flight.name, str(flight.file), out, request.again, request.force, needed))
     refuse_shared_outputs(outputs)
     return tasks
-
-
-def _uncompiled() -> bool:
-    """Tell whether the kernels have to be compiled, which a closed form of a second shows."""
-    from ..installation.self_test import self_test
-
-    return self_test().compiled == "compiled now"
 
 
 def _refuse_files_of_others(request: SeasonRequest) -> None:

@@ -9,10 +9,11 @@ from types import ModuleType
 
 import pytest
 
+from insgnss.base import ahead
 from insgnss.installation import compiling
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "list_kernels.py"
-LISTED = json.loads(compiling.KERNELS.read_text("utf-8"))
+LISTED = ahead.listed()
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +32,9 @@ def test_examples_have_the_types_that_are_listed(script: ModuleType) -> None:
     from numba import typeof
 
     for name, arguments in LISTED.items():
-        kernel = compiling._attribute(name)
+        kernel = ahead._attribute(name)
         assert getattr(kernel, "py_func", kernel).__code__.co_argcount == len(arguments)
-        types = [typeof(compiling.example(each)) for each in arguments]
+        types = [typeof(ahead.example(each)) for each in arguments]
         assert [script.described(kind) for kind in types] == arguments
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
-from insgnss.season import run as season_run
 from insgnss.season.forecast import rows_of
 from insgnss.season.pool import next_flight
 from insgnss.season.scheduler import run_on_scheduler
@@ -31,22 +30,6 @@ def test_flights_run_side_by_side_as_far_as_memory_holds_their_forecasts() -> No
     assert next_flight(given[1:2], [], 10 * GB) is given[1]
     assert next_flight(given, tasks(30.0), None) is given[0]
     assert next_flight([], [], 10 * GB) is None
-
-
-def test_the_first_flight_compiles_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the flights of each call, with kernels on the disk and without."""
-    calls: list[tuple[int, int]] = []
-    request = season_run.SeasonRequest((), workers=3)
-
-    def recorded(some: list[Task], count: int, *_: object) -> list[Task]:
-        calls.append((len(some), count))
-        return []
-
-    monkeypatch.setattr(season_run, "run_side_by_side", recorded)
-    for uncompiled in (True, False):
-        monkeypatch.setattr(season_run, "_uncompiled", lambda now=uncompiled: now)
-        season_run._run(tasks(1.0, 1.0, 1.0, 1.0), request, lambda _: None, lambda: None)
-    assert calls == [(1, 1), (3, 3), (0, 1), (4, 3)]
 
 
 def test_rows_are_counted_by_the_size_of_a_file(tmp_path: Path) -> None:
