@@ -15,7 +15,13 @@ import pytest
 from insgnss.base.errors import InputError, UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.interrupts import ENDING, Terminated, raise_on_termination
-from insgnss.base.output.scratch import PREFIX, Scratch, scratch_directory, sweep
+from insgnss.base.output.scratch import (
+    PREFIX,
+    Scratch,
+    refuse_cut_off,
+    scratch_directory,
+    sweep,
+)
 from insgnss.base.output.staging import is_vacant, staged, together
 from insgnss.base.output.unfinished import MARK, is_unfinished, marked, refuse_unfinished
 
@@ -317,6 +323,28 @@ def test_only_directories_of_dead_runs_are_swept(
     other.close()
     assert not living.path.exists()
     assert not other.path.exists()
+
+
+@pytest.mark.parametrize("room", [0, 1000, None])
+def test_what_another_program_wrote_on_a_full_disk_is_refused(
+    tmp_path: Path, room: int | None
+) -> None:
+    """Oracle: a limit to the size of files, as a full disk has it; the file stays as it was."""
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "forward.pos"
+    path.write_bytes(b"x" * 5000)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    limit = before[0] if room is None else 5000 + room
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        if room is None:
+            refuse_cut_off(path)
+        else:
+            with pytest.raises(OSError, match="large"):
+                refuse_cut_off(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_bytes() == b"x" * 5000
 
 
 def test_a_directory_is_vacant_but_for_what_dead_runs_left(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 in its place.
 """
 
+import errno
 import gzip
 import importlib.util
 import json
@@ -112,6 +113,17 @@ def test_dynamics_that_are_asked_for_win(tmp_path, wish):
         lines = option_file(options, base, "forward", interval, interval).splitlines()
         assert dict(line.split("=") for line in lines)["pos1-dynamics"] == wish
         assert check_dynamics(options, interval) == ()
+
+
+def test_a_solution_on_a_full_disk_is_refused(fake, monkeypatch):
+    """Oracle: the file, which an engine in C leaves without its last epochs in silence."""
+
+    def full(path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr("insgnss.gnss.engine.rtklib.refuse_cut_off", full)
+    with pytest.raises(OSError, match=r"No space left on device: .*\.pos"):
+        fake.solve()
 
 
 def test_rare_epochs_of_the_rover_reach_the_engine_without_dynamics(fake):

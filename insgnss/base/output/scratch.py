@@ -29,6 +29,7 @@ except ImportError:  # Windows
 PREFIX = ".insgnss-run-"
 NAME = re.compile(re.escape(PREFIX) + "[a-z0-9_]{8}")  # the letters of mkdtemp
 OLD_S = 7 * 86400.0  # age (s) of a scratch directory without lock: no run lasts as long
+MORE_BYTES = 1 << 17  # beyond what is left of the last block of a file on any file system
 MOST_WAIT_S = 10.0  # wait (s) for another run's moves, which take milliseconds
 
 
@@ -152,6 +153,33 @@ def _wait_for(descriptor: int, directory: str) -> None:
             time.sleep(0.01)
         except OSError:  # a file system without locks
             return
+
+
+def refuse_cut_off(path: Path) -> None:
+    """Refuse what another program wrote on a disk that is full: it may have lost a part in silence.
+
+    Programs in C often do not look whether the last bytes of a file could be written. Where the
+    file cannot grow by `MORE_BYTES`, they could not.
+
+    Raises
+    ------
+    OSError
+        The file cannot grow.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
+    try:
+        size = os.fstat(descriptor).st_size
+        more = bytes(MORE_BYTES)
+        try:
+            while more:
+                more = more[os.write(descriptor, more) :]
+            os.fsync(descriptor)
+        finally:
+            os.ftruncate(descriptor, size)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    finally:
+        os.close(descriptor)
 
 
 def sweep(directory: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...base.errors import DataError, InputError
 from ...base.inputs import first_bytes
+from ...base.output.scratch import refuse_cut_off
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
 from ...records import Check
@@ -112,6 +113,9 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
             f"{path}: {NAMES[form]}: the converter found no raw observations in it; let the"
             " receiver log them (UBX-RXM-RAWX, RTCM 1074 to 1127), or give RINEX"
         )
+    for written in (observations, observations.with_suffix(".nav")):
+        if written.is_file():
+            refuse_cut_off(written)
     epochs = read_observations(observations).time.size
     finding = f"{path.name} is of {NAMES[form]}: {epochs} epochs as RINEX 3.04{week}"
     check = Check("receiver log", finding, "RINEX, or a log that the converter reads")

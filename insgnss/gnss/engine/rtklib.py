@@ -34,7 +34,7 @@ from typing import BinaryIO, NamedTuple
 from ...base.advance import share
 from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
-from ...base.output.scratch import scratch_directory
+from ...base.output.scratch import refuse_cut_off, scratch_directory
 from ...base.wording import DOCTOR, named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes
@@ -485,6 +485,8 @@ class _Runs:
         if wrong := [option for option in refused if option in self.options.rtklib_options]:
             problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
             raise OptionError("gnss.rtklib_options", problem)
+        if process.returncode == 0 and (written := self.scratch / f"{name}.pos").is_file():
+            refuse_cut_off(written)
         if process.returncode == 0 or stop.is_set():
             return _End(math.nan if cpu is None else cpu, last_line, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
