@@ -285,7 +285,8 @@ class Lab:
         if code == 0 and _same(content, one.new):
             return "new, exit 0"
         if code in (0, 1) or code < 0 or line.count("\n") > 1:
-            return f"DEFECT: exit {code}: {line[-300:]!r}"
+            names = [n for n in one.new if not _is(content.get(n, b""), one.new[n])]
+            return f"DEFECT: exit {code}: {line[-300:]!r}, not as written before: {names}"
         if not _same(content, one.old):
             names = [n for n in {*content, *one.old} if content.get(n) != one.old.get(n)]
             return f"DEFECT: {names} not as before, {line!r}"
