@@ -18,6 +18,7 @@ from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.cli import ppk as verb
 from insgnss.config.command_line import names_of
+from insgnss.config.covariance import MODEL
 from insgnss.exposures.naming import ImageMatch
 from insgnss.formats.gnss.gnss_text import read_gnss_text
 from insgnss.geodesy.frames import (
@@ -32,7 +33,6 @@ from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_a
 from insgnss.gnss.engine.rtklib import EngineRun
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes

@@ -5,7 +5,6 @@ import pytest
 
 from insgnss.base.errors import DataError, InputError
 from insgnss.gnss.phase.signal_quality import LIGHT, signal_numbers, signals_of
-from insgnss.gnss.quality.covariance import DEGRADED, FLOAT, calibrate, forward_backward
 from insgnss.gnss.quality.solution_quality import (
     coverage_numbers,
     longest_without,
@@ -17,6 +16,7 @@ from insgnss.gnss.quality.solution_quality import (
 from insgnss.gnss.rinex.header import RinexHeader
 from insgnss.gnss.rinex.observations import Observations
 from insgnss.gnss.satellites.visible_satellites import Sky, position_dilution
+from insgnss.prepare.fix_covariance.classes import DEGRADED, FLOAT, calibrate, forward_backward
 from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6

@@ -175,7 +175,7 @@ def read_rtklib_pos(
         ]
     )
     lat, lon, height, C = _position(table, cols, header, undulation_m)
-    cov = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
     return GnssFixes(
@@ -190,6 +190,8 @@ def read_rtklib_pos(
         read.gps_week,
         str(path),
         (*notes, *read.notes),
+        base_ecef=read.base_ecef,
+        sigma_assumed=assumed if assumed.any() else None,
         **of_the_solution(
             {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
         ),
@@ -402,7 +404,7 @@ def _velocity(
     velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
     fastest = np.abs(velocity).max(axis=1, initial=0.0)
     _refuse(table, fastest > LARGEST_ROOT, fastest, "{:g} m/s is no velocity")
-    return velocity, _covariance(table, cols, roots, C, notes, None)
+    return velocity, _covariance(table, cols, roots, C, notes, None)[0]
 
 
 def _stack(cols: dict[str, Array], names: tuple[str, ...]) -> Array:
@@ -416,10 +418,10 @@ def _covariance(
     C: Array,
     notes: list[Check],
     sigma: ArrayLike | None,
-) -> Array:
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
 
-    Roots that are all zero have those of `sigma`.
+    Roots that are all zero have those of `sigma`; the second of the results is where (n,).
     """
     missing = [name for name in names if name not in cols]
     if missing:
@@ -464,7 +466,7 @@ def _covariance(
                 "sigma_m must suit them",
             )
         )
-    return P
+    return P, unknown
 
 
 def _drop_odd_correlations(

@@ -1,12 +1,12 @@
 """What an engine's solution says of itself: numbers, series for figures, a verdict in words.
 
-Epochs by class (`quality.covariance`), satellites, ratio, age of the base's observations, distance
-to the base, forward against backward; and, with the rover's observations, slips, C/N0 and multipath
-(`phase.signal_quality`). Each cause has a check with a limit and an advice; the verdict is that of
-the share of the rover's epochs that are fixed and confirmed, and names the checks that have
-something to say. An epoch that the engine leaves out counts as one that is not fixed. What shifts
-all positions together shows in no share: a doubt of the base (`BASE_CHECKS`), or a contradiction
-between inputs, makes of "good" a "usable with care".
+Epochs by class (`prepare.fix_covariance.classes`), satellites, ratio, age of the base's
+observations, distance to the base, forward against backward; and, with the rover's observations,
+slips, C/N0 and multipath (`phase.signal_quality`). Each cause has a check with a limit and an
+advice; the verdict is that of the share of the rover's epochs that are fixed and confirmed, and
+names the checks that have something to say. An epoch that the engine leaves out counts as one that
+is not fixed. What shifts all positions together shows in no share: a doubt of the base
+(`BASE_CHECKS`), or a contradiction between inputs, makes of "good" a "usable with care".
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,19 +23,18 @@ from ...base.output.scratch import scratch_directory
 from ...formats.gnss.pos_header import ROOTS
 from ...formats.gnss.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
 from ...formats.text.text import Source, load
-from ...records import Array, Check, GnssFixes
-from ...records.qualities import Quality
-from ..phase.signal_quality import Signals
-from .covariance import (
-    CLASSES,
+from ...prepare.fix_covariance.classes import (
     DEGRADED,
     ISOLATED,
-    UNKNOWN_SIGMA_M,
     UNSUPPORTED,
     VALIDATED,
     Index,
     Separation,
 )
+from ...prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
+from ...records import Array, Check, GnssFixes
+from ...records.qualities import Quality
+from ..phase.signal_quality import Signals
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90
 FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
@@ -182,7 +181,7 @@ def solution_numbers(
     solution : Solution
         The combined solution.
     calibrated : GnssFixes
-        Its fixes with the covariances of `quality.covariance`.
+        Its fixes with the covariances of `prepare.fix_covariance.classes`.
     kind : ndarray of int, shape (n,)
         Their classes, as indices of `CLASSES`.
     distance_m, height_difference_m : ndarray, shape (n,)

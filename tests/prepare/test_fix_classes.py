@@ -10,21 +10,20 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
+from insgnss.config.covariance import MODEL, CovarianceModel
 from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.quality.covariance import (
-    CLASSES,
+from insgnss.gnss.quality.solution_quality import read_solution
+from insgnss.prepare.fix_covariance.classes import (
     DEGRADED,
     FIXED,
     FLOAT,
     ISOLATED,
-    MODEL,
     SINGLE,
     UNSUPPORTED,
     VALIDATED,
-    CovarianceModel,
     Separation,
     base_distance,
     calibrate,
@@ -35,7 +34,7 @@ from insgnss.gnss.quality.covariance import (
     outliers,
     scaled,
 )
-from insgnss.gnss.quality.solution_quality import read_solution
+from insgnss.prepare.fix_covariance.numbers import CLASSES
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
