@@ -71,8 +71,8 @@ from .phase.velocity import at_stamps, time_differenced_velocity
 from .quality.solution_quality import (
     Solution,
     coverage_numbers,
-    read_solution,
     solution_numbers,
+    solution_of,
     solution_series,
     verdict,
 )
@@ -327,7 +327,7 @@ class _Solved:
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
         combined, forward, backward = (
-            read_solution(path) for path in (run.combined, run.forward, run.backward)
+            solution_of(run.rows[name]) for name in ("combined", "forward", "backward")
         )
         # what degrades both runs does not part them, and one confirms the islands of the other
         plain = replace(model, degraded_share=0.0, island_s=0.0)

@@ -180,6 +180,14 @@ def test_rules_act_in_their_order_and_the_sentence_counts_them(tmp_path):
     )
 
 
+def test_what_ppk_has_calibrated_is_not_calibrated_again(tmp_path):
+    """Oracle: the record itself, which has all that a calibration needs."""
+    fixes = read_rtklib_pos(written(tmp_path / "a.pos"))
+    got, sentence = decide(fixes, CovarianceRules(MEASURED, ppk={"fixed": 120, "float": 0}))
+    assert np.array_equal(got.cov_ned, fixes.cov_ned)
+    assert "of PPK, calibrated by class (120 fixed: 0.75 sigma, floor 0.001 m); 0 of" in sentence
+
+
 def test_fixes_without_standard_deviations_are_said_to_have_those_of_the_flight_file(tmp_path):
     """Oracle: rows written by hand: a text without standard deviations, a .pos of six zero roots
     in two of 120 rows.

@@ -11,7 +11,7 @@ positive definite: such epochs keep their standard deviations, lose their correl
 counted in a note.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -108,7 +108,17 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
     header = read_header(path, buf)
     if header.dated:
         buf = _dates_apart(buf)
-    table = parse(path, buf, complete, sniff(path, buf))
+    return pos_rows(parse(path, buf, complete, sniff(path, buf)), header, gps_week)
+
+
+def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRows:
+    """Return the columns of the numbers of a `.pos`, each stamp once and in order.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
     columns = _columns(table, header)
     time, week = _time(table, columns, header)
     if gps_week is not None and week != gps_week:
@@ -121,9 +131,9 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
         table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
     )
     if rows is not None:
-        table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
+        table = replace(table, values=table.values[rows], lines=table.lines[rows])
         time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
-    return PosRows(header, table, columns, time, week, complete, tuple(notes))
+    return PosRows(header, table, columns, time, week, table.complete, tuple(notes))
 
 
 def read_rtklib_pos(
@@ -159,7 +169,31 @@ def read_rtklib_pos(
     InputError
         What cannot be read, with file and line.
     """
-    read = read_pos_rows(path, gps_week)
+    return fixes_of_rows(read_pos_rows(path, gps_week), undulation_m, sigma_m)
+
+
+def fixes_of_rows(
+    read: PosRows, undulation_m: float | None = None, sigma_m: ArrayLike | None = None
+) -> GnssFixes:
+    """Return the fixes of the rows of a `.pos`, as `read_rtklib_pos` does.
+
+    Parameters
+    ----------
+    read : PosRows
+        The rows.
+    undulation_m, sigma_m : optional
+        As in `read_rtklib_pos`.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
     header, table, cols = read.header, read.table, read.columns
     notes = [*open_end("GNSS rows", read.complete)] + (
         []
@@ -188,7 +222,7 @@ def read_rtklib_pos(
         velocity_cov,
         quality,
         read.gps_week,
-        str(path),
+        table.path,
         (*notes, *read.notes),
         base_ecef=read.base_ecef,
         sigma_assumed=assumed if assumed.any() else None,
@@ -447,12 +481,7 @@ def _covariance(
             " solution with a covariance?"
         )
         raise table.error_at(row, message)
-    c = np.sign(roots) * roots**2
-    P = np.empty((len(c), 3, 3))
-    P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = c[:, 0], c[:, 1], c[:, 2]
-    P[:, 0, 1] = P[:, 1, 0] = c[:, 3]
-    P[:, 1, 2] = P[:, 2, 1] = c[:, 4]
-    P[:, 0, 2] = P[:, 2, 0] = c[:, 5]
+    P = covariance_of_roots(roots)
     P[unknown] = np.eye(3)
     _drop_odd_correlations(table, P, names, notes)
     P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
@@ -494,6 +523,12 @@ def _drop_odd_correlations(
     notes.append(
         note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
     )
+
+
+def covariance_of_roots(roots: Array) -> Array:
+    """Return covariances (n, 3, 3) of signed roots (n, 6), in the order of the file's axes."""
+    c = np.sign(roots) * roots**2
+    return np.ascontiguousarray(c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]])
 
 
 def without_inverse(P: Array) -> NDArray[np.bool_]:
