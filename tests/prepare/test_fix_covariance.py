@@ -103,6 +103,14 @@ def test_a_file_that_lacks_base_or_satellites_stays_as_it_is(tmp_path, base, col
     assert with_calibration(fixes)[0] is fixes
 
 
+def test_a_base_that_is_no_place_is_named_and_nothing_calibrated(tmp_path):
+    """Oracle: degrees, minutes and seconds without blanks, as an old RTKLIB writes its base."""
+    base = "% ref pos   : 350755.40544 1393727.50368   73.9077\n"
+    fixes = read_rtklib_pos(written(tmp_path / "a.pos", base))
+    assert "350755 1.39373e+06 73.9077 is no latitude, longitude, height" in fixes.notes[0].found
+    assert with_calibration(fixes)[0] is fixes
+
+
 def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
     """Oracle: `calibrate` with the same model; variances grow by the square of the floor that a
     flight file gives.

@@ -83,17 +83,14 @@ class PosRows:
 
     @property
     def base_ecef(self) -> Array | None:
-        """ECEF position (3,) m of the base, None where the header has none.
+        """ECEF position (3,) m of the base, None where the header has none, or no place.
 
         In a file of geocentric positions the header's is geocentric.
         """
-        if self.header.base is None:
-            return None
-        return (
-            np.array(self.header.base)
-            if self.header.kind == "x-ecef"
-            else _base_frame(self.table, self.header)[0]
-        )
+        if self.header.base is not None and self.header.kind == "x-ecef":
+            return np.array(self.header.base)
+        place = _base_place(self.header)
+        return None if place is None or _is_no_place(place) else _frame_at(place)[0]
 
 
 def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
@@ -208,6 +205,10 @@ def fixes_of_rows(
             )
         ]
     )
+    base, place = read.base_ecef, _base_place(header)
+    if base is None and place is not None:
+        advice = "its standard deviations are taken as they are; correct % ref pos of the header"
+        notes.append(note("GNSS rows", _no_place(place), "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
     cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
@@ -224,7 +225,7 @@ def fixes_of_rows(
         read.gps_week,
         table.path,
         (*notes, *read.notes),
-        base_ecef=read.base_ecef,
+        base_ecef=base,
         sigma_assumed=assumed if assumed.any() else None,
         **of_the_solution(
             {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
@@ -385,28 +386,41 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
 
     The rotation takes them into ECEF.
     """
-    base = header.base
-    if base is None:
+    place = _base_place(header)
+    if place is None:
         message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
         raise InputError.at_line(table.path, None, message)
-    if len(base) == 7:
-        d = [
-            np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
-            for k in (0, 3)
-        ]
-        base = (*d, base[6])
-    if abs(base[0]) > 90.0 or abs(base[1]) > 360.0:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the base at {base[0]:g} {base[1]:g} {base[2]:g} is no latitude, longitude, height;"
-            " check % ref pos",
-        )
-    lat, lon = np.radians(base[0]), np.radians(base[1])
-    return geodetic_to_ecef(lat, lon, np.float64(base[2])), rotation_en(lat, lon) @ ENU_FROM_NED.T
+    if _is_no_place(place):
+        raise InputError.at_line(table.path, None, f"{_no_place(place)}; check % ref pos")
+    return _frame_at(place)
+
+
+def _base_place(header: Header) -> tuple[float, ...] | None:
+    """Latitude and longitude, deg, and height, m, of the header's base."""
+    base = header.base
+    if base is None or len(base) == 3:
+        return base
+    lat, lon = (
+        float(np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k]))
+        for k in (0, 3)
+    )
+    return (lat, lon, base[6])
+
+
+def _is_no_place(place: tuple[float, ...]) -> bool:
+    return abs(place[0]) > 90.0 or abs(place[1]) > 360.0
+
+
+def _no_place(place: tuple[float, ...]) -> str:
+    return f"the base at {place[0]:g} {place[1]:g} {place[2]:g} is no latitude, longitude, height"
+
+
+def _frame_at(place: tuple[float, ...]) -> tuple[Array, Array]:
+    lat, lon = np.radians(place[0]), np.radians(place[1])
+    return geodetic_to_ecef(lat, lon, np.float64(place[2])), rotation_en(lat, lon) @ ENU_FROM_NED.T
 
 
 def _quality(table: Table, q: Array) -> NDArray[np.int64]:
