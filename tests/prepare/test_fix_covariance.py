@@ -173,9 +173,9 @@ def test_rules_act_in_their_order_and_the_sentence_counts_them(tmp_path):
     got, sentence = decide(fixes, CovarianceRules(MEASURED, floors={2: (0.4, 0.1, 0.1)}))
     assert sentence == (
         "covariances of the GNSS positions: of their source; calibrated by class (100 degraded: 4"
-        " sigma, floor 0.025 / 0.04 m, 10 float: 3 sigma, floor 0.3 / 0.6 m, 10 isolated: 30 sigma,"
-        " floor 0.3 / 0.6 m); 20 of 120 raised to gnss.quality_sigma_m; 0 left out; 120 enlarged by"
-        " the rounding of their positions"
+        " sigma, floor 0.025 / 0.025 / 0.04 m, 10 float: 3 sigma, floor 0.3 / 0.3 / 0.6 m, 10"
+        " isolated: 30 sigma, floor 0.3 / 0.3 / 0.6 m); 20 of 120 raised to gnss.quality_sigma_m;"
+        " 0 left out; 120 enlarged by the rounding of their positions"
     )
     ppm = 1e-6 * base_distance(fixes, fixes.base_ecef)[[10, 51]]
     north = np.hypot([0.02, 0.4], [0.025, 0.0])

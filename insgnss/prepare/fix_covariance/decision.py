@@ -134,14 +134,17 @@ def _stated(fixes: GnssFixes, rules: CovarianceRules) -> str:
 
 def _classes(counts: Mapping[str, int], numbers: CalibrationNumbers) -> str:
     """Name the classes that occur, with the factors and floors of their standard deviations."""
-    named = []
-    for name, count in counts.items():
-        factor, floor = (
-            " / ".join(dict.fromkeys(f"{x:g}" for x in triple))
-            for triple in (numbers.scale[name], numbers.floor_m[name])
-        )
-        named += [f"{count} {name}: {factor} sigma, floor {floor} m"] if count else []
-    return ", ".join(named)
+    return ", ".join(
+        f"{count} {name}: {_triple(numbers.scale[name])} sigma, floor"
+        f" {_triple(numbers.floor_m[name])} m"
+        for name, count in counts.items()
+        if count
+    )
+
+
+def _triple(values: Triple) -> str:
+    """One number where all three are the same."""
+    return " / ".join(f"{x:g}" for x in (values if len(set(values)) > 1 else values[:1]))
 
 
 def _enlarged(before: GnssFixes, after: GnssFixes) -> int:
