@@ -89,8 +89,8 @@ class PosRows:
         """
         if self.header.base is not None and self.header.kind == "x-ecef":
             return np.array(self.header.base)
-        place = _base_place(self.header)
-        return None if place is None or _is_no_place(place) else _frame_at(place)[0]
+        geodetic = _base_place(self.header)
+        return None if geodetic is None or _is_no_place(geodetic) else _frame_at(geodetic)[0]
 
 
 def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
@@ -205,10 +205,10 @@ def fixes_of_rows(
             )
         ]
     )
-    base, place = read.base_ecef, _base_place(header)
-    if base is None and place is not None:
+    base, geodetic = read.base_ecef, _base_place(header)
+    if base is None and geodetic is not None:
         advice = "its standard deviations are taken as they are; correct % ref pos of the header"
-        notes.append(note("GNSS rows", _no_place(place), "the place of the base", advice))
+        notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
     cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
@@ -386,16 +386,16 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
 
     The rotation takes them into ECEF.
     """
-    place = _base_place(header)
-    if place is None:
+    geodetic = _base_place(header)
+    if geodetic is None:
         message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
         raise InputError.at_line(table.path, None, message)
-    if _is_no_place(place):
-        raise InputError.at_line(table.path, None, f"{_no_place(place)}; check % ref pos")
-    return _frame_at(place)
+    if _is_no_place(geodetic):
+        raise InputError.at_line(table.path, None, f"{_no_place(geodetic)}; check % ref pos")
+    return _frame_at(geodetic)
 
 
 def _base_place(header: Header) -> tuple[float, ...] | None:
@@ -410,17 +410,19 @@ def _base_place(header: Header) -> tuple[float, ...] | None:
     return (lat, lon, base[6])
 
 
-def _is_no_place(place: tuple[float, ...]) -> bool:
-    return abs(place[0]) > 90.0 or abs(place[1]) > 360.0
+def _is_no_place(geodetic: tuple[float, ...]) -> bool:
+    return abs(geodetic[0]) > 90.0 or abs(geodetic[1]) > 360.0
 
 
-def _no_place(place: tuple[float, ...]) -> str:
-    return f"the base at {place[0]:g} {place[1]:g} {place[2]:g} is no latitude, longitude, height"
+def _no_place(geodetic: tuple[float, ...]) -> str:
+    numbers = " ".join(f"{x:g}" for x in geodetic)
+    return f"the base at {numbers} is no latitude, longitude, height"
 
 
-def _frame_at(place: tuple[float, ...]) -> tuple[Array, Array]:
-    lat, lon = np.radians(place[0]), np.radians(place[1])
-    return geodetic_to_ecef(lat, lon, np.float64(place[2])), rotation_en(lat, lon) @ ENU_FROM_NED.T
+def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
+    lat, lon = np.radians(geodetic[0]), np.radians(geodetic[1])
+    origin = geodetic_to_ecef(lat, lon, np.float64(geodetic[2]))
+    return origin, rotation_en(lat, lon) @ ENU_FROM_NED.T
 
 
 def _quality(table: Table, q: Array) -> NDArray[np.int64]:
