@@ -34,7 +34,7 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "config": BELOW_ALL | {"formats", "prepare", "orient", "recognise", "stochastic"},
     # which event is which image
     "exposures": BELOW_ALL | {"formats", "config"},
-    "gnss": BELOW_ALL | {"formats", "exposures", "config"},
+    "gnss": BELOW_ALL | {"formats", "exposures", "config", "prepare"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
     # which error model explains the innovations
     "diagnosis": BELOW_ALL | {"calibrate", "navigation", "orient", "stochastic"},

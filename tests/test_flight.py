@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.base.errors import InputError
+from insgnss.config.covariance import MODEL
 from insgnss.exposures.naming import ImageMatch
 from insgnss.flight import load_flight
-from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 
 CONTRACT = """\

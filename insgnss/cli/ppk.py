@@ -202,11 +202,11 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
 
     OptionError and UsageError for what it cannot ask for.
     """
+    from ..config.covariance import MODEL
     from ..config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
     from ..gnss.options import EngineOptions
     from ..gnss.ppk import PpkInput
-    from ..gnss.quality.covariance import MODEL
 
     settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
     _refuse_contradictions(given, raw)

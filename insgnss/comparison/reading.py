@@ -319,9 +319,6 @@ def _gnss(path: Path, hints: Hints) -> Poses:
     fixes = read_gnss(
         path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m
     )
-    has_sigmas = (
-        not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
-    )
     notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
     velocity = None
     if (
@@ -340,7 +337,7 @@ def _gnss(path: Path, hints: Hints) -> Poses:
         time=fixes.time,
         gps_week=fixes.gps_week,
         velocity=velocity,
-        cov_position=turned(NED_ENU, fixes.cov_ned) if has_sigmas else None,
+        cov_position=turned(NED_ENU, fixes.cov_ned) if fixes.sigma_assumed is None else None,
         notes=notes,
     )
 

@@ -2,7 +2,7 @@
 
 sigma'^2 = (k sigma)^2 + floor^2 + (ppm distance)^2 on each axis, k and floor by class. What the
 classes are, and where the numbers come from, stands in
-`gnss.quality.covariance`.
+`prepare.fix_covariance.classes`.
 """
 
 from collections.abc import Mapping
@@ -10,38 +10,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from ..base.errors import OptionError
+from ..prepare.fix_covariance.numbers import CLASSES, MEASURED, CalibrationNumbers
 from .schema import Declared, Triple, declared, in_range, option
-
-CLASSES = ("fixed", "degraded", "float", "isolated", "unsupported", "sbas", "dgps", "single", "ppp")
-GATE_3_SIGMA = 14.16
-"""Chi-square of 3 degrees of freedom at 0.9973."""
 
 LARGEST = 1000.0
 """Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
-
-_SCALE: dict[str, Triple] = {
-    "fixed": (0.75, 0.75, 0.75),
-    "degraded": (4.0, 4.0, 4.0),
-    "float": (3.0, 3.0, 3.0),
-    "isolated": (30.0, 30.0, 30.0),
-    "unsupported": (30.0, 30.0, 30.0),
-    "sbas": (5.0, 5.0, 5.0),
-    "dgps": (5.0, 5.0, 5.0),
-    "single": (5.0, 5.0, 5.0),
-    "ppp": (3.0, 3.0, 3.0),
-}
-_FLOOR_M: dict[str, Triple] = {
-    "fixed": (0.001, 0.001, 0.001),
-    "degraded": (0.025, 0.025, 0.04),
-    "float": (0.3, 0.3, 0.6),
-    "isolated": (0.3, 0.3, 0.6),
-    "unsupported": (15.0, 15.0, 15.0),
-    "sbas": (1.0, 1.0, 2.0),
-    "dgps": (1.0, 1.0, 2.0),
-    "single": (2.0, 2.0, 4.0),
-    "ppp": (0.05, 0.05, 0.1),
-}
-
 
 _RETIRED_CLASSES = {"hampered": "degraded", "lone": "isolated", "weak": "unsupported"}
 
@@ -51,11 +24,14 @@ def _classes() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class CovarianceModel:
-    """Numbers of (V.1) to (V.6) of `gnss.quality.covariance`. Triples are north, east, down."""
+class CovarianceModel(CalibrationNumbers):
+    """Numbers of (V.1) to (V.6) of `prepare.fix_covariance.classes`, as options.
+
+    Triples are north, east, down.
+    """
 
     scale: Mapping[str, Triple] = option(
-        lambda: dict(_SCALE),
+        lambda: dict(MEASURED.scale),
         "factor k of the engine's standard deviations, a table by class",
         kind="triples",
         low=0.0,
@@ -65,7 +41,7 @@ class CovarianceModel:
         usual="below",
     )
     floor_m: Mapping[str, Triple] = option(
-        lambda: dict(_FLOOR_M),
+        lambda: dict(MEASURED.floor_m),
         "floor, a table by class",
         kind="triples",
         unit="m",
@@ -76,14 +52,14 @@ class CovarianceModel:
         usual="below",
     )
     ppm: Triple = option(
-        (1.0, 1.0, 1.0),
+        MEASURED.ppm,
         "parts per million of the distance to the base",
         kind="triple",
         low=0.0,
         high=LARGEST,
     )
     acceleration_mps2: Triple = option(
-        (20.0, 20.0, 10.0),
+        MEASURED.acceleration_mps2,
         "largest acceleration; a single epoch that needs more to lie on the path is an outlier",
         kind="triple",
         unit="m/s^2",
@@ -91,27 +67,33 @@ class CovarianceModel:
         high=LARGEST,
     )
     least_satellites: int = option(
-        6, "least number of satellites of a fixed epoch that is validated", low=4, high=99
+        MEASURED.least_satellites,
+        "least number of satellites of a fixed epoch that is validated",
+        low=4,
+        high=99,
     )
     unsupported_satellites: int = option(
-        8,
+        MEASURED.unsupported_satellites,
         "with fewer satellites an epoch that nothing confirms is unsupported",
         low=4,
         high=99,
         retired=("lone_satellites",),
     )
     support_s: float = option(
-        5.0,
+        MEASURED.support_s,
         "time to either side within which neighbours confirm an epoch",
         unit="s",
         low=0.0,
         high=600.0,
     )
     support_share: float = option(
-        0.5, "share of the epochs within support_s that must be fixed as well", low=0.0, high=1.0
+        MEASURED.support_share,
+        "share of the epochs within support_s that must be fixed as well",
+        low=0.0,
+        high=1.0,
     )
     island_s: float = option(
-        60.0,
+        MEASURED.island_s,
         "time to either side in which island_share of the epochs must be fixed where forward and "
         "backward do not both fix an island; 0 switches that off",
         unit="s",
@@ -119,13 +101,13 @@ class CovarianceModel:
         high=3600.0,
     )
     island_share: float = option(
-        0.5,
+        MEASURED.island_share,
         "share of the epochs within island_s that must be fixed; half of it of a ready `.pos`",
         low=0.0,
         high=1.0,
     )
     degraded_s: float = option(
-        180.0,
+        MEASURED.degraded_s,
         "time to either side in which a degraded epoch shows",
         unit="s",
         low=0.0,
@@ -133,7 +115,7 @@ class CovarianceModel:
         retired=("hampered_s",),
     )
     degraded_share: float = option(
-        0.9,
+        MEASURED.degraded_share,
         "fixed epochs with a smaller share of validated ones within degraded_s are degraded; "
         "epochs before the first and after the last validated one do not count; 0 "
         "switches that off",
@@ -142,7 +124,7 @@ class CovarianceModel:
         retired=("hampered_share",),
     )
     gate: float = option(
-        GATE_3_SIGMA,
+        MEASURED.gate,
         "chi-square of three of forward against backward: beyond it a fixed epoch is not validated",
         low=1.0,
         high=1e4,

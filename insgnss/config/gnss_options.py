@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ..base.errors import InputError
+from ..prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 from .covariance import MODEL, CovarianceModel
 from .ppk_options import RawGnss
 from .schema import Triple, check, option, take_record
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
 QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
 
-QUALITY_SIGMA_M: dict[str, Triple] = {
-    "float": (0.3, 0.3, 0.6),
-    "sbas": (0.3, 0.3, 0.6),
-    "dgps": (0.3, 0.3, 0.6),
-    "single": (1.0, 1.0, 2.0),
-}
 BY_HEADER = "by header or order"
 
 

@@ -27,12 +27,22 @@ import numpy as np
 from ..base.errors import DataError
 from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
+from ..config.covariance import MODEL, CovarianceModel
 from ..config.ppk_options import all_of
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, events_of, named
 from ..formats.gnss.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
+from ..prepare.fix_covariance.classes import (
+    SAME_EPOCH_S,
+    VALIDATED,
+    Index,
+    Separation,
+    base_distance,
+    calibrate,
+    forward_backward,
+)
 from ..records import Array, CameraEvents, Check, GnssFixes
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
@@ -58,22 +68,11 @@ from .phase.troposphere import (
     wet_delay_correction,
 )
 from .phase.velocity import at_stamps, time_differenced_velocity
-from .quality.covariance import (
-    MODEL,
-    SAME_EPOCH_S,
-    VALIDATED,
-    CovarianceModel,
-    Index,
-    Separation,
-    base_distance,
-    calibrate,
-    forward_backward,
-)
 from .quality.solution_quality import (
     Solution,
     coverage_numbers,
-    read_solution,
     solution_numbers,
+    solution_of,
     solution_series,
     verdict,
 )
@@ -103,7 +102,7 @@ class PpkInput:
     options : EngineOptions
         Options of the engine, with the base's position.
     covariance : CovarianceModel
-        Model of `quality.covariance`.
+        Model of `prepare.fix_covariance.classes`.
     wet_delay, ionosphere : bool
         Whether to correct these.
     atmosphere : Atmosphere or mapping, optional
@@ -151,7 +150,8 @@ class PpkResult:
     Parameters
     ----------
     fixes : GnssFixes
-        The combination of both runs, with covariances of `quality.covariance`; its notes are empty.
+        The combination of both runs, with covariances of `prepare.fix_covariance.classes`; its
+        notes are empty.
     events : CameraEvents, optional
         Camera events of the rover's file or of their own, None without any.
     checks : tuple of Check
@@ -327,7 +327,7 @@ class _Solved:
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
         combined, forward, backward = (
-            read_solution(path) for path in (run.combined, run.forward, run.backward)
+            solution_of(run.rows[name]) for name in ("combined", "forward", "backward")
         )
         # what degrades both runs does not part them, and one confirms the islands of the other
         plain = replace(model, degraded_share=0.0, island_s=0.0)

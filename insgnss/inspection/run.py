@@ -351,7 +351,7 @@ def _inspection(
     rinex: "Survey | None" = None,
 ) -> Inspection:
     from ..prepare.axes import parse_axes
-    from ..prepare.fix_quality import with_floors
+    from ..prepare.fix_covariance.quality import with_floors
     from ..recognise.plausibility import check_recording
     from ..recognise.streams import classes_apart
     from .alone import Alone, by_gravity, rest_findings

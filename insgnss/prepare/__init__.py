@@ -1,6 +1,6 @@
 """From what was read to what is estimated from: one clock, one axis convention, every gap named.
 
-`clock`, `axes`, `calibration`, `stuck_channels`, `fix_quality` and `several_imus` bring the samples
-and fixes into shape; `stationarity` detects the stationary periods; `gaps` and `increments` make
-what the filter integrates.
+`clock`, `axes`, `calibration`, `stuck_channels`, `fix_covariance` and `several_imus` bring the
+samples and fixes into shape; `stationarity` detects the stationary periods; `gaps` and `increments`
+make what the filter integrates.
 """

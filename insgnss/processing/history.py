@@ -49,6 +49,7 @@ def run_history(
     return (
         _filter(segments, recording.gps_week),
         _fixes(flight, segments),
+        recording.covariances,
         (
             "lever arm IMU to antenna applied, forward right down m: "
             f"{lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}"

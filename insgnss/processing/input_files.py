@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ..stochastic.model import NoiseModel
 
 STATIONARY_FIX_S = 1.0  # interval of the fixes of a sensor that stands at a known place
-STATIONARY_SIGMA_M = (0.1, 0.1, 0.1)  # north, east, down, of these fixes by default
 
 
 def input_files(flight: Flight) -> list[Path]:
@@ -304,12 +303,14 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
     from ..formats import read_gnss
 
     if options.stationary is not None:
+        from ..prepare.fix_covariance.numbers import STATIONARY_SIGMA_M
+
         sigma_m = options.sigma_m or STATIONARY_SIGMA_M
         return stationary_fixes(options.stationary, sigma_m, imu)
     if isinstance(options.file, GnssFixes):
         return options.file
     assert options.file is not None
-    fixes = read_gnss(
+    return read_gnss(
         options.file,
         columns=options.columns,
         sigma_m=options.sigma_m,
@@ -320,11 +321,6 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
         repeat_column=options.repeat_column,
         gps_week=gps_week,
     )
-    if options.calibrate_covariance:
-        from ..gnss.quality.ready_positions import with_calibrated
-
-        fixes = with_calibrated(fixes, options.file, options.covariance)
-    return fixes
 
 
 def read_barometer_file(options: BarometerInput, gps_week: int | None) -> BarometerHeights:
@@ -379,4 +375,9 @@ def stationary_fixes(
     values = (*np.radians(position[:2]), position[2])
     lat, lon, height = (np.full(time.size, value) for value in values)
     cov = np.broadcast_to(np.diag(np.square(sigma_m)), (time.size, 3, 3))
-    return GnssFixes(time, lat, lon, height, cov, gps_week=imu.gps_week, source="gnss.stationary")
+    return GnssFixes(
+        *(time, lat, lon, height, cov),
+        gps_week=imu.gps_week,
+        source="gnss.stationary",
+        sigma_assumed=np.ones(time.size, dtype=np.bool_),
+    )

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..base.received.trusted import at_home
+from ..config.covariance import MODEL
 from ..config.flight_file import Flight
 from ..exposures.rig import CameraExposures, merged_instants
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
@@ -26,6 +27,7 @@ from .input_files import combine_imus, read_barometer_file, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
+    from ..prepare.fix_covariance.decision import CovarianceRules
     from ..prepare.stationarity import StationaryPeriods
     from ..recognise.recognition import Recognition
     from ..stochastic.model import NoiseModel
@@ -66,6 +68,8 @@ class Recording:
         The heights of a barometer, where there is one.
     sample_count : int
         How many samples there were; without it those of `imu`.
+    covariances : str
+        Which rules decided the covariances of the fixes, in words.
     """
 
     imu: ImuSamples
@@ -81,6 +85,7 @@ class Recording:
     ppk: "PpkResult | None" = None
     barometer: BarometerHeights | None = None
     sample_count: int = 0
+    covariances: str = ""
 
     @cached_property
     def events(self) -> CameraEvents | None:
@@ -154,8 +159,7 @@ def read_recording(flight: Flight) -> Recording:
     from ..prepare.barometer import refuse_apart
     from ..prepare.clock import common_clock, cut_events, in_week
     from ..prepare.event_rounding import with_stamp_rounding
-    from ..prepare.fix_quality import with_floors, without_worthless
-    from ..prepare.fix_rounding import with_rounding
+    from ..prepare.fix_covariance.decision import decide
     from ..prepare.stationarity import stationary_periods
     from ..stochastic.model import load_noise_model
 
@@ -174,10 +178,7 @@ def read_recording(flight: Flight) -> Recording:
     if barometer is not None:
         barometer = in_week(barometer, week)
         refuse_apart(barometer, imu)
-    floors: dict[int, tuple[float, ...]] = {
-        Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()
-    }
-    gnss = with_rounding(without_worthless(with_floors(gnss, floors)))
+    gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
     C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
     more: list[Check] = []
     if flight.imu.further:
@@ -226,6 +227,29 @@ def read_recording(flight: Flight) -> Recording:
         recognition,
         ppk,
         barometer,
+        covariances=covariances,
+    )
+
+
+def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "CovarianceRules":
+    """Return what the flight file says of the covariances of fixes, which `decide` takes.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    ppk : PpkResult or None
+        The PPK solution of raw observations, which has calibrated its fixes.
+    """
+    from ..prepare.fix_covariance.decision import CovarianceRules
+
+    gnss = flight.gnss
+    calibrated = ppk is not None or (isinstance(gnss.file, Path) and gnss.calibrate_covariance)
+    return CovarianceRules(
+        gnss.covariance if calibrated else None,
+        gnss.covariance != MODEL,
+        {Quality[name.upper()]: sigma for name, sigma in gnss.quality_sigma_m.items()},
+        None if ppk is None else ppk.quality["classes"],
     )
 
 

@@ -141,7 +141,8 @@ def gnss_fixes(
         source="gnss",
     )
     described = {name: columns[name] for name in OF_THE_SOLUTION if name in columns}
-    return replace(fixes, **described) if described else fixes
+    assumed = None if sigma_m is None else np.ones(len(fixes), dtype=np.bool_)
+    return replace(fixes, **described, sigma_assumed=assumed)
 
 
 def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:

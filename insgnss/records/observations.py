@@ -195,6 +195,9 @@ class GnssFixes(Rows):
     ratio : (n,) ratio of the ambiguity validation: the second best's sum of squares to the best's.
     age_s : (n,) age of the base's observations or of the corrections, s.
     pdop, hdop : (n,) dilution of precision of the position, of its horizontal part.
+    base_ecef : (3,) m, position of the base that an engine solved them against; None: not stated.
+    sigma_assumed : (n,) bool, fixes whose source states no covariance, so that `cov_ned` is what
+        the reader was told to assume; None: none.
 
     Raises
     ------
@@ -204,7 +207,7 @@ class GnssFixes(Rows):
 
     _ROWS: ClassVar[tuple[str, ...]] = (
         *("time", "lat", "lon", "height", "cov_ned"),
-        *("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION),
+        *("velocity_ned", "velocity_cov_ned", "quality", *OF_THE_SOLUTION, "sigma_assumed"),
     )
     _NOUN: ClassVar[str] = "fixes"
 
@@ -224,6 +227,8 @@ class GnssFixes(Rows):
     age_s: Array | None = None
     pdop: Array | None = None
     hdop: Array | None = None
+    base_ecef: Array | None = None
+    sigma_assumed: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size
@@ -236,6 +241,8 @@ class GnssFixes(Rows):
         for name in OF_THE_SOLUTION:
             if getattr(self, name) is not None:
                 frozen(self, name, (n,), finite=False)
+        if self.base_ecef is not None:
+            frozen(self, "base_ecef", (3,))
         if n < 1:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix; give one at least")
         increasing(self, self.time)

@@ -12,6 +12,7 @@ from insgnss.base.wording import spoken_as
 from insgnss.config import document
 from insgnss.config.block_file import BLOCK_TABLES
 from insgnss.config.command_line import add_options, given_of, names_of
+from insgnss.config.covariance import MODEL
 from insgnss.config.flight_file import TABLES
 from insgnss.config.keys.retired import retired_keys
 from insgnss.config.kinds import PLAIN
@@ -19,7 +20,6 @@ from insgnss.config.load import known_keys, load_flight, read_covariance
 from insgnss.config.ppk_options import EngineSettings
 from insgnss.config.schema import check, declared, option, options_of
 from insgnss.config.values import READERS
-from insgnss.gnss.quality.covariance import MODEL
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"

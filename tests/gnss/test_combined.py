@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos, write_rtklib_pos
+from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.combined import combined
 from insgnss.gnss.engine.rtklib import EngineRun, solve
@@ -51,9 +51,14 @@ def run_of(
 def joined(tmp_path: Path, f: GnssFixes, b: GnssFixes, **options: bool) -> GnssFixes:
     for name, fixes in (("f", f), ("b", b)):
         write_rtklib_pos(fixes, tmp_path / f"{name}.pos")
-    content = b"".join(combined(tmp_path / "f.pos", tmp_path / "b.pos", **options))
-    (tmp_path / "c.pos").write_bytes(content)
-    return read_rtklib_pos(tmp_path / "c.pos")
+    path = tmp_path / "c.pos"
+    together = combined(tmp_path / "f.pos", tmp_path / "b.pos", path, **options)
+    path.write_bytes(b"".join(together.lines))
+    handed, read = together.rows["combined"], read_pos_rows(path)
+    for name in ("time", "gps_week", "columns", "notes"):  # numbers and text say the same
+        np.testing.assert_equal(getattr(handed, name), getattr(read, name))
+    assert handed.table.lines.tolist() == read.table.lines.tolist()
+    return read_rtklib_pos(path)
 
 
 def ecef(fixes: GnssFixes) -> np.ndarray:
@@ -162,7 +167,9 @@ def test_an_epoch_without_covariance_gives_way(tmp_path: Path) -> None:
         (tmp_path / f"{name}.pos").write_text("\n".join(lines) + "\n")
     rows = [
         line.split()[2:5]
-        for line in b"".join(combined(tmp_path / "f.pos", tmp_path / "b.pos")).decode().splitlines()
+        for line in b"".join(combined(*(tmp_path / f"{name}.pos" for name in "fbc")).lines)
+        .decode()
+        .splitlines()
         if not line.startswith("%")
     ]
     of_run = {

@@ -9,12 +9,12 @@ import pytest
 from photographs import photograph
 
 from insgnss.base.errors import InputError
+from insgnss.config.covariance import MODEL
 from insgnss.exposures.naming import ImageMatch
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkInput, PpkResult
-from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.processing.input_files import read_files
 from insgnss.records import CameraEvents, Check, GnssFixes

@@ -18,8 +18,10 @@ from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.cli import ppk as verb
 from insgnss.config.command_line import names_of
+from insgnss.config.covariance import MODEL
 from insgnss.exposures.naming import ImageMatch
 from insgnss.formats.gnss.gnss_text import read_gnss_text
+from insgnss.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.geodesy.frames import (
     LocalFrame,
     TangentPlane,
@@ -32,7 +34,6 @@ from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_a
 from insgnss.gnss.engine.rtklib import EngineRun
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes
@@ -187,7 +188,10 @@ def again(flown, monkeypatch):
     """
     result, _, _, given = flown
     at = {name: result.files[name] for name in ("combined", "forward", "backward")}
-    engine_run = EngineRun(**at, engine=result.engine, cpu_s=0.0, cpu_of={}, option_files={})
+    rows = {name: read_pos_rows(path) for name, path in at.items()}
+    engine_run = EngineRun(
+        **at, engine=result.engine, cpu_s=0.0, cpu_of={}, option_files={}, rows=rows
+    )
     monkeypatch.setattr(ppk, "solve", lambda *_: engine_run)
     return lambda **changes: solve_ppk(replace(given, **changes))
 
@@ -300,9 +304,9 @@ def test_epochs_that_the_engine_leaves_out_are_told(flown, monkeypatch, tmp_path
         "backward": result.files["backward"],
         "combined": tmp_path / "combined.pos",
     }
-    monkeypatch.setattr(
-        ppk, "solve", lambda *_: EngineRun(**at, engine="", cpu_s=0.0, cpu_of={}, option_files={})
-    )
+    rows = {name: read_pos_rows(path) for name, path in at.items()}
+    run = EngineRun(**at, engine="", cpu_s=0.0, cpu_of={}, option_files={}, rows=rows)
+    monkeypatch.setattr(ppk, "solve", lambda *_: run)
     half = solve_ppk(given)
     assert half.verdict.startswith(
         "poor: 50.1 % of 361 epochs are fixed and confirmed, 180 have no solution"

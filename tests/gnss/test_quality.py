@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.gnss.phase.signal_quality import LIGHT, signal_numbers, signals_of
-from insgnss.gnss.quality.covariance import DEGRADED, FLOAT, calibrate, forward_backward
 from insgnss.gnss.quality.solution_quality import (
     coverage_numbers,
     longest_without,
-    read_solution,
     solution_numbers,
+    solution_of,
     solution_series,
     verdict,
 )
 from insgnss.gnss.rinex.header import RinexHeader
 from insgnss.gnss.rinex.observations import Observations
 from insgnss.gnss.satellites.visible_satellites import Sky, position_dilution
+from insgnss.prepare.fix_covariance.classes import DEGRADED, FLOAT, calibrate, forward_backward
 from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6
@@ -146,7 +147,7 @@ def written(path, rows):
 def test_columns_beside_the_positions_are_read_by_time(tmp_path):
     """Oracle: the rows written; the last stands twice, as engines write at the end of a file."""
     rows = [(1000.0, 1, 14, 0.1, 20.5), (1000.2, 2, 9, -0.3, 1.4), (1000.4, 5, 6, 0.0, 0.0)]
-    solution = read_solution(written(tmp_path / "a.pos", [*rows, rows[-1]]))
+    solution = solution_of(read_pos_rows(written(tmp_path / "a.pos", [*rows, rows[-1]])))
     assert solution.fixes.quality.tolist() == [1, 2, 5]
     assert solution.satellites.tolist() == [14, 9, 6]
     assert solution.age_s.tolist() == [0.1, -0.3, 0.0]
@@ -160,7 +161,7 @@ def test_a_pos_with_dates_is_read(tmp_path):
     )
     text += "2018/05/06 00:16:41.000   46.5 6.5 500.0 1 8 0.0 0.0 0.01 0.0 0.0 0.0 0.2 4.0\n"
     (tmp_path / "a.pos").write_text(text)
-    solution = read_solution(tmp_path / "a.pos")
+    solution = solution_of(read_pos_rows(tmp_path / "a.pos"))
     assert solution.fixes.time.tolist() == [1000.0, 1001.0]
     assert solution.fixes.quality.tolist() == [1, 5]
     assert solution.satellites.tolist() == [9, 8]
@@ -174,7 +175,7 @@ def test_a_pos_without_what_an_engine_tells_is_refused(tmp_path):
         path.read_text().replace("  ns ", " satellites ", 1).replace(" ns ", " satellites ")
     )
     with pytest.raises(InputError, match="ns"):
-        read_solution(path)
+        solution_of(read_pos_rows(path))
 
 
 LOST = range(100, 160)
@@ -189,7 +190,7 @@ def solved(tmp_path):
         (1000.0 + 0.2 * k, *((2, 7, 0.1, 1.2) if k in LOST else (1, 15, 0.1, 30.0)))
         for k in range(200)
     ]
-    solution = read_solution(written(tmp_path / "a.pos", rows))
+    solution = solution_of(read_pos_rows(written(tmp_path / "a.pos", rows)))
     distance = np.full(200, 2000.0)
     separation = forward_backward(solution.fixes.time, solution.fixes, solution.fixes)
     fixes, kind = calibrate(solution.fixes, solution.satellites, distance, separation)
@@ -253,7 +254,7 @@ def test_the_verdict_says_what_to_look_at(solved):
 def fixed(tmp_path):
     """Numbers of 200 epochs that are all fixed, of 14 satellites, 2 km from the base."""
     rows = [(1000.0 + 0.2 * k, 1, 14, 0.1, 30.0) for k in range(200)]
-    solution = read_solution(written(tmp_path / "a.pos", rows))
+    solution = solution_of(read_pos_rows(written(tmp_path / "a.pos", rows)))
     fixes, kind = calibrate(solution.fixes, solution.satellites, np.full(200, 2000.0))
     return solution_numbers(solution, fixes, kind, np.full(200, 2000.0), np.zeros(200), None, 14.16)
 
@@ -354,7 +355,7 @@ def test_roots_of_no_covariance_become_unknown(tmp_path):
     lines[4] = lines[4].replace("0.0050 0.0050 0.0100 0.0010", "0.0000 0.0000 322.9005 116.6826")
     lines[6] = lines[6].replace("0.0010 -0.0010 0.0010", "0.9280 1.1015 -0.4782")
     (tmp_path / "a.pos").write_text("\n".join(lines) + "\n")
-    fixes = read_solution(tmp_path / "a.pos").fixes
+    fixes = solution_of(read_pos_rows(tmp_path / "a.pos")).fixes
     assert fixes.quality.tolist() == [1, 5, 1, 5, 1, 1]
     assert np.allclose(
         np.sqrt(np.diagonal(fixes.cov_ned[[1, 3]], axis1=1, axis2=2)), [10.0, 10.0, 20.0]

@@ -23,7 +23,7 @@ from insgnss.gnss.phase.troposphere import (
     wet_delay_correction,
     wet_layer,
 )
-from insgnss.gnss.quality.solution_quality import read_solution
+from insgnss.gnss.quality.solution_quality import solution_of
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
 from insgnss.gnss.satellites.engine_weighting import carrying_systems
@@ -485,7 +485,7 @@ def moved_by_the_air(place, systems):
     )
     observed = read_observations(rover), read_observations(base)
     run = solve(rover, base, tuple(navigation), options, place / systems, lambda _: None, observed)
-    fixes = read_solution(run.combined).fixes
+    fixes = solution_of(run.rows["combined"]).fixes
     true = CubicSpline(truth["rover_time"], truth["rover_position"])(fixes.time)
     off = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - true
     error = np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), off)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.prepare.fix_quality import without_worthless
+from insgnss.prepare.fix_covariance.quality import without_worthless
 from insgnss.records import GnssFixes
 
 

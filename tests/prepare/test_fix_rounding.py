@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.prepare.fix_rounding import rounding_step, with_rounding
+from insgnss.prepare.fix_covariance.rounding import rounding_step, with_rounding
 from insgnss.records import GnssFixes
 from insgnss.simulation.manoeuvres import multirotor
 from insgnss.simulation.raw_gnss.receiver import GnssOptions

@@ -59,6 +59,7 @@ def test_exposures_of_the_receiver_share_the_latency_of_the_fixes(sim):
     # what fixes of 20 to 30 mm leave without any offset is 3 mm; 1 ms of the offset are 12 mm
     assert sigmas(result.eo).max() < 5e-3
     assert "receiver's clock (camera.clock = receiver), moved with the fixes by -" in told(result)
+    assert "GNSS positions: of their source; 0 of" in " ".join(result.eo.history)
     (seen,) = [check for check in result.checks if check.name == "unseen constants"]
     assert "(which moves no exposure: the same clock stamps them)" in seen.found
     assert "GNSS time offset" not in seen.found

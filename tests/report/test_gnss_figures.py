@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.gnss.quality.covariance import CLASSES, VALIDATED
+from insgnss.prepare.fix_covariance.classes import VALIDATED
+from insgnss.prepare.fix_covariance.numbers import CLASSES
 from insgnss.records import GnssFixes
 from insgnss.report.charts import gnss
 from insgnss.report.charts.drawn import draw_sheet

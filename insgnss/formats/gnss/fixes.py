@@ -25,6 +25,7 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
     ("vn", "ve", "vd", "vu"),
     ("sd_vn", "sd_ve", "sd_vd"),
 )
+ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB
@@ -114,7 +115,7 @@ def fixes_from_columns(
     cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
-    cov = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
+    cov, assumed = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
     velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)
     quality = _quality(cols, lines, scales.quality) if "q" in cols else None
     return GnssFixes(
@@ -129,6 +130,7 @@ def fixes_from_columns(
         gps_week,
         source,
         (*notes, *order_notes, *floor_notes),
+        sigma_assumed=assumed if assumed.any() else None,
         **of_the_solution(described),
     )
 
@@ -240,7 +242,7 @@ def _velocity(
     down = np.zeros(north.size) if not has_vertical else cols["vd"] if up == "vd" else -cols["vu"]
     velocity = scales.velocity * np.column_stack([north, east, down])
     _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
-    cov = _covariance(
+    cov, _ = _covariance(
         cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
     )
     if not has_vertical:
@@ -256,13 +258,14 @@ def _covariance(
     source: str,
     given: ArrayLike | None,
     option: str,
-) -> Array:
-    """Return diagonal covariances (n, 3, 3).
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return diagonal covariances (n, 3, 3), and of which rows (n,) the file states none.
 
     They are of the file's standard deviations times `factor`, else of the `given` three.
     """
     n = cols["tow"].size
     present = [name for name in names if name in cols]
+    assumed = cols[ASSUMED] != 0.0 if ASSUMED in cols else np.zeros(n, dtype=np.bool_)
     if len(present) == 3:
         sigma = factor * np.column_stack([cols[name] for name in names])
     elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
@@ -279,6 +282,7 @@ def _covariance(
         )
     else:
         sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
+        assumed = np.ones(n, dtype=np.bool_)
         if not (np.isfinite(sigma) & (sigma > 0.0)).all():
             raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
     bad = ~((sigma > 0.0) & (sigma <= LARGEST))
@@ -294,4 +298,4 @@ def _covariance(
             f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
             " correct it",
         )
-    return np.asarray((sigma**2)[:, :, None] * np.eye(3))
+    return np.asarray((sigma**2)[:, :, None] * np.eye(3)), assumed

@@ -23,7 +23,7 @@ from ..text.layout import shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
 from ..text.text import Source, number
-from .fixes import NMEA_QUALITY, FixScales, fixes_from_columns
+from .fixes import ASSUMED, NMEA_QUALITY, FixScales, fixes_from_columns
 
 Array = NDArray[np.float64]
 Epoch = tuple[int, float]
@@ -146,6 +146,7 @@ def read_nmea(
         "q": table[:, 3],
     }
     cols |= {"sd_n": spread[:, 0], "sd_e": spread[:, 1], "sd_u": spread[:, 2]}
+    cols[ASSUMED] = np.array([row[0] not in log.sigma for row in fixes], dtype=np.float64)
     described = np.array([log.described[k] for k in taken]).reshape(-1, 3)
     cols |= dict(zip(("satellites", "hdop", "age_s"), described.T, strict=True))
     cols["pdop"] = np.array([log.pdop.get(row[0], np.nan) for row in fixes])

@@ -11,7 +11,7 @@ positive definite: such epochs keep their standard deviations, lose their correl
 counted in a note.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -83,17 +83,14 @@ class PosRows:
 
     @property
     def base_ecef(self) -> Array | None:
-        """ECEF position (3,) m of the base, None where the header has none.
+        """ECEF position (3,) m of the base, None where the header has none, or no place.
 
         In a file of geocentric positions the header's is geocentric.
         """
-        if self.header.base is None:
-            return None
-        return (
-            np.array(self.header.base)
-            if self.header.kind == "x-ecef"
-            else _base_frame(self.table, self.header)[0]
-        )
+        if self.header.base is not None and self.header.kind == "x-ecef":
+            return np.array(self.header.base)
+        geodetic = _base_place(self.header)
+        return None if geodetic is None or _is_no_place(geodetic) else _frame_at(geodetic)[0]
 
 
 def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
@@ -108,7 +105,17 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
     header = read_header(path, buf)
     if header.dated:
         buf = _dates_apart(buf)
-    table = parse(path, buf, complete, sniff(path, buf))
+    return pos_rows(parse(path, buf, complete, sniff(path, buf)), header, gps_week)
+
+
+def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRows:
+    """Return the columns of the numbers of a `.pos`, each stamp once and in order.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
     columns = _columns(table, header)
     time, week = _time(table, columns, header)
     if gps_week is not None and week != gps_week:
@@ -121,9 +128,9 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
         table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
     )
     if rows is not None:
-        table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
+        table = replace(table, values=table.values[rows], lines=table.lines[rows])
         time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
-    return PosRows(header, table, columns, time, week, complete, tuple(notes))
+    return PosRows(header, table, columns, time, week, table.complete, tuple(notes))
 
 
 def read_rtklib_pos(
@@ -159,7 +166,31 @@ def read_rtklib_pos(
     InputError
         What cannot be read, with file and line.
     """
-    read = read_pos_rows(path, gps_week)
+    return fixes_of_rows(read_pos_rows(path, gps_week), undulation_m, sigma_m)
+
+
+def fixes_of_rows(
+    read: PosRows, undulation_m: float | None = None, sigma_m: ArrayLike | None = None
+) -> GnssFixes:
+    """Return the fixes of the rows of a `.pos`, as `read_rtklib_pos` does.
+
+    Parameters
+    ----------
+    read : PosRows
+        The rows.
+    undulation_m, sigma_m : optional
+        As in `read_rtklib_pos`.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
     header, table, cols = read.header, read.table, read.columns
     notes = [*open_end("GNSS rows", read.complete)] + (
         []
@@ -174,8 +205,12 @@ def read_rtklib_pos(
             )
         ]
     )
+    base, geodetic = read.base_ecef, _base_place(header)
+    if base is None and geodetic is not None:
+        advice = "its standard deviations are taken as they are; correct % ref pos of the header"
+        notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
-    cov = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
     return GnssFixes(
@@ -188,8 +223,10 @@ def read_rtklib_pos(
         velocity_cov,
         quality,
         read.gps_week,
-        str(path),
+        table.path,
         (*notes, *read.notes),
+        base_ecef=base,
+        sigma_assumed=assumed if assumed.any() else None,
         **of_the_solution(
             {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
         ),
@@ -350,28 +387,43 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
 
     The rotation takes them into ECEF.
     """
-    base = header.base
-    if base is None:
+    geodetic = _base_place(header)
+    if geodetic is None:
         message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
         raise InputError.at_line(table.path, None, message)
-    if len(base) == 7:
-        d = [
-            np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
-            for k in (0, 3)
-        ]
-        base = (*d, base[6])
-    if abs(base[0]) > 90.0 or abs(base[1]) > 360.0:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the base at {base[0]:g} {base[1]:g} {base[2]:g} is no latitude, longitude, height;"
-            " check % ref pos",
-        )
-    lat, lon = np.radians(base[0]), np.radians(base[1])
-    return geodetic_to_ecef(lat, lon, np.float64(base[2])), rotation_en(lat, lon) @ ENU_FROM_NED.T
+    if _is_no_place(geodetic):
+        raise InputError.at_line(table.path, None, f"{_no_place(geodetic)}; check % ref pos")
+    return _frame_at(geodetic)
+
+
+def _base_place(header: Header) -> tuple[float, ...] | None:
+    """Latitude and longitude, deg, and height, m, of the header's base."""
+    base = header.base
+    if base is None or len(base) == 3:
+        return base
+    lat, lon = (
+        float(np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k]))
+        for k in (0, 3)
+    )
+    return (lat, lon, base[6])
+
+
+def _is_no_place(geodetic: tuple[float, ...]) -> bool:
+    return abs(geodetic[0]) > 90.0 or abs(geodetic[1]) > 360.0
+
+
+def _no_place(geodetic: tuple[float, ...]) -> str:
+    numbers = " ".join(f"{x:g}" for x in geodetic)
+    return f"the base at {numbers} is no latitude, longitude, height"
+
+
+def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
+    lat, lon = np.radians(geodetic[0]), np.radians(geodetic[1])
+    origin = geodetic_to_ecef(lat, lon, np.float64(geodetic[2]))
+    return origin, rotation_en(lat, lon) @ ENU_FROM_NED.T
 
 
 def _quality(table: Table, q: Array) -> NDArray[np.int64]:
@@ -403,7 +455,7 @@ def _velocity(
     velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
     fastest = np.abs(velocity).max(axis=1, initial=0.0)
     _refuse(table, fastest > LARGEST_ROOT, fastest, "{:g} m/s is no velocity")
-    return velocity, _covariance(table, cols, roots, C, notes, None)
+    return velocity, _covariance(table, cols, roots, C, notes, None)[0]
 
 
 def _stack(cols: dict[str, Array], names: tuple[str, ...]) -> Array:
@@ -417,10 +469,10 @@ def _covariance(
     C: Array,
     notes: list[Check],
     sigma: ArrayLike | None,
-) -> Array:
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
 
-    Roots that are all zero have those of `sigma`.
+    Roots that are all zero have those of `sigma`; the second of the results is where (n,).
     """
     missing = [name for name in names if name not in cols]
     if missing:
@@ -446,12 +498,7 @@ def _covariance(
             " solution with a covariance?"
         )
         raise table.error_at(row, message)
-    c = np.sign(roots) * roots**2
-    P = np.empty((len(c), 3, 3))
-    P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = c[:, 0], c[:, 1], c[:, 2]
-    P[:, 0, 1] = P[:, 1, 0] = c[:, 3]
-    P[:, 1, 2] = P[:, 2, 1] = c[:, 4]
-    P[:, 0, 2] = P[:, 2, 0] = c[:, 5]
+    P = covariance_of_roots(roots)
     P[unknown] = np.eye(3)
     _drop_odd_correlations(table, P, names, notes)
     P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
@@ -465,7 +512,7 @@ def _covariance(
                 "sigma_m must suit them",
             )
         )
-    return P
+    return P, unknown
 
 
 def _drop_odd_correlations(
@@ -493,6 +540,12 @@ def _drop_odd_correlations(
     notes.append(
         note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
     )
+
+
+def covariance_of_roots(roots: Array) -> Array:
+    """Return covariances (n, 3, 3) of signed roots (n, 6), in the order of the file's axes."""
+    c = np.sign(roots) * roots**2
+    return np.ascontiguousarray(c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]])
 
 
 def without_inverse(P: Array) -> NDArray[np.bool_]:

@@ -10,16 +10,18 @@ A combined run of RTKLIB filters forward and backward once more and then takes, 
     (r_f - r_b)^2 > 4^2 (P_f + P_b)            (C.1), called float                         (C.2)
 
 The two runs that are there for their difference hold all of it, so that combining them here saves
-half of the engine's time. They are taken from their text, positions and standard deviations to 0.1
-mm: (C.1) comes within 0.15 mm of the engine's, and within 0.5 % of the difference of the two more
-where that is large beside standard deviations of some millimetres, as weights of rounded numbers
-are; the quality of an epoch at the very limit of (C.2) may be the other one. Satellites, age and
-ratio of (C.1) are those of the forward solution, as RTKLIB has them. (C.2) holds for moving
-receivers. Where one of two covariances is none, as of an engine that lost its numbers, the other
-epoch is taken, where RTKLIB inverts what is none.
+half of the engine's time. They are read once from their text, positions and standard deviations to
+0.1 mm, and are numbers from there on; their combination has the digits of its own text (`DIGITS`),
+which is written last. With them (C.1) comes within 0.15 mm of the engine's, and within 0.5 % of the
+difference of the two more where that is large beside standard deviations of some millimetres, as
+weights of rounded numbers are; the quality of an epoch at the very limit of (C.2) may be the other
+one. Satellites, age and ratio of (C.1) are those of the forward solution, as RTKLIB has them. (C.2)
+holds for moving receivers. Where one of two covariances is none, as of an engine that lost its
+numbers, the other epoch is taken, where RTKLIB inverts what is none.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +29,13 @@ from numpy.typing import NDArray
 
 from ...formats.gnss.pos_header import ROOTS
 from ...formats.gnss.rtklib_pos import NED as NED_NEU
-from ...formats.gnss.rtklib_pos import read_pos_rows, without_inverse
+from ...formats.gnss.rtklib_pos import (
+    PosRows,
+    covariance_of_roots,
+    pos_rows,
+    read_pos_rows,
+    without_inverse,
+)
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...geodesy.gpstime import WEEK_S
 from ...records.qualities import Quality
@@ -39,23 +47,39 @@ SAME_S = 0.005  # RTKLIB's DTTOL: stamps of two runs that belong to one epoch
 PRIORITY = np.array([7, 1, 2, 3, 4, 5, 1, 6])  # of the qualities 0 to 7; the least is the best
 SIGMAS = 4.0
 FIXED, FLOAT = Quality.FIXED, Quality.FLOAT
+# decimals of rows of both: 1e-11 deg are a micrometre, where the engine writes 0.1 mm
+DIGITS = {"latitude": 11, "longitude": 11, "height": 5, "Q": 0}
+DIGITS |= dict.fromkeys(ROOTS["latitude"], 6)
 
 
-def combined(forward: Path, backward: Path, kinematic: bool = True) -> list[bytes]:
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """Two solutions and what they give together.
+
+    Parameters
+    ----------
+    rows : mapping of str to PosRows
+        Rows of "forward", "backward" and "combined", as numbers.
+    lines : list of bytes
+        Text of the combined solution, in order of time: the header of the forward solution, rows of
+        one solution as they stand, rows of both with more decimals.
+    """
+
+    rows: Mapping[str, PosRows]
+    lines: list[bytes]
+
+
+def combined(forward: Path, backward: Path, path: Path, kinematic: bool = True) -> Combination:
     """Combine two solutions by (C.1) and (C.2).
 
     Parameters
     ----------
     forward, backward : Path
         The `.pos` of the two runs: week, time of week, degrees, heights above the ellipsoid.
+    path : Path
+        Where the text of their combination is going to stand, for messages.
     kinematic : bool
         Whether the receiver moves: (C.2).
-
-    Returns
-    -------
-    list of bytes
-        The lines of their combination, in order of time: the header of the forward solution, rows
-        of one solution as they stand, rows of both with more decimals.
     """
     f, b = _Run.read(forward), _Run.read(backward)
     near = np.minimum(np.searchsorted(b.time, f.time - SAME_S), b.time.size - 1)
@@ -66,26 +90,43 @@ def combined(forward: Path, backward: Path, kinematic: bool = True) -> list[byte
     merged = (order == 0) & f.sound[i]
     of_backward = np.concatenate([np.setdiff1d(np.arange(b.time.size), j), j[order > 0]])
     of_forward = np.concatenate([np.flatnonzero(~both), i[(order <= 0) & ~merged]])
-    runs = ((f, of_forward), (b, of_backward))
-    rows = [(run.time[k], run.lines[k]) for run, taken in runs for k in taken]
-    rows += zip(f.time[i[merged]], _merged(f, b, i[merged], j[merged], kinematic), strict=True)
-    return [*f.head, *(line for _, line in sorted(rows, key=lambda row: float(row[0])))]
+    i, j = i[merged], j[merged]
+    together = _merged(f, b, i, j, kinematic)
+    values = [f.values[of_forward], b.values[of_backward], together]
+    lines = [run.lines[k] for run, taken in ((f, of_forward), (b, of_backward)) for k in taken]
+    lines += [_text(f, row, fields) for row, fields in zip(i, together, strict=True)]
+    in_time = np.argsort(
+        np.concatenate([f.time[of_forward], b.time[of_backward], f.time[i]]), kind="stable"
+    )
+    table = replace(
+        f.rows.table,
+        path=str(path),
+        values=np.concatenate(values)[in_time],
+        lines=len(f.head) + 1 + np.arange(in_time.size),
+    )
+    rows = {"forward": f.rows, "backward": b.rows, "combined": pos_rows(table, f.rows.header)}
+    return Combination(rows, [*f.head, *(lines[k] for k in in_time)])
 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """A solution: header lines, rows as text, and of each its time (s of one week), quality,
-    position (m, ECEF), covariance (m^2, ECEF) and whether it is one.
+    """A solution: header lines, rows as text and as numbers, and of each its time (s of one week),
+    quality, position (m, ECEF), covariance (m^2, ECEF) and whether it is one.
     """
 
     head: list[bytes]
     lines: list[bytes]
-    columns: list[str]
+    rows: PosRows
     time: Array
     quality: NDArray[np.int64]
     position: Array
     cov: Array
     sound: NDArray[np.bool_]
+
+    @property
+    def values(self) -> Array:
+        """Numbers of the rows (n, fields) in the order of the header's columns."""
+        return self.rows.table.values
 
     @classmethod
     def read(cls, path: Path) -> "_Run":
@@ -94,12 +135,12 @@ class _Run:
         names = ("latitude", "longitude", "height")
         lat, lon, height = (read.columns[name] for name in names)
         lat, lon = np.radians(lat), np.radians(lon)
-        cov = _covariance(np.column_stack([read.columns[n] for n in ROOTS["latitude"]]))
+        cov = covariance_of_roots(np.column_stack([read.columns[n] for n in ROOTS["latitude"]]))
         C = rotation_en(lat, lon) @ NED_NEU
         return cls(
             [line for line in text if line.startswith(b"%")],
             [text[line - 1] for line in read.table.lines.tolist()],
-            read.header.columns,
+            read,
             read.time + read.gps_week * WEEK_S,
             read.columns["Q"].astype(np.int64),
             geodetic_to_ecef(lat, lon, height),
@@ -108,8 +149,8 @@ class _Run:
         )
 
 
-def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> list[bytes]:
-    """Rows of the epochs i of one run and j of the other, by (C.1) and (C.2)."""
+def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> Array:
+    """Numbers of the epochs i of one run and j of the other, by (C.1) and (C.2)."""
     apart, total = b.position[j] - f.position[i], f.cov[i] + b.cov[j]
     # P P_b^-1 = P_f (P_f + P_b)^-1, without an inverse of either
     gain = np.linalg.solve(total, f.cov[i]).swapaxes(1, 2)
@@ -121,25 +162,22 @@ def _merged(f: _Run, b: _Run, i: Index, j: Index, kinematic: bool) -> list[bytes
     lat, lon, height = ecef_to_geodetic(position)
     C = (rotation_en(lat, lon) @ NED_NEU).swapaxes(1, 2)
     roots = _roots(C @ cov @ C.swapaxes(1, 2))
-    geodetic = np.column_stack([np.degrees(lat), np.degrees(lon), height])
-    column = {name: k for k, name in enumerate(f.columns)}
-    rows = []
-    for k, row in enumerate(i.tolist()):
-        fields = f.lines[row].split()
-        fields[column["latitude"] : column["height"] + 1] = [
-            b"%.11f %.11f %.5f" % tuple(geodetic[k])
-        ]
-        first = column[ROOTS["latitude"][0]] - 2
-        fields[first : first + 6] = [b"%.6f" % root for root in roots[k]]
-        fields[column["Q"] - 2] = b"%d" % quality[k]
-        rows.append(b" ".join(fields) + b"\n")
-    return rows
+    columns = (np.degrees(lat), np.degrees(lon), height, quality, *roots.T)
+    values = f.values[i]
+    for (name, digits), column in zip(DIGITS.items(), columns, strict=True):
+        # Python's round, as a text of so many decimals that is read: numpy's is off by a last bit
+        rounded = [round(float(x), digits) for x in column]
+        values[:, f.rows.header.columns.index(name)] = rounded
+    return values
 
 
-def _covariance(roots: Array) -> Array:
-    """(n, 3, 3) of the signed roots (n, 6) of a `.pos`, in the order of its axes."""
-    c = np.sign(roots) * roots**2
-    return c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+def _text(f: _Run, row: int, fields: Array) -> bytes:
+    """Line of an epoch of both runs: that of the forward run, with other numbers."""
+    text = f.lines[row].split()
+    for name, digits in DIGITS.items():
+        column = f.rows.header.columns.index(name)
+        text[column] = b"%.*f" % (digits, fields[column])
+    return b" ".join(text) + b"\n"
 
 
 def _roots(P: Array) -> Array:

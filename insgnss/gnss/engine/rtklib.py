@@ -36,7 +36,7 @@ from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
 from ...base.output.scratch import refuse_cut_off, scratch_directory
 from ...base.wording import DOCTOR, named
-from ...formats.gnss.rtklib_pos import read_rtklib_pos
+from ...formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
 from ...records import Check, GnssFixes
 from ..options import (
     ANTENNAS,
@@ -100,6 +100,8 @@ class EngineRun:
         CPU time of each run, s, by direction.
     option_files : mapping
         Option files by direction.
+    rows : mapping
+        Rows of combined, forward and backward as numbers.
     checks : tuple of Check
         Findings to report.
     """
@@ -111,6 +113,7 @@ class EngineRun:
     cpu_s: float
     cpu_of: Mapping[str, float]
     option_files: Mapping[str, Path]
+    rows: Mapping[str, PosRows]
     checks: tuple[Check, ...] = ()
 
 
@@ -193,7 +196,8 @@ def solve(
             atomic_write(target / f"{direction}.pos", _in_order(runs.scratch / f"{direction}.pos"))
     pos = {name: target / f"{name}.pos" for name in ("combined", *DIRECTIONS)}
     moves = f"pos1-posmode={KINEMATIC}" in texts["forward"].splitlines()
-    atomic_write(pos["combined"], combined(pos["forward"], pos["backward"], moves))
+    together = combined(pos["forward"], pos["backward"], pos["combined"], moves)
+    atomic_write(pos["combined"], together.lines)
     conf: dict[str, Path] = {direction: target / f"{direction}.conf" for direction in DIRECTIONS}
     checks += [*_check_refused(ends), *_check_version(engine)]
     return EngineRun(
@@ -202,6 +206,7 @@ def solve(
         cpu_s=sum(cpu.values()),
         cpu_of=cpu,
         option_files=conf,
+        rows=together.rows,
         checks=tuple(checks),
     )
 

@@ -1,41 +1,41 @@
 """What an engine's solution says of itself: numbers, series for figures, a verdict in words.
 
-Epochs by class (`quality.covariance`), satellites, ratio, age of the base's observations, distance
-to the base, forward against backward; and, with the rover's observations, slips, C/N0 and multipath
-(`phase.signal_quality`). Each cause has a check with a limit and an advice; the verdict is that of
-the share of the rover's epochs that are fixed and confirmed, and names the checks that have
-something to say. An epoch that the engine leaves out counts as one that is not fixed. What shifts
-all positions together shows in no share: a doubt of the base (`BASE_CHECKS`), or a contradiction
-between inputs, makes of "good" a "usable with care".
+Epochs by class (`prepare.fix_covariance.classes`), satellites, ratio, age of the base's
+observations, distance to the base, forward against backward; and, with the rover's observations,
+slips, C/N0 and multipath (`phase.signal_quality`). Each cause has a check with a limit and an
+advice; the verdict is that of the share of the rover's epochs that are fixed and confirmed, and
+names the checks that have something to say. An epoch that the engine leaves out counts as one that
+is not fixed. What shifts all positions together shows in no share: a doubt of the base
+(`BASE_CHECKS`), or a contradiction between inputs, makes of "good" a "usable with care".
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import gettempdir
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...base.output.scratch import scratch_directory
 from ...formats.gnss.pos_header import ROOTS
-from ...formats.gnss.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
-from ...formats.text.text import Source, load
-from ...records import Array, Check, GnssFixes
-from ...records.qualities import Quality
-from ..phase.signal_quality import Signals
-from .covariance import (
-    CLASSES,
+from ...formats.gnss.rtklib_pos import (
+    PosRows,
+    covariance_of_roots,
+    fixes_of_rows,
+    without_inverse,
+)
+from ...prepare.fix_covariance.classes import (
     DEGRADED,
     ISOLATED,
-    UNKNOWN_SIGMA_M,
     UNSUPPORTED,
     VALIDATED,
     Index,
     Separation,
 )
+from ...prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
+from ...records import Array, Check, GnssFixes
+from ...records.qualities import Quality
+from ..phase.signal_quality import Signals
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90
 FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
@@ -48,7 +48,6 @@ LONG_GAP_S = 2.0
 APART_SHARE = 0.005
 BASE_CHECKS = ("base coordinates", "base point", "base antenna")
 BESIDE = ("ns", "age", "ratio")  # columns of a solution
-DATE_FIELDS = 4  # by which year to second exceed date and time of day
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,8 @@ class Solution:
     ratio: Array
 
 
-def read_solution(path: Source) -> Solution:
-    """Read a `.pos`.
+def solution_of(rows: PosRows) -> Solution:
+    """Return the solution that the rows of a `.pos` hold.
 
     Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and
     roots that belong to no covariance: such epochs get `UNKNOWN_SIGMA_M`, are single (quality 5),
@@ -81,14 +80,15 @@ def read_solution(path: Source) -> Solution:
     InputError
         With file and line, as `formats.gnss.rtklib_pos` raises it.
     """
-    rows = read_pos_rows(path)
     columns, roots = rows.columns, ROOTS[rows.header.kind]
     if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
         raise InputError.at_line(
-            path, None, f"the header does not name {missing[0]}; is it a solution of an engine?"
+            rows.table.path,
+            None,
+            f"the header does not name {missing[0]}; is it a solution of an engine?",
         )
     odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
-    fixes = _readable(path, rows, odd) if odd.any() else read_rtklib_pos(path)
+    fixes = _without_roots(rows, odd) if odd.any() else fixes_of_rows(rows)
     if fixes.quality is not None:
         fixes = replace(fixes, quality=np.where(odd, Quality.SINGLE, fixes.quality))
     return Solution(fixes, *(columns[name] for name in BESIDE))
@@ -96,27 +96,16 @@ def read_solution(path: Source) -> Solution:
 
 def _without_covariance(roots: Array) -> NDArray[np.bool_]:
     """(n,) where signed roots (n, 6) are those of no covariance."""
-    c = np.sign(roots) * roots**2
-    P = c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    P = covariance_of_roots(roots)
     bad = (roots[:, :3] <= 0.0).any(axis=1)
     P[bad] = np.eye(3)
     return np.asarray(bad | without_inverse(P))
 
 
-def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
-    """The fixes of the file, the six roots of the rows `odd` (n,) zero: unknown."""
-    lines = load(path)[0].tobytes().split(b"\n")
-    first = rows.header.columns.index(ROOTS[rows.header.kind][0]) - (
-        DATE_FIELDS if rows.header.dated else 0
-    )
-    for line in rows.table.lines[odd].tolist():
-        fields = lines[line - 1].split()
-        fields[first : first + 6] = [b"0.0"] * 6
-        lines[line - 1] = b" ".join(fields)
-    with scratch_directory(Path(gettempdir())) as scratch:
-        copy = scratch / Path(path).name
-        copy.write_bytes(b"\n".join(lines))
-        fixes = read_rtklib_pos(copy, sigma_m=UNKNOWN_SIGMA_M)
+def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
+    """The fixes of the rows, the six roots of the rows `odd` (n,) zero: unknown."""
+    zeroed = {name: np.where(odd, 0.0, rows.columns[name]) for name in ROOTS[rows.header.kind]}
+    fixes = fixes_of_rows(replace(rows, columns=rows.columns | zeroed), sigma_m=UNKNOWN_SIGMA_M)
     finding = (
         f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations"
         " beyond one"
@@ -128,7 +117,7 @@ def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
     )
     note = Check("GNSS covariance", finding, "a covariance each", "note", advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
-    return replace(fixes, source=str(path), notes=(*others, note))
+    return replace(fixes, notes=(*others, note))
 
 
 def solution_series(
@@ -182,7 +171,7 @@ def solution_numbers(
     solution : Solution
         The combined solution.
     calibrated : GnssFixes
-        Its fixes with the covariances of `quality.covariance`.
+        Its fixes with the covariances of `prepare.fix_covariance.classes`.
     kind : ndarray of int, shape (n,)
         Their classes, as indices of `CLASSES`.
     distance_m, height_difference_m : ndarray, shape (n,)

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..records import Check, GnssFixes
+from ...records import Check, GnssFixes
 
 WORTHLESS = 5.0  # times the horizontal sigma of the fixes on both sides
 BESIDE_S = 1.0  # within which these stand: the IMU carries the position from one to the other

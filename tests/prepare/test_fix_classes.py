@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import UsageError
+from insgnss.config.covariance import MODEL, CovarianceModel
+from insgnss.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.quality.covariance import (
-    CLASSES,
+from insgnss.gnss.quality.solution_quality import solution_of
+from insgnss.prepare.fix_covariance.classes import (
     DEGRADED,
     FIXED,
     FLOAT,
     ISOLATED,
-    MODEL,
     SINGLE,
     UNSUPPORTED,
     VALIDATED,
-    CovarianceModel,
     Separation,
     base_distance,
     calibrate,
@@ -35,7 +35,7 @@ from insgnss.gnss.quality.covariance import (
     outliers,
     scaled,
 )
-from insgnss.gnss.quality.solution_quality import read_solution
+from insgnss.prepare.fix_covariance.numbers import CLASSES
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -445,7 +445,7 @@ def driven(name):
     place = DATA / "matrtklib" / "kinematic"
     if not place.is_dir():
         pytest.skip("the recording matrtklib is not here")
-    solution = read_solution(place / name)
+    solution = solution_of(read_pos_rows(place / name))
     fixes = solution.fixes
     lat, lon, height = np.loadtxt(place / "base_position.txt")
     distance = base_distance(fixes, geodetic_to_ecef(np.radians(lat), np.radians(lon), height))
@@ -522,7 +522,7 @@ def test_fixes_under_an_open_sky_keep_the_engines_sigmas(tmp_path):
         EngineOptions(base_position_m=base, base_point="apc"),
         tmp_path,
     )
-    solution = read_solution(run.combined)
+    solution = solution_of(run.rows["combined"])
     fixes, kind = calibrate(
         solution.fixes, solution.satellites, base_distance(solution.fixes, base)
     )

@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
+from insgnss.config.covariance import MODEL
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.geodesy.earth import curvature_radii
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.quality.covariance import MODEL, base_distance, calibrate
-from insgnss.gnss.quality.ready_positions import ADVICE, with_calibrated
-from insgnss.processing.input_files import read_files
+from insgnss.prepare.fix_covariance.classes import base_distance, calibrate
+from insgnss.prepare.fix_covariance.decision import (
+    ADVICE,
+    CovarianceRules,
+    decide,
+    with_calibration,
+)
+from insgnss.prepare.fix_covariance.numbers import MEASURED
+from insgnss.processing.recording import covariance_rules
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 LEGEND = (
@@ -54,7 +62,7 @@ def test_a_file_that_tells_all_is_calibrated_as_a_run_of_our_own(tmp_path, dated
     fixes = read_rtklib_pos(path)
     base = geodetic_to_ecef(*BASE_PLACE)
     expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, base))
-    got = with_calibrated(fixes, path)
+    got = with_calibration(fixes)[0]
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     assert np.array_equal(got.quality, expected.quality)
     assert np.sqrt(got.cov_ned[60, 0, 0]) > 0.3
@@ -92,7 +100,15 @@ def test_a_file_that_lacks_base_or_satellites_stays_as_it_is(tmp_path, base, col
     """Oracle: the record itself."""
     path = written(tmp_path / "a.pos", base, columns)
     fixes = read_rtklib_pos(path)
-    assert with_calibrated(fixes, path) is fixes
+    assert with_calibration(fixes)[0] is fixes
+
+
+def test_a_base_that_is_no_place_is_named_and_nothing_calibrated(tmp_path):
+    """Oracle: degrees, minutes and seconds without blanks, as an old RTKLIB writes its base."""
+    base = "% ref pos   : 350755.40544 1393727.50368   73.9077\n"
+    fixes = read_rtklib_pos(written(tmp_path / "a.pos", base))
+    assert "350755 1.39373e+06 73.9077 is no latitude, longitude, height" in fixes.notes[0].found
+    assert with_calibration(fixes)[0] is fixes
 
 
 def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
@@ -112,10 +128,10 @@ def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
     (tmp_path / "flight.toml").write_text(
         f"{table}[gnss.covariance.floor_m]\ndegraded = [0.1, 0.1, 0.2]\n"
     )
-    _, got, _, _ = read_files(load_flight(tmp_path))
+    got, _ = decide(fixes, covariance_rules(load_flight(tmp_path)))
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     (tmp_path / "flight.toml").write_text(table)
-    _, plain, _, _ = read_files(load_flight(tmp_path))
+    plain, _ = decide(fixes, covariance_rules(load_flight(tmp_path)))
     grown = np.diagonal(got.cov_ned - plain.cov_ned, axis1=1, axis2=2)[20]
     assert np.allclose(
         grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["degraded"]), rtol=1e-9
@@ -138,17 +154,77 @@ def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_n
                 r" and base"
             ),
         ):
-            with_calibrated(fixes, file, model)
-        assert with_calibrated(fixes, file) is fixes
+            with_calibration(fixes, model, required=True)
+        assert with_calibration(fixes)[0] is fixes
+
+
+def test_rules_act_in_their_order_and_the_sentence_counts_them(tmp_path):
+    """Oracle: the table by hand. Fixed epochs of 5 mm are degraded (4 x 5 mm, floor 25 mm), float
+    ones raised to 0.4 m north, and longitudes in steps of 1e-6 deg (77 mm) enlarge all in the east.
+    """
+    path = written(tmp_path / "a.pos")
+    text = path.read_text().splitlines(keepends=True)
+    steps = [
+        line.replace(" 6.500000000 ", f" 6.50000{k % 10}000 ") if line[0] != "%" else line
+        for k, line in enumerate(text)
+    ]
+    path.write_text("".join(steps))
+    fixes = read_rtklib_pos(path)
+    got, sentence = decide(fixes, CovarianceRules(MEASURED, floors={2: (0.4, 0.1, 0.1)}))
+    assert sentence == (
+        "covariances of the GNSS positions: of their source; calibrated by class (100 degraded: 4"
+        " sigma, floor 0.025 / 0.025 / 0.04 m, 10 float: 3 sigma, floor 0.3 / 0.3 / 0.6 m, 10"
+        " isolated: 30 sigma, floor 0.3 / 0.3 / 0.6 m); 20 of 120 raised to gnss.quality_sigma_m;"
+        " 0 left out; 120 enlarged by the rounding of their positions"
+    )
+    ppm = 1e-6 * base_distance(fixes, fixes.base_ecef)[[10, 51]]
+    north = np.hypot([0.02, 0.4], [0.025, 0.0])
+    assert np.allclose(
+        got.cov_ned[[10, 51], 0, 0], north**2 + np.array([1.0, 0.0]) * ppm**2, rtol=1e-9
+    )
+    step = np.radians(1e-6) * curvature_radii(fixes.lat[0])[1] * np.cos(fixes.lat[0])
+    assert got.cov_ned[10, 1, 1] == pytest.approx(
+        0.02**2 + 0.025**2 + ppm[0] ** 2 + step**2 / 12.0, rel=1e-6
+    )
+
+
+def test_what_ppk_has_calibrated_is_not_calibrated_again(tmp_path):
+    """Oracle: the record itself, which has all that a calibration needs."""
+    fixes = read_rtklib_pos(written(tmp_path / "a.pos"))
+    got, sentence = decide(fixes, CovarianceRules(MEASURED, ppk={"fixed": 120, "float": 0}))
+    assert np.array_equal(got.cov_ned, fixes.cov_ned)
+    assert "of PPK, calibrated by class (120 fixed: 0.75 sigma, floor 0.001 m); 0 of" in sentence
+
+
+def test_fixes_without_standard_deviations_are_said_to_have_those_of_the_flight_file(tmp_path):
+    """Oracle: rows written by hand: a text without standard deviations, a .pos of six zero roots
+    in two of 120 rows.
+    """
+    (tmp_path / "gnss.txt").write_text("".join(f"{10 + k}.0 46.5 6.5 500.0\n" for k in range(3)))
+    columns = ["tow", "lat", "lon", "h"]
+    text = read_gnss(tmp_path / "gnss.txt", columns=columns, gps_week=2000, sigma_m=(1, 1, 2))
+    assert text.sigma_assumed.tolist() == [True] * 3
+    assert (
+        "positions: gnss.sigma_m, their source has none; 0 of" in decide(text, CovarianceRules())[1]
+    )
+    path = written(tmp_path / "a.pos")
+    lines = path.read_text().splitlines(keepends=True)
+    for k in (10, 20):
+        lines[3 + k] = lines[3 + k].replace(ROOTS, "0.0 0.0 0.0 0.0 0.0 0.0 0.10 20.5")
+    path.write_text("".join(lines))
+    fixes = read_rtklib_pos(path, sigma_m=(1, 1, 2))
+    assert np.flatnonzero(fixes.sigma_assumed).tolist() == [10, 20]
+    assert "of their source, gnss.sigma_m for 2;" in decide(fixes, CovarianceRules())[1]
+    assert read_rtklib_pos(written(tmp_path / "a.pos")).sigma_assumed is None
 
 
 def test_what_was_calibrated_once_is_not_calibrated_again(tmp_path):
     """Oracle: the file that `ppk` writes, read back."""
     path = written(tmp_path / "a.pos")
-    once = with_calibrated(read_rtklib_pos(path), path)
+    once = with_calibration(read_rtklib_pos(path))[0]
     write_rtklib_pos(once, tmp_path / "ppk.pos")
     back = read_rtklib_pos(tmp_path / "ppk.pos")
-    assert with_calibrated(back, tmp_path / "ppk.pos") is back
+    assert with_calibration(back)[0] is back
     sigma = [np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2)) for fixes in (back, once)]
     assert np.allclose(*sigma, rtol=0.0, atol=1e-6)  # the last digit of the file
 
@@ -167,7 +243,7 @@ def test_a_ready_solution_of_a_car_in_a_city_is_covered():
     there = np.abs(reference[row, 0] - fixes.time) < 2e-3
     for record, least, most in (
         (fixes, 0.2, 1.0),
-        (with_calibrated(fixes, place / "rover_1Hz_rtk.pos"), 0.0, 0.02),
+        (with_calibration(fixes)[0], 0.0, 0.02),
     ):
         sigma = np.sqrt(np.trace(record.cov_ned, axis1=1, axis2=2))
         assert least <= (np.linalg.norm(apart, axis=1) > 3.0 * sigma)[there].mean() <= most

@@ -59,7 +59,7 @@ and (V.4) are judged with k of fixed epochs, since time-correlated errors do not
 nor do they part two runs of one receiver, and runs that are to be compared are calibrated by a
 model whose `degraded_share` is 0.
 
-The numbers of `MODEL` are measured. Fixed epochs, none of them degraded, after the corrections of
+The numbers (`numbers`) are measured. Fixed epochs, none of them degraded, after the corrections of
 `troposphere` and `ionosphere` (errors rms, north, east, down, and their mean normalised square,
 which is 1 where sigmas are right):
 
@@ -106,9 +106,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...config.covariance import CLASSES, MODEL, CovarianceModel
 from ...geodesy.frames import geodetic_to_ecef, rotation_en
 from ...records import Array, Check, GnssFixes
+from .numbers import CLASSES, MEASURED, CalibrationNumbers
 
 Index = NDArray[np.int64]
 
@@ -131,7 +131,6 @@ FLOAT_QUALITY = 2
 SUPPORT_EPOCHS = 5
 # half the last digit of RTKLIB's standard deviations: one that is written as zero is below it
 SMALLEST_M = 5e-5
-UNKNOWN_SIGMA_M = (10.0, 10.0, 20.0)  # of an epoch whose covariance the engine did not estimate
 # s, between times of one epoch in two solutions of one rover: engines write them to a millisecond
 SAME_EPOCH_S = 1e-3
 
@@ -169,7 +168,7 @@ def calibrate(
     satellites: ArrayLike | None,
     distance_m: ArrayLike,
     separation: Separation | None = None,
-    model: CovarianceModel = MODEL,
+    model: CalibrationNumbers = MEASURED,
 ) -> tuple[GnssFixes, Index]:
     """Calibrate the covariances of fixes by (V.1) to (V.6).
 
@@ -183,7 +182,7 @@ def calibrate(
         Distance to the base, m.
     separation : Separation, optional
         Separation of the two runs at the fixes, from `forward_backward`.
-    model : CovarianceModel
+    model : CalibrationNumbers
         Scale factors, floors and limits of the classes.
 
     Returns
@@ -247,7 +246,7 @@ def calibrate(
 
 
 def outliers(
-    fixes: GnssFixes, validated: NDArray[np.bool_], cov: Array, model: CovarianceModel = MODEL
+    fixes: GnssFixes, validated: NDArray[np.bool_], cov: Array, model: CalibrationNumbers = MEASURED
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Find the outliers (V.4) among validated fixes.
 
@@ -262,7 +261,7 @@ def outliers(
         Which of them are validated.
     cov : ndarray, shape (n, 3, 3)
         m^2, their covariances, north, east, down.
-    model : CovarianceModel
+    model : CalibrationNumbers
         Holds the largest acceleration of the vehicle.
 
     Returns
@@ -299,7 +298,7 @@ def outliers(
 
 
 def classes(
-    time: Array, quality: Index, satellites: ArrayLike | None, model: CovarianceModel = MODEL
+    time: Array, quality: Index, satellites: ArrayLike | None, model: CalibrationNumbers = MEASURED
 ) -> Index:
     """Return the class (n,) of each epoch by (V.2), as its index in `CLASSES`.
 
@@ -311,7 +310,7 @@ def classes(
         RTKLIB's codes of quality.
     satellites : array_like, shape (n,), optional
         Number of satellites used in each epoch, None where nothing says it.
-    model : CovarianceModel
+    model : CalibrationNumbers
         Limits of the classes.
     """
     kind = np.array(CLASS_OF_QUALITY, dtype=np.int64)[
@@ -338,7 +337,7 @@ def confirmed(
     validated: NDArray[np.bool_],
     separation: Separation | None,
     apart: NDArray[np.bool_],
-    model: CovarianceModel = MODEL,
+    model: CalibrationNumbers = MEASURED,
 ) -> NDArray[np.bool_]:
     """Return which validated fixes (n,) lie on an island that is believed (V.6).
 
@@ -352,7 +351,7 @@ def confirmed(
         Of the two runs; None where there is one solution only.
     apart : ndarray of bool, shape (n,)
         Where the two runs contradict each other.
-    model : CovarianceModel
+    model : CalibrationNumbers
         Holds the times and the share of (V.6).
     """
     rows = np.flatnonzero(validated)
@@ -373,7 +372,7 @@ def confirmed(
     return out
 
 
-def degraded(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
+def degraded(time: Array, kind: Index, model: CalibrationNumbers = MEASURED) -> Index:
     """Return the classes (n,) with the degraded ones among the fixed marked (V.5).
 
     Parameters
@@ -382,7 +381,7 @@ def degraded(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
         s, increasing.
     kind : ndarray of int, shape (n,)
         The classes that `classes` returns.
-    model : CovarianceModel
+    model : CalibrationNumbers
         Holds the share and the time of (V.5).
     """
     rows = np.flatnonzero(kind == FIXED)
@@ -397,7 +396,7 @@ def degraded(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
 
 
 def scaled(
-    cov_ned: Array, kind: Index, distance_m: ArrayLike, model: CovarianceModel = MODEL
+    cov_ned: Array, kind: Index, distance_m: ArrayLike, model: CalibrationNumbers = MEASURED
 ) -> Array:
     """Return covariances (n, 3, 3) m^2 of (V.1) from those of the engine and the classes (n,).
 
@@ -482,7 +481,7 @@ def _note(
     outlier: NDArray[np.bool_],
     island: NDArray[np.bool_],
     kind: Index,
-    model: CovarianceModel,
+    model: CalibrationNumbers,
 ) -> Check:
     finding, expected = (
         f"{int(fixed.sum() - rejected.sum())} of {int(fixed.sum())} fixed epochs are validated",

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..geodesy.earth import curvature_radii
-from ..records import Array, Check, GnssFixes
+from ...geodesy.earth import curvature_radii
+from ...records import Array, Check, GnssFixes
 
 PROBED = 2000  # positions that show the step
 LARGEST_M, SMALLEST_M = 20.0, 1e-4  # of a step that is looked for
