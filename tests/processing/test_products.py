@@ -75,7 +75,8 @@ def flight(simulated, tmp_path, monkeypatch):
         fixes = replace(
             read_gnss(tmp_path / "ign8" / "truth" / "fixes.txt", gps_week=2008), source="r.obs"
         )
-        return PpkResult(fixes, None, (), "good", {"fix_rate": 1.0}, {}, {}, "fake", 0.0)
+        quality = {"fix_rate": 1.0, "classes": {"fixed": len(fixes)}}
+        return PpkResult(fixes, None, (), "good", quality, {}, {}, "fake", 0.0)
 
     monkeypatch.setattr(flown, "solve_ppk", solve)
     monkeypatch.setattr(
