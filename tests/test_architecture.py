@@ -249,7 +249,7 @@ def test_the_reader_of_imports_sees_all_kinds() -> None:
         "base.errors",
         "records",
         "config.flight_file",
-        "navigation.solution",
+        "navigation.problem",
         "prepare.gaps",
     } <= inner_imports("processing.solve_segments")
     assert "processing.pipeline" in inner_imports("cli.process")

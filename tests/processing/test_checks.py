@@ -14,7 +14,7 @@ from pyproj.transformer import TransformerGroup
 
 from insgnss.base.errors import DataError, InputError
 from insgnss.config.flight_file import Output
-from insgnss.diagnosis.time_offset import offset_to_apply
+from insgnss.diagnosis.remedies import offset_to_apply
 from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
 from insgnss.orient.mounting import Mounting
