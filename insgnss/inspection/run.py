@@ -266,6 +266,7 @@ def _one_week(
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
     """The records in seconds of one week; and the week with its origin where no file gives it."""
     from ..prepare.clock import common_clock
+    from ..records.observations import in_week
 
     weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
     guess = None if weeks else _week_by_date(source.path)
@@ -277,8 +278,8 @@ def _one_week(
             events,
             guess,
         )
-    imu, gnss, events, _ = common_clock(imu, gnss, events, week)
-    return imu, gnss, events, guess
+    imu, gnss, week = common_clock(imu, gnss, week)
+    return imu, gnss, None if events is None else in_week(events, week), guess
 
 
 def _week_by_date(path: Path) -> tuple[int, str]:

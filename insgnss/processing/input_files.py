@@ -8,20 +8,19 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..config.barometer_options import BarometerInput
-from ..config.camera_options import CameraInput, ImageMatch
+from ..config.camera_options import ImageMatch
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
 from ..config.ppk_options import all_of
 from ..exposures.rig import (
     CameraExposures,
-    EventClock,
     own_events,
     refuse_same_names,
-    triggered_events,
+    rig_exposures,
     with_names,
 )
-from ..records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import BarometerHeights, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
@@ -134,83 +133,9 @@ def read_files(
                 named_early = with_names(trigger, camera)
     if named_early is None:
         return imu, fixes, (), ppk
-    cameras = _cameras(flight, named_early, trigger)
-    return imu, fixes, cameras, ppk
-
-
-def _cameras(
-    flight: Flight, first: CameraEvents, trigger: CameraEvents | None
-) -> "tuple[CameraExposures, ...]":
-    """The exposures of all cameras; trigger : events of the first, before they got names."""
-    camera, clock = flight.camera, event_clock(flight)
-    if camera is None:  # events of the rover's file, which no table asks for
-        return (CameraExposures("camera_1", first, clock),)
-    cameras = [CameraExposures(camera.names[0], first, clock)]
-    for name, other in zip(camera.names[1:], camera.further, strict=True):
-        events = own_events(other, flight.gps_week)
-        triggered = events is None
-        if events is None:
-            assert trigger is not None
-            events = triggered_events(trigger, other)
-            of_clock = clock if other.clock == "auto" else other.clock
-        else:
-            events, of_clock = with_names(events, other), clock_of(flight, other)
-        cameras.append(CameraExposures(name, events, of_clock, triggered))
+    cameras = rig_exposures(camera, flight.gnss, named_early, trigger, week)
     refuse_same_names(cameras, str(flight.path))
-    return tuple(cameras)
-
-
-def event_clock(flight: Flight) -> EventClock:
-    """Tell whose clock stamps the events of the first camera (`camera.clock`).
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-
-    Returns
-    -------
-    {"imu", "receiver"}
-        As `clock_of`; "imu" without a camera.
-    """
-    return "imu" if flight.camera is None else clock_of(flight, flight.camera)
-
-
-def clock_of(flight: Flight, camera: CameraInput) -> EventClock:
-    """Tell whose clock stamps the events of a camera.
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-    camera : CameraInput
-        Table of the camera.
-
-    Returns
-    -------
-    {"imu", "receiver"}
-        "receiver" where the flight file says so, or leaves it open and the receiver of the fixes
-        wrote the events itself: in the rover's RINEX, or in a .MRK beside raw observations or
-        positions of RTKLIB, which keep the stamps of the receiver; a log or a stream has its own.
-    """
-    from ..formats import sniff_events, sniff_gnss
-
-    gnss = flight.gnss
-    if camera.clock != "auto":
-        return camera.clock
-    if camera.events is None:
-        return "receiver"
-    if not isinstance(camera.events, Path) or camera.events.is_dir():
-        return "imu"
-    form = sniff_events(camera.events)
-    if form == "events_pos":
-        return "receiver"
-    if form != "mrk":
-        return "imu"
-    of_receiver = gnss.raw is not None or (
-        isinstance(gnss.file, Path) and sniff_gnss(gnss.file) == "rtklib_pos"
-    )
-    return "receiver" if of_receiver else "imu"
+    return imu, fixes, cameras, ppk
 
 
 def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
@@ -277,8 +202,8 @@ def combine_imus(
     InputError
         Where an IMU is given twice.
     """
-    from ..prepare.clock import in_week
     from ..prepare.several_imus.combine import combine
+    from ..records.observations import in_week
     from ..stochastic.model import load_noise_model, weighted_model
 
     inputs = flight.imu.further

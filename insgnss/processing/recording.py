@@ -148,13 +148,13 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
-    from ..exposures.numbering import with_numbering_note
+    from ..exposures.instants import on_clock, within
     from ..prepare.barometer import refuse_apart
-    from ..prepare.clock import common_clock, cut_events, in_week
-    from ..prepare.event_rounding import with_stamp_rounding
+    from ..prepare.clock import common_clock
     from ..prepare.fix_quality import with_floors, without_worthless
     from ..prepare.fix_rounding import with_rounding
     from ..prepare.stationarity import stationary_periods
+    from ..records.observations import in_week
     from ..stochastic.model import load_noise_model
 
     barometer = None
@@ -164,10 +164,12 @@ def read_recording(flight: Flight) -> Recording:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    gnss, cameras = _with_time_offsets(flight, gnss, cameras)
-    first = cameras[0].events if cameras else None
-    imu, gnss, _, week = common_clock(imu, gnss, first, flight.gps_week)
-    cameras = tuple(replace(camera, events=in_week(camera.events, week)) for camera in cameras)
+    if flight.gnss.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    of_events = cameras[0].events.gps_week if cameras else None
+    imu, gnss, week = common_clock(imu, gnss, flight.gps_week, of_events)
+    offsets_s = flight.imu.time_offset_s, flight.gnss.time_offset_s
+    all_cameras = on_clock(cameras, flight.camera, offsets_s, week)
     refuse_unreachable_crs(flight, gnss)
     if barometer is not None:
         barometer = in_week(barometer, week)
@@ -183,19 +185,13 @@ def read_recording(flight: Flight) -> Recording:
         C_b_imu = np.eye(3)
     noise, bands = with_dead_bands(imu, C_b_imu, noise)
     more += [*bands, *(ppk.checks if ppk else ())]
-    cameras = tuple(
-        replace(c, events=with_numbering_note(with_stamp_rounding(c.events))) for c in cameras
-    )
-    of_cameras = [camera.events for camera in cameras]
+    of_cameras = [camera.events for camera in all_cameras]
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
-    checks = _checks(flight, imu, gnss, cameras, C_b_imu, noise, more)
+    checks = _checks(flight, imu, gnss, all_cameras, C_b_imu, noise, more)
     checks += check_mounting_files(flight, week, float(gnss.time[0]))
     checks += [note for record in records for note in record.notes]
-    all_cameras = cameras
-    cameras = tuple(
-        replace(c, events=cut_events(c.events, flight.start_tow, flight.end_tow)) for c in cameras
-    )
-    checks += _images_left_out(all_cameras, cameras)
+    cameras, left_out = within(all_cameras, flight.start_tow, flight.end_tow)
+    checks += left_out
     recognition = None
     contradicted = {check.name for check in checks if check.verdict == "contradiction"}
     if flight.gnss.stationary is None and contradicted <= set(OF_AXES):
@@ -273,31 +269,6 @@ def with_dead_bands(
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
 
 
-def _with_time_offsets(
-    flight: Flight, gnss: GnssFixes, cameras: tuple[CameraExposures, ...]
-) -> tuple[GnssFixes, tuple[CameraExposures, ...]]:
-    """Add the time offsets of the flight file to the stamps of fixes and exposures.
-
-    Exposures move with the clock that the flight file says they are of; samples moved already.
-    """
-    if flight.gnss.time_offset_s:
-        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
-    if flight.camera is None:
-        return gnss, cameras
-    moved = []
-    for options, camera in zip(flight.camera.all_of_rig, cameras, strict=False):
-        offset = options.time_offset_s
-        of_imu = options.clock == "imu" or (
-            camera.triggered and options.clock == "auto" and flight.camera.clock == "imu"
-        )
-        if camera.clock == "receiver":
-            offset += flight.gnss.time_offset_s
-        elif of_imu:
-            offset += flight.imu.time_offset_s
-        moved.append(camera.moved(offset) if offset else camera)
-    return gnss, tuple(moved)
-
-
 def _checks(
     flight: Flight,
     imu: ImuSamples,
@@ -348,17 +319,6 @@ def noise_misfit(noise: "NoiseModel") -> list[Check]:
         " tune, --model)"
     )
     return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
-
-
-def _images_left_out(
-    cameras: tuple[CameraExposures, ...], within: tuple[CameraExposures, ...]
-) -> list[Check]:
-    """Note the exposures outside the span that the flight file chooses."""
-    count, kept = (sum(len(camera.events) for camera in each) for each in (cameras, within))
-    if kept == count:
-        return []
-    finding = f"{count - kept} of {count} images left out"
-    return [Check("start_tow, end_tow", finding, "all images within", "note")]
 
 
 def _turn_on_bias(

@@ -1,13 +1,14 @@
 """What was recorded: samples of the IMU and their increments, fixes, exposures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
+from ..geodesy.gpstime import WEEK_S
 from ._checked import Array, float_array, frozen, increasing
 from .rows import Rows
 from .verdicts import Check
@@ -433,6 +434,28 @@ class BarometerHeights(Rows):
 
     def _columns(self) -> dict[str, Any]:
         return {"tow": self.time, "h_m": self.height}
+
+
+Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents, BarometerHeights)
+
+
+def in_week(record: Timed, week: int) -> Timed:
+    """Return the record with its times in seconds of `week`.
+
+    Parameters
+    ----------
+    record : ImuSamples, GnssFixes, CameraEvents or BarometerHeights
+        One without a week of its own is taken to be of that week.
+    week : int
+        The GPS week.
+
+    Returns
+    -------
+    The record of the same kind.
+    """
+    if record.gps_week in (None, week):
+        return replace(record, gps_week=week)
+    return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
 
 
 def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) -> Array:

@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.decimals import decimal_step
 from ..records import Array, CameraEvents, Check
-from .fix_rounding import decimal_step
 
 LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
 EXACT_S = 1e-6  # off the multiples of a step: conversions of units, no measurement
