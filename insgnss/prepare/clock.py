@@ -7,15 +7,14 @@ import numpy as np
 from ..base.errors import DataError, InputError
 from ..geodesy.gpstime import LONG_S, weeks_apart
 from ..records import GnssFixes, ImuSamples
-from ..records.observations import in_week
 
 SHORTEST_S = 10.0
 
 
-def common_clock(
+def common_week(
     imu: ImuSamples, gnss: GnssFixes, gps_week: int | None, otherwise: int | None = None
-) -> tuple[ImuSamples, GnssFixes, int]:
-    """Put the times of samples and fixes into seconds of one week.
+) -> int:
+    """Return the GPS week whose seconds all records are to count.
 
     Parameters
     ----------
@@ -26,11 +25,6 @@ def common_clock(
         of that week.
     otherwise : int or None
         The week of another record, such as the camera's events, where neither of both has one.
-
-    Returns
-    -------
-    tuple of ImuSamples, GnssFixes, int
-        The records and the week.
 
     Raises
     ------
@@ -43,7 +37,7 @@ def common_clock(
         raise InputError(
             f"{imu.source}: no file gives the GPS week; give gps_week in the flight file"
         )
-    return in_week(imu, week), in_week(gnss, week), week
+    return week
 
 
 def common_span(

@@ -17,7 +17,6 @@ from ..diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ..geodesy.frames import LocalFrame
 from ..navigation.codes import NAV
 from ..navigation.problem import EstimationProblem, InitialState
-from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
 from ..records import Check
 from .checks import check_segments, refusal
@@ -78,7 +77,7 @@ def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
     first = int(np.searchsorted(fixes.time, lo))
     frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
     refuse_beyond_memory(forecast_of(flight, recording, lo, hi))
-    spans = gaps.segments(recording.imu.time, lo, hi)
+    spans = recording.prepared.segments(lo, hi)
     segments: list[PreparedSegment | DataError] = []
     for span in spans:
         try:

@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import DataError, InputError
-from insgnss.prepare.clock import common_clock, common_span, cut_fixes
+from insgnss.prepare.clock import common_span, common_week, cut_fixes
 from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records.observations import in_week
 
 
 def imu(start: float, end: float, week: int | None = None) -> ImuSamples:
@@ -38,8 +39,9 @@ def gnss(start: float, end: float, week: int | None = None, velocity: bool = Fal
 
 def test_other_weeks_are_brought_to_the_first_known_one():
     """Oracle: a week has 604 800 s; a flight over midnight of Saturday goes on counting."""
-    i, g, week = common_clock(imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009), None, 2009)
-    assert week == 2008
+    i, g = imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009)
+    assert common_week(i, g, None, 2009) == 2008
+    i, g = in_week(i, 2008), in_week(g, 2008)
     assert (i.gps_week, g.gps_week) == (2008, 2008)
     assert_array_equal(i.time[[0, -1]], [604790.0, 604810.0])
     assert_array_equal(g.time[[0, -1]], [604800.0, 604820.0])
@@ -47,23 +49,22 @@ def test_other_weeks_are_brought_to_the_first_known_one():
 
 def test_a_record_without_week_is_of_the_others():
     """Oracle: only the GNSS knows its week, or only the events, whose week is given beside."""
-    i, g, week = common_clock(imu(0.0, 20.0), gnss(0.0, 20.0, 2100), None)
-    assert (week, i.gps_week, g.gps_week) == (2100, 2100, 2100)
-    assert common_clock(imu(0.0, 20.0), gnss(0.0, 20.0), None, 2101)[2] == 2101
-    assert_array_equal(i.time, imu(0.0, 20.0).time)
+    assert common_week(imu(0.0, 20.0), gnss(0.0, 20.0, 2100), None, 2101) == 2100
+    assert common_week(imu(0.0, 20.0), gnss(0.0, 20.0), None, 2101) == 2101
+    assert in_week(imu(0.0, 20.0), 2100).gps_week == 2100
+    assert_array_equal(in_week(imu(0.0, 20.0), 2100).time, imu(0.0, 20.0).time)
 
 
 def test_the_given_week_rules():
     """Oracle: records of week 2009 told in seconds of week 2008."""
-    i, _, week = common_clock(imu(0.0, 20.0, 2009), gnss(0.0, 20.0), 2008)
-    assert week == 2008
-    assert i.time[0] == 604800.0
+    assert common_week(imu(0.0, 20.0, 2009), gnss(0.0, 20.0), 2008) == 2008
+    assert in_week(imu(0.0, 20.0, 2009), 2008).time[0] == 604800.0
 
 
 def test_no_week_anywhere_is_refused():
     """Oracle: nothing says the week."""
     with pytest.raises(InputError, match=r"imu\.csv: no file gives the GPS week; give gps_week"):
-        common_clock(imu(0.0, 20.0), gnss(0.0, 20.0), None)
+        common_week(imu(0.0, 20.0), gnss(0.0, 20.0), None)
 
 
 @pytest.mark.parametrize(
