@@ -194,8 +194,9 @@ def read_imus(flight: Flight) -> "tuple[Device, ...]":
     InputError
         Where an IMU is given twice.
     """
-    inputs = (flight.imu, *flight.imu.further)
-    first, *further = (read_imu_file(options, flight.gps_week) for options in inputs)
+    first = read_imu_file(flight.imu, flight.gps_week)
+    week = first.samples.gps_week if flight.gps_week is None else flight.gps_week
+    further = [read_imu_file(options, week) for options in flight.imu.further]
     for k, other in enumerate(further, start=2):
         if np.array_equal(other.samples.gyro, first.samples.gyro):
             raise InputError(
