@@ -135,8 +135,8 @@ class PreparedImu:
         DataError
             Where the recording does not show how well a gap is bridged.
         """
-        marks, (*at, _) = merge_marks(*times, edges(self.samples.time, lo, hi))
-        return body_increments(self.samples, self.C_b_imu, marks), at
+        marks, (*rows, _) = merge_marks(*times, edges(self.samples.time, lo, hi))
+        return body_increments(self.samples, self.C_b_imu, marks), rows
 
     def without_samples(self) -> "PreparedImu":
         """Return the same with the first and the last sample alone."""
