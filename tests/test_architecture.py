@@ -249,9 +249,10 @@ def test_the_reader_of_imports_sees_all_kinds() -> None:
         "base.errors",
         "records",
         "config.flight_file",
-        "navigation.solution",
-        "prepare.gaps",
+        "navigation.problem",
+        "prepare.clock",
     } <= inner_imports("processing.solve_segments")
+    assert "recognise.plausibility" in inner_imports("processing.checks")
     assert "processing.pipeline" in inner_imports("cli.process")
     assert "processing.pipeline" not in inner_imports("cli.process", only_at_import=True)
     assert {"numpy", "insgnss.base.compilation"} <= set(imports("navigation.kernels.update"))

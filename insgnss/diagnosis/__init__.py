@@ -10,9 +10,9 @@ it reads no file. The modules follow the way of the search:
     evidence         the likelihood of the innovations under one of them
     time_correlated  the most likely time-correlated (Gauss-Markov) GNSS error
     turn_on_bias     the evidence for biases that the noise model lacks
-    time_offset      the time offset that has to go into the stamps of the fixes
     decision         which candidate is adopted: `diagnose`
     drift            what larger noise of the whole flight smooths over
     advice           the notes for the user: checks against the flight file, a message
+    remedies         the list of what is tried for a segment, in order: `REMEDIES`
     estimated        what a solution says of the constants and GNSS errors among its states
 """

@@ -1,4 +1,4 @@
-"""The exposures of all cameras of a rig, and the instants that they share.
+"""The exposures of all cameras of a rig, whose clock stamps them, and the instants they share.
 
 Two cameras may be exposed at one instant, and the names of their images are no more than names:
 the filter knows instants alone. Stamps of any cameras that are closer to each other than `SHARED_S`
@@ -7,6 +7,7 @@ are of one instant; its pose and covariance are computed once and serve all imag
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..config.camera_options import CameraInput
+from ..config.gnss_options import GnssInput
 from ..formats.events.events import UNNAMED
 from ..records import CameraEvents
 from .naming import events_of, named
@@ -117,6 +119,89 @@ def triggered_events(trigger: CameraEvents, camera: CameraInput) -> CameraEvents
         events = replace(events, images=numbers)
     events = with_names(events, camera)
     return replace(events, notes=tuple(note for note in events.notes if note.name != UNNAMED))
+
+
+def event_clock(camera: CameraInput | None, gnss: GnssInput) -> EventClock:
+    """Tell whose clock stamps the events of a camera (`camera.clock`).
+
+    Parameters
+    ----------
+    camera : CameraInput or None
+        Table of the camera.
+    gnss : GnssInput
+        Table of the fixes.
+
+    Returns
+    -------
+    {"imu", "receiver"}
+        "receiver" where the flight file says so, or leaves it open and the receiver of the fixes
+        wrote the events itself: in the rover's RINEX, or in a .MRK beside raw observations or
+        positions of RTKLIB, which keep the stamps of the receiver; a log or a stream has its own.
+        "imu" without a camera.
+    """
+    from ..formats import sniff_events, sniff_gnss
+
+    if camera is None:
+        return "imu"
+    if camera.clock != "auto":
+        return camera.clock
+    if camera.events is None:
+        return "receiver"
+    if not isinstance(camera.events, Path) or camera.events.is_dir():
+        return "imu"
+    form = sniff_events(camera.events)
+    if form == "events_pos":
+        return "receiver"
+    if form != "mrk":
+        return "imu"
+    of_receiver = gnss.raw is not None or (
+        isinstance(gnss.file, Path) and sniff_gnss(gnss.file) == "rtklib_pos"
+    )
+    return "receiver" if of_receiver else "imu"
+
+
+def rig_exposures(
+    camera: CameraInput | None,
+    gnss: GnssInput,
+    first: CameraEvents,
+    trigger: CameraEvents | None,
+    gps_week: int | None,
+) -> tuple[CameraExposures, ...]:
+    """Return the exposures of all cameras of a rig, each with its clock.
+
+    Parameters
+    ----------
+    camera : CameraInput or None
+        Table of the first camera; None for events of the rover's file, which no table asks for.
+    gnss : GnssInput
+        Table of the fixes.
+    first : CameraEvents
+        The events of the first camera, with the names of its images.
+    trigger : CameraEvents or None
+        The same before they got names; None where no further camera is exposed by them.
+    gps_week : int or None
+        The GPS week of a file that carries the time of week alone.
+
+    Returns
+    -------
+    tuple of CameraExposures
+        One a camera.
+    """
+    clock = event_clock(camera, gnss)
+    if camera is None:
+        return (CameraExposures("camera_1", first, clock),)
+    cameras = [CameraExposures(camera.names[0], first, clock)]
+    for name, other in zip(camera.names[1:], camera.further, strict=True):
+        events = own_events(other, gps_week)
+        triggered = events is None
+        if events is None:
+            assert trigger is not None
+            events = triggered_events(trigger, other)
+            of_clock = clock if other.clock == "auto" else other.clock
+        else:
+            events, of_clock = with_names(events, other), event_clock(other, gnss)
+        cameras.append(CameraExposures(name, events, of_clock, triggered))
+    return tuple(cameras)
 
 
 def merged_instants(cameras: Sequence[CameraExposures]) -> CameraEvents:

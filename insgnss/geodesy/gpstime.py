@@ -24,6 +24,8 @@ GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 GPS_EPOCH_UNIX_S = 315964800.0
 SCALES = ("utc", "gpst")
 NS = 1_000_000_000
+# s, of recordings: between longer ones whole weeks are no finding, milliseconds look like them
+LONG_S = 43200.0
 
 # first UTC day with GPST - UTC = 1, 2, ... 18 s
 LEAP_DAYS = (

@@ -265,7 +265,8 @@ def _one_week(
     source: Source, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
 ) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
     """The records in seconds of one week; and the week with its origin where no file gives it."""
-    from ..prepare.clock import common_clock
+    from ..prepare.clock import common_week
+    from ..records.observations import in_week
 
     weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
     week, guess = (weeks[0], None) if weeks else _week_by_date(source.path)
@@ -276,8 +277,9 @@ def _one_week(
             events,
             guess,
         )
-    imu, gnss, events, _ = common_clock(imu, gnss, events, week)
-    return imu, gnss, events, guess
+    week = common_week(imu, gnss, week)
+    events = None if events is None else in_week(events, week)
+    return in_week(imu, week), in_week(gnss, week), events, guess
 
 
 def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:

@@ -5,7 +5,7 @@ recording itself shows; in n samples the longest run to be expected is log n / l
 that is three times as long, while another channel of the triad changes, is a register that was not
 renewed. Its samples are no measurements: they are left out, which makes a gap of them (`gaps`), and
 counted. Gyros of some devices read exactly zero as long as they hardly turn; such a dead band is no
-stuck channel. A channel that is stuck for longer than `plausibility.STUCK_S` is a dead sensor, for
+stuck channel. A channel that is stuck for longer than `STUCK_S` is a dead sensor, for
 a person to look at.
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 from ..records import Array, Check, ImuSamples
 from .gaps import nominal_interval
 
+STUCK_S = 5.0  # of a run: beyond it the channel is dead, and its samples are kept to be looked at
 LEAST_SAMPLES, LEAST_S = 20, 0.2
 LONGER = 3.0  # times the longest run that chance makes
 DEAD_BAND, OFTEN = 0.05, 0.01  # rad/s; share of the samples

@@ -17,8 +17,7 @@ from ..navigation.layout import BarometerErrors, FixErrors, StateLayout, state_l
 from ..navigation.problem import EstimationProblem
 from ..prepare.barometer import levelled
 from ..prepare.clock import cut_fixes
-from ..prepare.gaps import edges
-from ..prepare.increments import body_increments, merge_marks
+from ..prepare.increments import merge_marks
 from ..records import Array, GnssFixes
 from ..stochastic.model import NoiseModel
 from .recording import Recording
@@ -101,14 +100,14 @@ def prepare_segment(
     heights = np.zeros((0, 2))
     if recording.barometer is not None:
         heights = levelled(recording.barometer, recording.gnss, lo, hi)
-    marks, (at_fix, exposed, at_height, at_grid, _) = merge_marks(
+    increments, (at_fix, exposed, at_height, at_grid) = recording.prepared.increments(
+        lo,
+        hi,
         fixes.time,
         exposure[at_event],
         heights[:, 0],
         output_grid(lo, hi, flight.output.trajectory_hz, fixes.time),
-        edges(recording.imu.time, lo, hi),
     )
-    increments = body_increments(recording.imu, recording.C_b_imu, marks)
     requested, factory = requested_errors(flight, fixes), layout_factory(flight, recording.noise)
     layout = factory(requested)
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)

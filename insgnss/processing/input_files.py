@@ -8,24 +8,23 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..config.barometer_options import BarometerInput
-from ..config.camera_options import CameraInput, ImageMatch
+from ..config.camera_options import ImageMatch
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
 from ..config.ppk_options import all_of
 from ..exposures.rig import (
     CameraExposures,
-    EventClock,
     own_events,
     refuse_same_names,
-    triggered_events,
+    rig_exposures,
     with_names,
 )
-from ..records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import BarometerHeights, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
-    from ..stochastic.model import NoiseModel
+    from ..prepare.imu import Device
 
 STATIONARY_FIX_S = 1.0  # interval of the fixes of a sensor that stands at a known place
 
@@ -89,7 +88,7 @@ def measurements(flight: Flight) -> list[Path]:
 
 def read_files(
     flight: Flight,
-) -> "tuple[ImuSamples, GnssFixes, tuple[CameraExposures, ...], PpkResult | None]":
+) -> "tuple[tuple[Device, ...], GnssFixes, tuple[CameraExposures, ...], PpkResult | None]":
     """Read the observations of a flight as its files hold them.
 
     Parameters
@@ -99,8 +98,8 @@ def read_files(
 
     Returns
     -------
-    tuple of ImuSamples, GnssFixes, tuple of CameraExposures, PpkResult or None
-        The samples of the first IMU, the fixes, the exposures of each camera, and the PPK solution
+    tuple of tuple of Device, GnssFixes, tuple of CameraExposures, PpkResult or None
+        The IMUs as they were read, the fixes, the exposures of each camera, and the PPK solution
         where it gave the fixes.
 
     Raises
@@ -111,15 +110,15 @@ def read_files(
         Where an option of the flight file is one that the format of its file does not have.
     """
     camera, raw, week = flight.camera, flight.gnss.raw, flight.gps_week
-    imu = read_imu_file(flight.imu, week)
+    imus = read_imus(flight)
     if camera is None and raw is None:
-        return imu, _read_fixes(flight.gnss, week, imu), (), None
+        return imus, _read_fixes(flight.gnss, week, imus[0]), (), None
     trigger = None if camera is None else own_events(camera, week)
     # the images of the first camera are not those of another one that its trigger exposes
     shared = camera is not None and any(other.events is None for other in camera.further)
     named_early = None if camera is None or trigger is None else with_names(trigger, camera)
     if raw is None:
-        fixes, ppk = _read_fixes(flight.gnss, week, imu), None
+        fixes, ppk = _read_fixes(flight.gnss, week, imus[0]), None
     else:
         from ..gnss.from_flight_file import solve_raw_gnss
 
@@ -132,87 +131,13 @@ def read_files(
             if camera is not None and match is not camera.match and trigger is not None:
                 named_early = with_names(trigger, camera)
     if named_early is None:
-        return imu, fixes, (), ppk
-    cameras = _cameras(flight, named_early, trigger)
-    return imu, fixes, cameras, ppk
-
-
-def _cameras(
-    flight: Flight, first: CameraEvents, trigger: CameraEvents | None
-) -> "tuple[CameraExposures, ...]":
-    """The exposures of all cameras; trigger : events of the first, before they got names."""
-    camera, clock = flight.camera, event_clock(flight)
-    if camera is None:  # events of the rover's file, which no table asks for
-        return (CameraExposures("camera_1", first, clock),)
-    cameras = [CameraExposures(camera.names[0], first, clock)]
-    for name, other in zip(camera.names[1:], camera.further, strict=True):
-        events = own_events(other, flight.gps_week)
-        triggered = events is None
-        if events is None:
-            assert trigger is not None
-            events = triggered_events(trigger, other)
-            of_clock = clock if other.clock == "auto" else other.clock
-        else:
-            events, of_clock = with_names(events, other), clock_of(flight, other)
-        cameras.append(CameraExposures(name, events, of_clock, triggered))
+        return imus, fixes, (), ppk
+    cameras = rig_exposures(camera, flight.gnss, named_early, trigger, week)
     refuse_same_names(cameras, str(flight.path))
-    return tuple(cameras)
+    return imus, fixes, cameras, ppk
 
 
-def event_clock(flight: Flight) -> EventClock:
-    """Tell whose clock stamps the events of the first camera (`camera.clock`).
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-
-    Returns
-    -------
-    {"imu", "receiver"}
-        As `clock_of`; "imu" without a camera.
-    """
-    return "imu" if flight.camera is None else clock_of(flight, flight.camera)
-
-
-def clock_of(flight: Flight, camera: CameraInput) -> EventClock:
-    """Tell whose clock stamps the events of a camera.
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-    camera : CameraInput
-        Table of the camera.
-
-    Returns
-    -------
-    {"imu", "receiver"}
-        "receiver" where the flight file says so, or leaves it open and the receiver of the fixes
-        wrote the events itself: in the rover's RINEX, or in a .MRK beside raw observations or
-        positions of RTKLIB, which keep the stamps of the receiver; a log or a stream has its own.
-    """
-    from ..formats import sniff_events, sniff_gnss
-
-    gnss = flight.gnss
-    if camera.clock != "auto":
-        return camera.clock
-    if camera.events is None:
-        return "receiver"
-    if not isinstance(camera.events, Path) or camera.events.is_dir():
-        return "imu"
-    form = sniff_events(camera.events)
-    if form == "events_pos":
-        return "receiver"
-    if form != "mrk":
-        return "imu"
-    of_receiver = gnss.raw is not None or (
-        isinstance(gnss.file, Path) and sniff_gnss(gnss.file) == "rtklib_pos"
-    )
-    return "receiver" if of_receiver else "imu"
-
-
-def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
+def read_imu_file(options: ImuInput, gps_week: int | None) -> "Device":
     """Read the samples of one IMU, or take those that were given as an object.
 
     Parameters
@@ -224,13 +149,12 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
 
     Returns
     -------
-    ImuSamples
-        Calibrated, without stuck channels, acceleration with the sign of specific force.
+    Device
+        The samples as they were read, with what `prepare.imu.prepared` has to do to them.
     """
     from ..formats import read_imu
     from ..prepare.calibration import load_calibration
-    from ..prepare.stuck_channels import without_stuck_channels
-    from ..recognise.plausibility import STUCK_S
+    from ..prepare.imu import Device
 
     imu = options.file
     if isinstance(imu, Path):
@@ -244,61 +168,44 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
             rate_hz=options.rate_hz,
             accel_file=options.accel_file,
         )
-    imu = without_stuck_channels(imu, STUCK_S)
-    if options.accel_sign < 0:
-        imu = replace(imu, accel=-imu.accel)
-    if options.time_offset_s:
-        imu = replace(imu, time=imu.time + options.time_offset_s)
-    return imu if options.calibration is None else load_calibration(options.calibration).apply(imu)
+    calibration = None if options.calibration is None else load_calibration(options.calibration)
+    return Device(
+        *(imu, options.C_b_imu, options.lever_m),
+        *(options.accel_sign, options.time_offset_s, calibration),
+    )
 
 
-def combine_imus(
-    flight: Flight, first: ImuSamples, noise: "NoiseModel"
-) -> "tuple[ImuSamples, NoiseModel, list[Check]]":
-    """Combine all IMUs of a flight to one in body axes at the place of the first.
+def read_imus(flight: Flight) -> "tuple[Device, ...]":
+    """Read the samples of all IMUs of a flight.
 
     Parameters
     ----------
     flight : Flight
         The flight file.
-    first : ImuSamples
-        The samples of its first IMU, on the clock of the recording.
-    noise : NoiseModel
-        The noise model of the first IMU.
 
     Returns
     -------
-    tuple of ImuSamples, NoiseModel and list of Check
-        The samples, their noise, and what the IMUs say of each other.
+    tuple of Device
+        The first one first.
 
     Raises
     ------
     InputError
         Where an IMU is given twice.
     """
-    from ..prepare.clock import in_week
-    from ..prepare.several_imus.combine import combine
-    from ..stochastic.model import load_noise_model, weighted_model
-
-    inputs = flight.imu.further
-    week = first.gps_week
-    imus = [first, *(in_week(read_imu_file(i, week), week or 0) for i in inputs)]
-    for k, imu in enumerate(imus[1:], start=2):
-        if np.array_equal(imu.gyro, first.gyro):
+    first = read_imu_file(flight.imu, flight.gps_week)
+    week = first.samples.gps_week if flight.gps_week is None else flight.gps_week
+    further = [read_imu_file(options, week) for options in flight.imu.further]
+    for k, other in enumerate(further, start=2):
+        if np.array_equal(other.samples.gyro, first.samples.gyro):
             raise InputError(
-                f"{flight.path}: imu.further: IMU {k} ({imu.source}) is the first IMU again; give"
-                " its own file or columns"
+                f"{flight.path}: imu.further: IMU {k} ({other.samples.source}) is the first IMU"
+                " again; give its own file or columns"
             )
-    models = [noise, *(load_noise_model(i.noise) for i in inputs)]
-    white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
-    lever_arms = [(0.0, 0.0, 0.0), *(i.lever_m for i in inputs)]
-    axes = [flight.imu.C_b_imu, *(i.C_b_imu for i in inputs)]
-    combined = combine(imus, axes, lever_arms, white)
-    model = weighted_model(models, [tuple(w) for w in combined.weight])
-    return combined.samples, model, list(combined.checks)
+    return (first, *further)
 
 
-def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> GnssFixes:
+def _read_fixes(options: GnssInput, gps_week: int | None, imu: "Device") -> GnssFixes:
     """Read ready positions, take those of an object, or make those of a stationary sensor."""
     from ..formats import read_gnss
 
@@ -306,7 +213,8 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
         from ..prepare.fix_covariance.numbers import STATIONARY_SIGMA_M
 
         sigma_m = options.sigma_m or STATIONARY_SIGMA_M
-        return stationary_fixes(options.stationary, sigma_m, imu)
+        samples = replace(imu.samples, time=imu.samples.time + imu.time_offset_s)
+        return stationary_fixes(options.stationary, sigma_m, samples)
     if isinstance(options.file, GnssFixes):
         return options.file
     assert options.file is not None

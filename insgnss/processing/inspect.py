@@ -76,7 +76,8 @@ def inspect(
     InputError, DataError
         Where the recording cannot be read.
     """
-    from ..prepare.clock import common_span, refuse_outside
+    from ..exposures.instants import refuse_outside
+    from ..prepare.clock import common_span
 
     progress("reading")
     recording = recording or read_recording(flight)

@@ -21,7 +21,6 @@ from ..orient.exterior import exterior_orientation, pose_derivatives
 from ..orient.mounting import Mounting
 from ..orient.rig import rig_orientation
 from ..orient.strips import strip_rows
-from ..prepare.clock import take_events
 from ..records import Array, ExteriorOrientation, GnssFixes, Trajectory
 from ..records.rig import merged_order
 from ..records.strips import CommonErrors, StripCovariance
@@ -116,7 +115,7 @@ def orient_images(
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
     oriented = []
     for own in images:
-        taken = take_events(own.camera.events, own.rows)
+        taken = own.camera.events[own.rows]
         if own.of_receiver:
             taken = replace(taken, time=own.exposed.time)
         eo = exterior_orientation(own.exposed, taken, own.mounting, plane, history)

@@ -19,7 +19,8 @@ from ..base.provenance import circumstances, versions
 from ..base.received.trusted import at_home
 from ..base.wording import relative
 from ..config.flight_file import Flight
-from ..prepare.clock import common_span, refuse_outside
+from ..exposures.instants import refuse_outside
+from ..prepare.clock import common_span
 from ..records import (
     Check,
     Diagnostics,

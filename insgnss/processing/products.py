@@ -298,7 +298,7 @@ def _write_solution(
     solved.
     """
     from ..gnss.antenna_files import write_antenna_files
-    from ..prepare.clock import in_week
+    from ..records.observations import in_week
 
     ppk.write(directory / SOLUTION)
     events = recording.events

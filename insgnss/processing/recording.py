@@ -23,11 +23,13 @@ from .checks import (
     of_camera,
     refuse_unreachable_crs,
 )
-from .input_files import combine_imus, read_barometer_file, read_files
+from .input_files import read_barometer_file, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
+    from ..prepare.dead_band import DeadBand
     from ..prepare.fix_covariance.decision import CovarianceRules
+    from ..prepare.imu import PreparedImu
     from ..prepare.stationarity import StationaryPeriods
     from ..recognise.recognition import Recognition
     from ..stochastic.model import NoiseModel
@@ -44,18 +46,17 @@ class Recording:
 
     Parameters
     ----------
-    imu, gnss : ImuSamples, GnssFixes
-        The observations; the samples are those of several IMUs combined, where there are several.
+    prepared : PreparedImu
+        The samples, those of several IMUs combined where there are several, with what they say of
+        themselves.
+    gnss : GnssFixes
+        The fixes.
     cameras : tuple of CameraExposures
         The exposures of each camera; none without a camera.
     gps_week : int
         The GPS week whose seconds all stamps count.
     checks : tuple of Check
         The checks of the recording against the flight file.
-    C_b_imu : ndarray, shape (3, 3)
-        Takes the axes of the samples into those of the body.
-    stationary : StationaryPeriods
-        The stationary periods.
     noise : NoiseModel
         The noise model of the samples.
     turn_on : str
@@ -72,13 +73,11 @@ class Recording:
         Which rules decided the covariances of the fixes, in words.
     """
 
-    imu: ImuSamples
+    prepared: "PreparedImu"
     gnss: GnssFixes
     cameras: tuple[CameraExposures, ...]
     gps_week: int
     checks: tuple[Check, ...]
-    C_b_imu: Array
-    stationary: "StationaryPeriods"
     noise: "NoiseModel"
     turn_on: str = ""
     recognition: "Recognition | None" = None
@@ -86,6 +85,21 @@ class Recording:
     barometer: BarometerHeights | None = None
     sample_count: int = 0
     covariances: str = ""
+
+    @property
+    def imu(self) -> ImuSamples:
+        """The samples."""
+        return self.prepared.samples
+
+    @property
+    def C_b_imu(self) -> Array:
+        """Takes the axes of the samples into those of the body."""
+        return self.prepared.C_b_imu
+
+    @property
+    def stationary(self) -> "StationaryPeriods":
+        """The stationary periods."""
+        return self.prepared.stationary
 
     @cached_property
     def events(self) -> CameraEvents | None:
@@ -129,7 +143,7 @@ class Recording:
         Recording
             The same otherwise, for what comes after the increments: 8 hours at 500 Hz are 0.8 GB.
         """
-        return replace(self, imu=self.imu[[0, -1]], sample_count=self.sample_count)
+        return replace(self, prepared=self.prepared.without_samples())
 
     def __post_init__(self) -> None:
         if not self.sample_count:
@@ -155,73 +169,71 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
-    from ..exposures.numbering import with_numbering_note
+    from ..exposures.instants import on_clock, within
     from ..prepare.barometer import refuse_apart
-    from ..prepare.clock import common_clock, cut_events, in_week
-    from ..prepare.event_rounding import with_stamp_rounding
+    from ..prepare.clock import common_week
     from ..prepare.fix_covariance.decision import decide
-    from ..prepare.stationarity import stationary_periods
-    from ..stochastic.model import load_noise_model
+    from ..prepare.imu import prepared
+    from ..records.observations import in_week
+    from ..stochastic.model import load_noise_model, weighted_model
 
     barometer = None
     try:
-        imu, gnss, cameras, ppk = read_files(flight)
+        devices, gnss, cameras, ppk = read_files(flight)
         if flight.barometer is not None:
             barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    gnss, cameras = _with_time_offsets(flight, gnss, cameras)
-    first = cameras[0].events if cameras else None
-    imu, gnss, _, week = common_clock(imu, gnss, first, flight.gps_week)
-    cameras = tuple(replace(camera, events=in_week(camera.events, week)) for camera in cameras)
+    if flight.gnss.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    of_events = cameras[0].events.gps_week if cameras else None
+    week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
+    gnss = in_week(gnss, week)
+    offsets_s = flight.imu.time_offset_s, flight.gnss.time_offset_s
+    all_cameras = on_clock(cameras, flight.camera, offsets_s, week)
     refuse_unreachable_crs(flight, gnss)
+    gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
+    models = [load_noise_model(imu.noise) for imu in (flight.imu, *flight.imu.further)]
+    white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
+    prepared_imu = prepared(
+        [replace(d, white_noise=w) for d, w in zip(devices, white, strict=True)], gnss, week
+    )
+    del devices  # 8 hours at 500 Hz are 0.8 GB
+    imu, C_b_imu = prepared_imu.samples, prepared_imu.C_b_imu
     if barometer is not None:
         barometer = in_week(barometer, week)
         refuse_apart(barometer, imu)
-    gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
-    C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
-    more: list[Check] = []
-    if flight.imu.further:
-        imu, noise, more = combine_imus(flight, imu, noise)
-        C_b_imu = np.eye(3)
-    noise, bands = with_dead_bands(imu, C_b_imu, noise)
-    more += [*bands, *(ppk.checks if ppk else ())]
-    cameras = tuple(
-        replace(c, events=with_numbering_note(with_stamp_rounding(c.events))) for c in cameras
-    )
-    of_cameras = [camera.events for camera in cameras]
+    noise = models[0]
+    if prepared_imu.weight is not None:
+        noise = weighted_model(models, [tuple(w) for w in prepared_imu.weight])
+    noise, bands = with_dead_bands(prepared_imu.dead_bands, C_b_imu, noise)
+    more = [*prepared_imu.checks, *bands, *(ppk.checks if ppk else ())]
+    of_cameras = [camera.events for camera in all_cameras]
     records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
-    checks = _checks(flight, imu, gnss, cameras, C_b_imu, noise, more)
+    checks = _checks(flight, imu, gnss, all_cameras, C_b_imu, noise, more)
     checks += check_mounting_files(flight, week, float(gnss.time[0]))
     checks += [note for record in records for note in record.notes]
-    all_cameras = cameras
-    cameras = tuple(
-        replace(c, events=cut_events(c.events, flight.start_tow, flight.end_tow)) for c in cameras
-    )
-    checks += _images_left_out(all_cameras, cameras)
+    cameras, left_out = within(all_cameras, flight.start_tow, flight.end_tow)
+    checks += left_out
     recognition = None
     contradicted = {check.name for check in checks if check.verdict == "contradiction"}
     if flight.gnss.stationary is None and contradicted <= set(OF_AXES):
         recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
         checks = _with_recognised(checks, disagreements, recognition, bool(contradicted))
         recognition = None if contradicted else recognition
-    stationary = stationary_periods(imu, gnss)
-    first_fix, end_fix = (np.searchsorted(gnss.time, stationary.time[:, k]) for k in (0, 1))
-    stationary = stationary.where(end_fix > first_fix)
+    stationary = prepared_imu.stationary
     if flight.gnss.stationary is not None:
         checks = [check for check in checks if not check.name.startswith("GNSS ")]
         checks.append(check_stationary(imu, stationary.time))
     turn_on = _turn_on_bias(stationary, C_b_imu, noise, gnss) if len(stationary) else ""
     if flight.filter.zero_velocity == "off":
-        stationary = stationary.where(np.zeros(len(stationary), dtype=np.bool_))
+        prepared_imu = prepared_imu.without_stationary()
     return Recording(
-        imu,
+        prepared_imu,
         gnss,
         cameras,
         week,
         tuple(checks),
-        C_b_imu,
-        stationary,
         noise,
         turn_on,
         recognition,
@@ -254,14 +266,14 @@ def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "Covaria
 
 
 def with_dead_bands(
-    imu: ImuSamples, C_b_imu: Array, noise: "NoiseModel"
+    bands: "Mapping[int, DeadBand]", C_b_imu: Array, noise: "NoiseModel"
 ) -> "tuple[NoiseModel, list[Check]]":
     """Add the errors of gyros with a dead band to their noise model, with a note that names them.
 
     Parameters
     ----------
-    imu : ImuSamples
-        In the sensor's own axes.
+    bands : mapping of int to DeadBand
+        By the number of the gyro, in the sensor's own axes.
     C_b_imu : ndarray, shape (3, 3)
         IMU axes to body.
     noise : NoiseModel
@@ -272,11 +284,10 @@ def with_dead_bands(
     tuple of NoiseModel, list of Check
         The same model and no note where no band counts.
     """
-    from ..prepare.dead_band import dead_bands
     from ..stochastic.model import GaussMarkov
 
     gyro, named = list(noise.gyro), []
-    for k, band in dead_bands(imu).items():
+    for k, band in bands.items():
         axis = int(np.argmax(np.abs(C_b_imu[:, k])))
         if not band.counts(gyro[axis].white_noise):
             continue
@@ -297,31 +308,6 @@ def with_dead_bands(
         "let the device write its raw rates with all digits: heading is worse by what they hide",
     )
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
-
-
-def _with_time_offsets(
-    flight: Flight, gnss: GnssFixes, cameras: tuple[CameraExposures, ...]
-) -> tuple[GnssFixes, tuple[CameraExposures, ...]]:
-    """Add the time offsets of the flight file to the stamps of fixes and exposures.
-
-    Exposures move with the clock that the flight file says they are of; samples moved already.
-    """
-    if flight.gnss.time_offset_s:
-        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
-    if flight.camera is None:
-        return gnss, cameras
-    moved = []
-    for options, camera in zip(flight.camera.all_of_rig, cameras, strict=False):
-        offset = options.time_offset_s
-        of_imu = options.clock == "imu" or (
-            camera.triggered and options.clock == "auto" and flight.camera.clock == "imu"
-        )
-        if camera.clock == "receiver":
-            offset += flight.gnss.time_offset_s
-        elif of_imu:
-            offset += flight.imu.time_offset_s
-        moved.append(camera.moved(offset) if offset else camera)
-    return gnss, tuple(moved)
 
 
 def _checks(
@@ -374,17 +360,6 @@ def noise_misfit(noise: "NoiseModel") -> list[Check]:
         " tune, --model)"
     )
     return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
-
-
-def _images_left_out(
-    cameras: tuple[CameraExposures, ...], within: tuple[CameraExposures, ...]
-) -> list[Check]:
-    """Note the exposures outside the span that the flight file chooses."""
-    count, kept = (sum(len(camera.events) for camera in each) for each in (cameras, within))
-    if kept == count:
-        return []
-    finding = f"{count - kept} of {count} images left out"
-    return [Check("start_tow, end_tow", finding, "all images within", "note")]
 
 
 def _turn_on_bias(

@@ -4,7 +4,7 @@ A flight is one segment unless its IMU has gaps longer than `prepare.gaps` bridg
 segment is solved on its own.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,29 +12,13 @@ import numpy as np
 from ..align.initial import given_attitude, initial_state
 from ..base.errors import DataError
 from ..config.flight_file import Flight
-from ..diagnosis.candidates import with_layout
-from ..diagnosis.code_errors import code_errors, code_message
-from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure, rescue
-from ..diagnosis.drift import hidden_drift
-from ..diagnosis.incorrect_fixes import (
-    Spell,
-    incorrect_check,
-    undecided_spells,
-    with_steps,
-    withhold_incorrect_fixes,
-)
-from ..diagnosis.sensitivity import Sensitivity
-from ..diagnosis.time_offset import ROUNDS, offset_to_apply
-from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
+from ..diagnosis.decision import ErrorModelSearch
+from ..diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_apply
 from ..geodesy.frames import LocalFrame
-from ..navigation.codes import COVARIANCE_RESET, NAV, POSITION
-from ..navigation.filter import gate_from_sigma
+from ..navigation.codes import NAV
 from ..navigation.problem import EstimationProblem, InitialState
-from ..navigation.solution import Solution, solve
-from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
 from ..records import Check
-from ..records.verdicts import ConstantEstimate
 from .checks import check_segments, refusal
 from .estimation_problem import (
     PreparedSegment,
@@ -47,9 +31,6 @@ from .estimation_problem import (
 from .progress import Progress
 from .recording import Recording
 from .segment import Segment
-
-OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
-OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
 
 
 @dataclass(frozen=True)
@@ -96,7 +77,7 @@ def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
     first = int(np.searchsorted(fixes.time, lo))
     frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
     refuse_beyond_memory(forecast_of(flight, recording, lo, hi))
-    spans = gaps.segments(recording.imu.time, lo, hi)
+    spans = recording.prepared.segments(lo, hi)
     segments: list[PreparedSegment | DataError] = []
     for span in spans:
         try:
@@ -246,155 +227,43 @@ def _search(
 def _solve(
     flight: Flight, recording: Recording, prepared: PreparedSegment, step: Progress
 ) -> Segment:
-    """Align, filter and smooth a segment, and look for its error model."""
-    search = _search(flight, recording, prepared, step)
+    """Align a segment, and walk the remedies, of which the filter is one entry."""
+    case = Case(
+        prepared.problem,
+        prepared.requested_errors,
+        _search(flight, recording, prepared, step),
+        lambda problem: _align(flight, problem, prepared.moved_s),
+        recording.noise,
+        lambda noise: layout_factory(flight, noise),
+        tuple(flight.accept),
+        moving=flight.gnss.stationary is None,
+    )
     step("align")
-    spells: tuple[Spell, ...] = ()
-    noisy: tuple[Check, ...] = ()
-    followed = None
     try:
-        start, how = _align(flight, prepared.problem, prepared.moved_s)
-        if search.time_correlated:
-            prepared, start, of_code = _with_code_errors(prepared, start, step)
-            search = replace(
-                search,
-                requested_errors=prepared.requested_errors,
-                time_correlated=of_code is None,
-            )
-            how = how if of_code is None else f"{how}; {of_code}"
-        if flight.gnss.stationary is None:
-            followed = search.followed(prepared.problem)
-        prepared, spells, solution = _filtered(flight, prepared, start, step, followed)
+        start, how = case.align(case.problem)
+        case = replace(case, start=start, how=how)
     except DataError as error:
-        step("what would explain it")
-        _refuse_what_explains(flight, recording, prepared, search, error)
-        step("once more with an open gate")
-        opened = _with_open_gate(flight, prepared, step)
-        if opened is not None:
-            prepared, start, how, solution = opened
-        else:
-            step("other errors of the IMU, or larger noise")
-            rescued = _rescued(flight, prepared, search)
-            if rescued is None:
-                raise
-            start, how, solution, noisy = rescued
-    biases = _missing_biases(flight, recording, prepared, solution, step)
-    if biases is not None and biases.name not in flight.accept:
-        remark = f'; accept = ["{biases.name}"] in the flight file overrules'
-        raise refusal(flight, biases, remark)
-    checks = () if biases is None else (biases,)
-    history: tuple[str, ...] = (how,)
-    checks = (*checks, *noisy)
-    constants: tuple[ConstantEstimate, ...] = ()
-    if flight.gnss.stationary is None and not noisy:
-        diagnosis = diagnose(search, start, solution, followed)
-        drift = hidden_drift(solution, diagnosis.solution, diagnosis.checks)
-        solution, constants = diagnosis.solution, diagnosis.constants
-        checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
-        checks = checks if drift is None else (*checks, drift)
-    if spells:
-        checks = (*checks, incorrect_check(solution.problem, spells, True))
-    if priced := undecided_spells(solution):
-        solution = with_steps(solution, priced)
-        checks = (*checks, incorrect_check(solution.problem, tuple(priced), False))
+        case = replace(case, failure=error)
+    for remedy in REMEDIES:
+        case = remedy.applied(case)
+        if case.refused is not None:
+            raise refusal(flight, *case.refused)
+    if case.solution is None:
+        assert case.failure is not None
+        raise case.failure
     return Segment(
-        solution,
+        case.solution,
         prepared.fixes,
         prepared.grid,
         prepared.at_event,
         prepared.exposed,
-        history,
-        checks,
+        (case.how, *case.history),
+        case.checks,
         time_offset_s=prepared.moved_s,
         stated=stated_constants(flight),
         requested=_requested(flight),
-        constants=constants,
+        constants=case.constants,
     )
-
-
-def _with_open_gate(
-    flight: Flight, prepared: PreparedSegment, step: Progress
-) -> tuple[PreparedSegment, InitialState, str, Solution] | None:
-    """Solve with an open gate first, and close it about that solution.
-
-    A start that is far off, or an estimated offset of many times what a fix claims, has the gate
-    reject what would put it right. None where the closed gate rejects it still.
-    """
-    errors = prepared.requested_errors
-    if errors.clock_rate is not None:
-        errors = replace(errors, clock_rate=OPEN_CLOCK_RATE)
-    layout = prepared.layout_factory(errors)
-    gate = prepared.problem.gate
-    open_gate = replace(prepared.problem, layout=layout, gate=gate_from_sigma(OPEN_GATE_SIGMA))
-    try:
-        start, how = _align(flight, open_gate, prepared.moved_s)
-        first = solve(open_gate, start, flight.filter.second_pass, step, separations=0)
-        gated = replace(open_gate, gate=gate)
-        solution = solve(gated, start, flight.filter.second_pass, step, about=first)
-    except DataError:
-        return None
-    prepared = replace(prepared, problem=gated, requested_errors=errors)
-    how = f"{how}; solved with an open gate first, which was closed about that solution"
-    return prepared, start, how, solution
-
-
-def _rescued(
-    flight: Flight, prepared: PreparedSegment, search: ErrorModelSearch
-) -> tuple[InitialState, str, Solution, tuple[Check, ...]] | None:
-    """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
-    try:
-        open_gate = replace(prepared.problem, gate=np.inf)
-        start, how = _align(flight, open_gate, prepared.moved_s)
-    except DataError:
-        return None
-    rescued = rescue(search, prepared.problem, start)
-    if rescued is None:
-        return None
-    solution, checks = rescued
-    how = "; ".join((how, *(f"{check.name}: {check.found}" for check in checks)))
-    return start, how, solution, checks
-
-
-def _with_code_errors(
-    prepared: PreparedSegment, start: InitialState, step: Progress
-) -> tuple[PreparedSegment, InitialState, str | None]:
-    """Give code solutions the errors that the data show, and say which."""
-    factory, requested = prepared.layout_factory, prepared.requested_errors
-    errors = code_errors(prepared.problem, start, factory, requested, step)
-    if errors is None:
-        return prepared, start, None
-    problem, start = with_layout(prepared.problem, start, factory(errors))
-    prepared = replace(prepared, problem=problem, requested_errors=errors)
-    return prepared, start, code_message(errors)
-
-
-def _filtered(
-    flight: Flight,
-    prepared: PreparedSegment,
-    start: InitialState,
-    step: Progress,
-    followed: Sensitivity | None,
-) -> tuple[PreparedSegment, tuple[Spell, ...], Solution]:
-    """Filter and smooth a segment, without the fixes of spells that stand apart from the rest."""
-    failure, second_pass = None, flight.filter.second_pass
-    try:
-        follower = None if followed is None else followed.through
-        solution = solve(prepared.problem, start, second_pass, step, follower=follower)
-        if not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET):
-            return prepared, (), solution
-    except DataError as error:
-        failure = error
-    step("which fixes stand apart")
-    problem, spells = withhold_incorrect_fixes(prepared.problem, start)
-    if spells:
-        try:
-            again = solve(problem, start, second_pass, step)
-            return replace(prepared, problem=problem), spells, again
-        except DataError:
-            pass
-    if failure is not None:
-        raise failure
-    return prepared, (), solution
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:
@@ -434,48 +303,6 @@ def _expecting(start: InitialState, offset_state: int, offset_s: float) -> Initi
     mean = start.mean.copy()
     mean[NAV.stop + offset_state] += offset_s
     return replace(start, mean=mean)
-
-
-def _aligned_by(flight: Flight, moved_s: float) -> Callable[[EstimationProblem], InitialState]:
-    """Return what gives the initial state of a problem of this flight, its fixes moved."""
-    return lambda problem: _align(flight, problem, moved_s)[0]
-
-
-def _refuse_what_explains(
-    flight: Flight,
-    recording: Recording,
-    prepared: PreparedSegment,
-    search: ErrorModelSearch,
-    error: DataError,
-) -> None:
-    """Raise InputError with the cause of `error`, where the flight shows one."""
-    biases = _missing_biases(flight, recording, prepared, None, search.progress)
-    if biases is not None:
-        raise refusal(flight, biases) from None
-    align = _aligned_by(flight, prepared.moved_s)
-    cause = explain_failure(search, prepared.problem, align)
-    if cause is not None:
-        raise refusal(flight, cause, f"; as the flight file is, {error}") from None
-
-
-def _missing_biases(
-    flight: Flight,
-    recording: Recording,
-    prepared: PreparedSegment,
-    solution: Solution | None,
-    step: Progress,
-) -> Check | None:
-    """Check whether the innovations show the turn-on biases that the noise model lacks."""
-    noise = recording.noise
-    if not without_turn_on(noise):
-        return None
-    step("turn-on biases, which the noise model lacks")
-    layout = layout_factory(flight, with_turn_on(noise))(prepared.requested_errors)
-    problem = replace(prepared.problem, layout=layout)
-    align, second_pass = _aligned_by(flight, prepared.moved_s), flight.filter.second_pass
-    return check_biases_in_innovations(
-        noise, solution, lambda: solve(problem, align(problem), second_pass, separations=0)
-    )
 
 
 def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:

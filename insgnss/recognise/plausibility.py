@@ -10,14 +10,13 @@ from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import curvature_radii
 from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LACKING, find_gaps, mean_interval, nominal_interval
-from ..prepare.stuck_channels import constant_runs, dead_band
+from ..prepare.stuck_channels import STUCK_S, constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .positions import check_velocity
 from .propulsion import propulsion
 from .streams import check_classes
 from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
-STUCK_S = 5.0
 FAR_M = 50e3
 NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all the time
 FAST_MS = 8.0

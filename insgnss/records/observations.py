@@ -1,13 +1,14 @@
 """What was recorded: samples of the IMU and their increments, fixes, exposures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
+from ..geodesy.gpstime import WEEK_S
 from ._checked import Array, float_array, frozen, increasing
 from .rows import Rows
 from .verdicts import Check
@@ -442,6 +443,28 @@ class BarometerHeights(Rows):
         return {"tow": self.time, "h_m": self.height}
 
 
+Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents, BarometerHeights)
+
+
+def in_week(record: Timed, week: int) -> Timed:
+    """Return the record with its times in seconds of `week`.
+
+    Parameters
+    ----------
+    record : ImuSamples, GnssFixes, CameraEvents or BarometerHeights
+        One without a week of its own is taken to be of that week.
+    week : int
+        The GPS week.
+
+    Returns
+    -------
+    The record of the same kind.
+    """
+    if record.gps_week in (None, week):
+        return replace(record, gps_week=week)
+    return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
+
+
 def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) -> Array:
     """The table as float64; InputError where its number of columns is none of `widths`."""
     values = float_array(source, table)
@@ -470,3 +493,28 @@ def _diagonal(source: str, name: str, sigma: ArrayLike | None, count: int) -> Ar
 def _rate(time: Array) -> str:
     """The rate of stamps, for people."""
     return f"{1.0 / float(np.median(np.diff(time))):.4g} Hz" if time.size > 1 else "one instant"
+
+
+def decimal_step(
+    values: NDArray[np.float64], largest: float, smallest: float, exact: float
+) -> float:
+    """Return the largest power of ten of which all values are multiples; 0 where there is none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        One number alone shows no step.
+    largest, smallest : float
+        Between which it is looked for.
+    exact : float
+        How far off its multiples values may be.
+    """
+    values = np.unique(values)
+    if values.size < 2:
+        return 0.0
+    first, last = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
+    for power in range(first, last - 1, -1):
+        step = 10.0**power
+        if np.abs(values - step * np.rint(values / step)).max() < exact:
+            return step
+    return 0.0

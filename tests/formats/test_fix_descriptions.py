@@ -9,9 +9,10 @@ from numpy.testing import assert_array_equal
 from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss
 from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
-from insgnss.prepare.clock import cut_fixes, in_week
+from insgnss.prepare.clock import cut_fixes
 from insgnss.records import GnssFixes
 from insgnss.records.from_tables import gnss_fixes
+from insgnss.records.observations import in_week
 
 HEADER = (
     "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"

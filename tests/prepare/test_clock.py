@@ -1,4 +1,4 @@
-"""One clock: GPS weeks, the common span, the cut of the fixes, exposures outside. Oracle
+"""One clock: GPS weeks, the common span, the cut of the fixes. Oracle
 throughout: a calendar of round numbers.
 """
 
@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import DataError, InputError
-from insgnss.prepare.clock import common_clock, common_span, cut_events, cut_fixes, refuse_outside
-from insgnss.records import CameraEvents, GnssFixes, ImuSamples
+from insgnss.prepare.clock import common_span, common_week, cut_fixes
+from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records.observations import in_week
 
 
 def imu(start: float, end: float, week: int | None = None) -> ImuSamples:
@@ -36,42 +37,34 @@ def gnss(start: float, end: float, week: int | None = None, velocity: bool = Fal
     )
 
 
-def events(*time: float, week: int | None = None) -> CameraEvents:
-    return CameraEvents(
-        tuple(f"{i}.tif" for i in range(len(time))), np.array(time), week, "events.txt"
-    )
-
-
 def test_other_weeks_are_brought_to_the_first_known_one():
     """Oracle: a week has 604 800 s; a flight over midnight of Saturday goes on counting."""
-    i, g, e, week = common_clock(
-        imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009), events(5.0, week=2009), None
-    )
-    assert week == 2008
-    assert (i.gps_week, g.gps_week, e.gps_week) == (2008, 2008, 2008)
+    i, g = imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009)
+    assert common_week(i, g, None, 2009) == 2008
+    i, g = in_week(i, 2008), in_week(g, 2008)
+    assert (i.gps_week, g.gps_week) == (2008, 2008)
     assert_array_equal(i.time[[0, -1]], [604790.0, 604810.0])
     assert_array_equal(g.time[[0, -1]], [604800.0, 604820.0])
-    assert_array_equal(e.time, [604805.0])
 
 
 def test_a_record_without_week_is_of_the_others():
-    """Oracle: only the GNSS knows its week."""
-    i, g, e, week = common_clock(imu(0.0, 20.0), gnss(0.0, 20.0, 2100), None, None)
-    assert (week, i.gps_week, g.gps_week, e) == (2100, 2100, 2100, None)
-    assert_array_equal(i.time, imu(0.0, 20.0).time)
+    """Oracle: only the GNSS knows its week, or only the events, whose week is given beside."""
+    assert common_week(imu(0.0, 20.0), gnss(0.0, 20.0, 2100), None, 2101) == 2100
+    assert common_week(imu(0.0, 20.0), gnss(0.0, 20.0), None, 2101) == 2101
+    assert in_week(imu(0.0, 20.0), 2100).gps_week == 2100
+    assert_array_equal(in_week(imu(0.0, 20.0), 2100).time, imu(0.0, 20.0).time)
 
 
 def test_the_given_week_rules():
     """Oracle: records of week 2009 told in seconds of week 2008."""
-    i, _, _, week = common_clock(imu(0.0, 20.0, 2009), gnss(0.0, 20.0), None, 2008)
-    assert week == 2008
-    assert i.time[0] == 604800.0
+    assert common_week(imu(0.0, 20.0, 2009), gnss(0.0, 20.0), 2008) == 2008
+    assert in_week(imu(0.0, 20.0, 2009), 2008).time[0] == 604800.0
 
 
 def test_no_week_anywhere_is_refused():
     """Oracle: nothing says the week."""
     with pytest.raises(InputError, match=r"imu\.csv: no file gives the GPS week; give gps_week"):
-        common_clock(imu(0.0, 20.0), gnss(0.0, 20.0), None, None)
+        common_week(imu(0.0, 20.0), gnss(0.0, 20.0), None)
 
 
 @pytest.mark.parametrize(
@@ -143,30 +136,3 @@ def test_cut_keeps_every_field_of_the_fixes_within():
     bare = cut_fixes(gnss(0.0, 20.0), 10.0, 12.0)
     assert bare.velocity_ned is None
     assert bare.velocity_cov_ned is None
-
-
-def test_events_are_cut_where_the_flight_is():
-    """Oracle: names and times of the middle two; no cut gives all of them back, a cut that leaves
-    none is refused.
-    """
-    four = events(9.0, 10.0, 20.0, 20.5)
-    cut = cut_events(four, 10.0, 20.0)
-    assert cut.images == ("1.tif", "2.tif")
-    assert_array_equal(cut.time, [10.0, 20.0])
-    assert cut_events(four, None, None) is four
-    assert cut_events(four, None, 9.0).images == ("0.tif",)
-    with pytest.raises(InputError, match="no image between start_tow and end_tow"):
-        cut_events(four, 11.0, 12.0)
-
-
-def test_exposures_outside_are_named_and_counted():
-    """Oracle: two of four lie outside; both ends belong to the flight."""
-    refuse_outside(events(10.0, 15.0, 20.0), 10.0, 20.0)
-    with pytest.raises(
-        InputError,
-        match=(
-            r"events\.txt: image 0\.tif at 9\.000 s is outside the flight, 10\.000 to 20\.000 s .*2"
-            r" of 4 images"
-        ),
-    ):
-        refuse_outside(events(9.0, 10.0, 20.0, 20.5), 10.0, 20.0)

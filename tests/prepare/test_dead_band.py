@@ -7,7 +7,7 @@ import pytest
 
 import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.prepare.dead_band import DeadBand, dead_band_of
+from insgnss.prepare.dead_band import DeadBand, dead_band_of, dead_bands
 from insgnss.processing.recording import with_dead_bands
 from insgnss.simulation.ground import drive
 from insgnss.simulation.scenario import ImuOptions, observe
@@ -68,18 +68,18 @@ def test_it_enters_at_its_axis_of_the_body():
     C_b_imu = axes_matrix("right backward down")
     gyro = imu.gyro.copy()
     gyro[:, 1] = np.where(np.abs(gyro[:, 1]) < 0.02, 0.0, gyro[:, 1])
-    changed, (note,) = with_dead_bands(replace(imu, gyro=gyro), C_b_imu, noise)
+    changed, (note,) = with_dead_bands(dead_bands(replace(imu, gyro=gyro)), C_b_imu, noise)
     assert [len(axis.gauss_markov) for axis in changed.gyro] == [1, 0, 0]
     assert changed.gyro[0].gauss_markov[0].sigma == pytest.approx(0.02 / np.sqrt(3.0), rel=0.05)
     assert note.name == "IMU noise"
     assert "gyro y" in note.found
     increments = replace(imu, gyro=gyro * DT, accel=imu.accel * DT, quantity="increments")
-    again, _ = with_dead_bands(increments, C_b_imu, noise)
+    again, _ = with_dead_bands(dead_bands(increments), C_b_imu, noise)
     found = again.gyro[0].gauss_markov[0]
     assert found.sigma == pytest.approx(changed.gyro[0].gauss_markov[0].sigma, rel=1e-3)
-    assert with_dead_bands(imu, C_b_imu, noise) == (noise, [])
+    assert with_dead_bands(dead_bands(imu), C_b_imu, noise) == (noise, [])
     dithered = replace(imu, gyro=np.round(imu.gyro, 3))
-    assert with_dead_bands(dithered, C_b_imu, noise) == (noise, [])
+    assert with_dead_bands(dead_bands(dithered), C_b_imu, noise) == (noise, [])
 
 
 @pytest.mark.slow

@@ -14,7 +14,8 @@ from pyproj.transformer import TransformerGroup
 
 from insgnss.base.errors import DataError, InputError
 from insgnss.config.flight_file import Output
-from insgnss.diagnosis.time_offset import offset_to_apply
+from insgnss.diagnosis.remedies import offset_to_apply
+from insgnss.exposures.rig import event_clock
 from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
 from insgnss.orient.mounting import Mounting
@@ -25,7 +26,7 @@ from insgnss.processing.checks import (
     refuse_unobservable,
     refuse_unreachable_crs,
 )
-from insgnss.processing.input_files import event_clock, stationary_fixes
+from insgnss.processing.input_files import stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
 from insgnss.processing.segment_checks import check_motion
@@ -244,7 +245,7 @@ def test_events_that_the_receiver_wrote_are_of_its_clock(tmp_path: Path) -> None
         gnss = SimpleNamespace(
             file=None if fixes is None else tmp_path / fixes, raw=raw if fixes is None else None
         )
-        return event_clock(SimpleNamespace(camera=camera, gnss=gnss))  # type: ignore[arg-type]
+        return event_clock(camera, gnss)  # type: ignore[arg-type]
 
     assert {clock(None, None), clock("a.MRK", None), clock("a.MRK", "a.pos")} == {"receiver"}
     others = [("a.txt", None), ("a.txt", "a.pos"), ("a.MRK", "fixes.txt"), ("a.MRK", "a.nmea")]

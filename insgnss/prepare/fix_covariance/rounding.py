@@ -17,6 +17,7 @@ import numpy as np
 
 from ...geodesy.earth import curvature_radii
 from ...records import Array, Check, GnssFixes
+from ...records.observations import decimal_step
 
 PROBED = 2000  # positions that show the step
 LARGEST_M, SMALLEST_M = 20.0, 1e-4  # of a step that is looked for
@@ -85,29 +86,6 @@ def rounding_step(column: Array, metres: float) -> float:
     """
     probed = column[np.linspace(0, column.size - 1, PROBED).astype(np.int64)]
     return decimal_step(probed, LARGEST_M / metres, SMALLEST_M / metres, EXACT_M / metres)
-
-
-def decimal_step(values: Array, largest: float, smallest: float, exact: float) -> float:
-    """Return the largest power of ten of which all values are multiples; 0 where there is none.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        One number alone shows no step.
-    largest, smallest : float
-        Between which it is looked for.
-    exact : float
-        How far off its multiples values may be.
-    """
-    values = np.unique(values)
-    if values.size < 2:
-        return 0.0
-    first, last = (int(np.floor(np.log10(limit))) for limit in (largest, smallest))
-    for power in range(first, last - 1, -1):
-        step = 10.0**power
-        if np.abs(values - step * np.rint(values / step)).max() < exact:
-            return step
-    return 0.0
 
 
 def _run_lengths(column: Array) -> Array:

@@ -5,7 +5,7 @@ theirs.
 import numpy as np
 import pytest
 
-from insgnss.prepare.event_rounding import stamp_step, with_stamp_rounding
+from insgnss.exposures.rounding import stamp_step, with_stamp_rounding
 from insgnss.records import CameraEvents
 
 RNG = np.random.default_rng(5)
