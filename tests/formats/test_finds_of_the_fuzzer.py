@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.formats import unit_factor
-from insgnss.formats.blocks.opensfm_model import read_opensfm_poses
+from insgnss.formats import read_barometer, read_events, unit_factor
+from insgnss.formats.blocks.dbat import read_dbat
+from insgnss.formats.blocks.opensfm_model import read_opensfm_model, read_opensfm_poses
+from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.formats.orientation.generic_ascii import read_generic_ascii
 from insgnss.formats.trajectory.odyn import read_odyn_poses
 from insgnss.gnss.rinex.observations import read_observations
@@ -22,6 +24,10 @@ MODEL = [{"cameras": {"c": CAMERA}, "points": {}, "shots": {"a.jpg": SHOT}}]
 HEADER = (
     f"{'2.11':>9}{'':11}{'OBSERVATION DATA':20}{'G (GPS)':20}RINEX VERSION / TYPE\n"
     f"{'     0':60}# / TYPES OF OBSERV\n{'':60}END OF HEADER\n"
+)
+SCRIPT = (
+    '<document dbat_script_version="1"><input><cameras><camera><aspect>1</aspect></camera>'
+    "</cameras></input><set_initial_values><io>{}</io></set_initial_values></document>"
 )
 CASES = {
     "camera axes of no words": (
@@ -41,6 +47,41 @@ CASES = {
     ),
     "a turn beyond any number": (read_opensfm_poses, json.dumps(MODEL), "rotation is not three"),
     "no types of observations": (read_observations, HEADER, "holds no epoch"),
+    "a turn too small for a float": (
+        read_opensfm_poses,
+        json.dumps(MODEL).replace("1e+200", "1e-400"),
+        "is no JSON: 1e-400 is too small",
+    ),
+    "a position too small for a float": (
+        read_eo_json,
+        '{"position_m": [1e-400]}',
+        "is no JSON: 1e-400 is too small",
+    ),
+    "a carriage return between dates": (
+        read_events,
+        "image,datetime_utc\na.tif,2021-03-18 12:19:04.6\nb.tif\r,2021-03-18 12:19:05.6\n",
+        ":3: 'b.tif.*has a carriage return",
+    ),
+    "a shot that is a list": (
+        read_opensfm_model,
+        json.dumps([{"shots": {"a.jpg": [1.0]}}]),
+        "shots is no table of tables",
+    ),
+    "an encoding that is none": (
+        read_dbat,
+        '<?xml version="1.0" encoding="x-8"?><document/>',
+        ":1: is no XML: unknown encoding",
+    ),
+    "an aspect in other digits beside the camera": (
+        read_dbat,
+        SCRIPT.format("<aspect>\u0661</aspect>"),
+        "set_initial_values: <aspect> '\u0661' is no number of the camera",
+    ),
+    "first values that are not those of the camera": (
+        read_dbat,
+        SCRIPT.format("default"),
+        "set_initial_values: <io> 'default' is no number of the camera",
+    ),
 }
 
 
@@ -53,6 +94,15 @@ def test_it_is_refused_in_one_line(case, tmp_path):
     with pytest.raises(InputError, match=says) as refusal:
         read(path)
     assert len(str(refusal.value)) < 500
+
+
+def test_fields_that_are_nearly_too_long_take_no_time(tmp_path):
+    """Oracle: linear time; 2 MB of fields of 4000 bytes took 2000 looks at each byte, minutes."""
+    (tmp_path / "x").write_text(",".join(500 * ["9" * 4000]) + "\n")
+    start = time.process_time()
+    with pytest.raises(InputError, match="a line of more than 65536 bytes"):
+        read_barometer(tmp_path / "x")
+    assert time.process_time() - start < 2.0
 
 
 def test_a_unit_that_is_none_takes_no_time():
