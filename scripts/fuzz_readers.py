@@ -242,6 +242,35 @@ def px4_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
     )
 
 
+def rosbag(n: int = ROWS) -> bytes:
+    """A bag of ROS 1 with IMU messages at 200 Hz, by rosbags' own writer."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    of = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    of["Time"] = store.types["builtin_interfaces/msg/Time"]
+    zero = {
+        f"{name}_covariance": np.zeros(9)
+        for name in ("orientation", "angular_velocity", "linear_acceleration")
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        with Writer(Path(folder) / "x.bag") as writer:
+            connection = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
+            for k in range(n):
+                stamp = of["Time"](sec=1_530_623_100, nanosec=5_000_000 * k)
+                message = of["Imu"](
+                    header=of["Header"](seq=k, stamp=stamp, frame_id="imu"),
+                    orientation=of["Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+                    angular_velocity=of["Vector3"](0.01, 0.02, 0.03),
+                    linear_acceleration=of["Vector3"](0.1, -0.2, 9.8),
+                    **zero,
+                )
+                data = store.serialize_ros1(message, "sensor_msgs/msg/Imu")
+                writer.write(connection, 10**18 + k, data)
+        return (Path(folder) / "x.bag").read_bytes()
+
+
 def sentence(body: str) -> str:
     """An NMEA sentence with its checksum."""
     check = 0
@@ -442,6 +471,9 @@ def binary_cases() -> list[Case]:
             Case(f"ulog {kind}", "x.ulg", data, read, False, borders)
             for kind, read in (("imu", read_imu), ("gnss", read_gnss), ("events", read_events))
         ]
+    if importlib.util.find_spec("rosbags"):
+        bag = Case("rosbag", "x.bag", rosbag(), read_imu, False, cuts=False)  # of packed chunks
+        cases.append(bag)
     if importlib.util.find_spec("h5py"):
         cases.append(
             Case("matlab 7.3", "x.mat", _hdf5(table), lambda p: read_imu(p, columns=names), False)

@@ -20,7 +20,7 @@ from fuzz_cases import Case
 
 Array = np.ndarray
 NUMBER = rb"(?<![\w.+\-%s])[+-]?(?:\d+(?:[%s]\d*)?|[%s]\d+)(?:[eE][+-]?\d+)?(?![\w.\-%s])"
-NAMED = ("bingo",)  # whose whole numbers are names of images and points
+NAMED = ("bingo", "opensfm tracks")  # whose whole numbers are names of images and points
 DECIMAL_COMMA = ("imu_csv units",)
 FIXED = ("rinex", "navigation")  # columns of fixed width
 ORDERED = (  # tables whose rows have stamps or names, so that their order says nothing

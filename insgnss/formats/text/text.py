@@ -297,7 +297,7 @@ def _refusal(
             f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
         )
     if max(len(before), len(rest)) == AROUND:
-        problem = f"{seen}, a line of more than {AROUND} bytes with a number that is missing or none"
+        problem = f"{seen}, a line of more than {AROUND} bytes: a number is missing, or none"
         return InputError.at_line(path, line, f"{problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
         count = _like_it(buf, layout)
