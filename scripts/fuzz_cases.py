@@ -4,11 +4,13 @@ Where a page of data_specs has a true example, that is the file.
 """
 
 import bz2
+import contextlib
 import gzip
 import importlib.util
 import io
 import json
 import re
+import sqlite3
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -32,6 +34,7 @@ from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.metashape_block import read_metashape_block
 from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.pose_table import read_pose_table
+from insgnss.formats.bundle.colmap_database import read_colmap_database
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.images.exif import camera_tags, time_taken
@@ -303,6 +306,22 @@ def _blocks() -> list[Case]:
     ]
 
 
+def _database() -> Case:
+    """A database of COLMAP with one camera and two images."""
+    with contextlib.closing(sqlite3.connect(":memory:")) as db:
+        db.execute("CREATE TABLE images (image_id, name, camera_id)")
+        db.execute("CREATE TABLE cameras (camera_id, model, width, height, params)")
+        db.executemany("INSERT INTO images VALUES (?, ?, 1)", [(1, "8001.tif"), (2, "8002.tif")])
+        parameters = np.array([900.0, 500.0, 400.0]).tobytes()
+        db.execute("INSERT INTO cameras VALUES (1, 0, 1000, 800, ?)", (parameters,))
+        db.commit()
+        data = db.serialize()
+    names = ("8001.tif", "8002.tif")
+    return Case(
+        "colmap database", "x.db", data, lambda p: read_colmap_database(p, names), False, cuts=False
+    )
+
+
 def _returned() -> list[Case]:
     """Adjusted poses, tables of images' names and of flights."""
     wkt = 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM['
@@ -332,6 +351,7 @@ def _returned() -> list[Case]:
         return lambda path: read_returned_poses(path.parent if of_directory else path, form)
 
     return [
+        _database(),
         *(
             Case(f"returned {form}", files.get(form, "x.txt"), text, read(form), cuts=False)
             for form, text in texts.items()
