@@ -525,10 +525,10 @@ def mutate(rng: np.random.Generator, case: Case) -> tuple[bytes, str]:
     data = case.data
     kinds = (*BYTES, *LINES) if case.text else (*BYTES, odd_value)
     for _ in range(int(rng.integers(1, 5))):
-        data = kinds[int(rng.integers(len(kinds)))](rng, data)
+        data = kinds[int(rng.integers(len(kinds)))](rng, data)[:LONGEST]
         if not data:
             break
-    return data[:LONGEST], ""
+    return data, ""
 
 
 def flip(rng: np.random.Generator, data: bytes) -> bytes:
@@ -658,7 +658,8 @@ def many_lines(rng: np.random.Generator, data: bytes) -> bytes:
     """A line that stands a thousand times."""
     lines = data.split(b"\n")
     i = int(rng.integers(len(lines)))
-    return b"\n".join([*lines[:i], *[lines[i]] * int(10 ** rng.uniform(1.0, 3.5)), *lines[i:]])
+    count = min(int(10 ** rng.uniform(1.0, 3.5)), LONGEST // (len(lines[i]) + 1) + 1)
+    return b"\n".join([*lines[:i], *[lines[i]] * count, *lines[i:]])
 
 
 def respell(rng: np.random.Generator, data: bytes) -> bytes:
