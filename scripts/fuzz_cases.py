@@ -4,11 +4,13 @@ Where a page of data_specs has a true example, that is the file.
 """
 
 import bz2
+import contextlib
 import gzip
 import importlib.util
 import io
 import json
 import re
+import sqlite3
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -21,8 +23,10 @@ from insgnss.base.files import lines_of
 from insgnss.comparison.reading import read_poses
 from insgnss.config.block_file import load_block
 from insgnss.config.load import load_flight, read_covariance
+from insgnss.exporting.rename import read_names
 from insgnss.formats import read_barometer, read_events
 from insgnss.formats.blocks.camera_toml import read_camera_toml
+from insgnss.formats.blocks.colmap_model import read_colmap_model
 from insgnss.formats.blocks.dbat import read_dbat
 from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.ground_points import read_ground_points
@@ -30,16 +34,19 @@ from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.metashape_block import read_metashape_block
 from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.pose_table import read_pose_table
+from insgnss.formats.bundle.colmap_database import read_colmap_database
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.images.exif import camera_tags, time_taken
 from insgnss.formats.imu.variances import read_variances
+from insgnss.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance
 from insgnss.formats.orientation.eo_json import read_eo_json, write_eo_json
 from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
 from insgnss.formats.orientation.generic_ascii import read_generic_ascii
 from insgnss.formats.orientation.pose_covariance import read_pose_covariance, write_pose_covariance
 from insgnss.formats.orientation.relative_csv import read_relative_csv
 from insgnss.formats.positions.camera_positions import read_camera_positions
+from insgnss.formats.returned.reading import read_returned_poses
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.formats.vehicle.target_positions import read_target_positions
 from insgnss.formats.vehicle.target_sizes import read_target_sizes
@@ -49,6 +56,8 @@ from insgnss.inspection.discovery import discover
 from insgnss.orient.mounting_file import read_mounting_file
 from insgnss.prepare.calibration import load_calibration
 from insgnss.records import ExteriorOrientation
+from insgnss.records.strips import StripCovariance
+from insgnss.season.tables import read_season
 from insgnss.stochastic.model import load_noise_model
 
 SPECS = Path(__file__).parents[1] / "data_specs"
@@ -185,7 +194,7 @@ def further_cases() -> list[Case]:
     cases += [
         Case(name, file, on_page(name), read, cuts=False) for name, (file, read) in SETTINGS.items()
     ]
-    return [*cases, *_rinex(), *_blocks(), *_of_toml(), *_orientations(), *_images()]
+    return [*cases, *_rinex(), *_blocks(), *_of_toml(), *_orientations(), *_images(), *_returned()]
 
 
 def _zip(content: bytes, name: str) -> bytes:
@@ -222,12 +231,58 @@ def _rinex() -> list[Case]:
     return cases
 
 
+def _beside(name: str, read: Read) -> Read:
+    """Read the file of that name beside the one that is changed, or their directory."""
+    return lambda path: read(path.parent / name)
+
+
 def _blocks() -> list[Case]:
     model = json.dumps(MODEL, indent=1).encode()
     xml = on_page("metashape_block")
     script = on_page("dbat", "script").replace(b"$HERE", b".")
     beside = {"images.txt": on_page("dbat", "images"), "eo.txt": on_page("dbat", "eo")}
+    dbat = beside | {"points.txt": on_page("dbat"), "dbat.xml": script}
+    colmap = {"cameras.txt": on_page("colmap_model"), "images.txt": b"", "points3D.txt": b""}
+    colmap["images.txt"] = (
+        b"1 0.5 0.5 -0.5 0.5 1.5 -2.25 90.5 1 8001.tif\n10.5 20.25 17 30.5 40.5 -1\n"
+        b"2 0.5 0.5 -0.5 0.5 2.5 -2.25 90.5 1 8002.tif\n11.5 21.25 17 31.5 41.5 18\n"
+    )
+    colmap["points3D.txt"] = b"17 1.5 2.5 3.5 9 9 9 0.5 1 0 2 0\n18 1.5 2.5 3.5 9 9 9 0.5 2 1\n"
     return [
+        *(
+            Case(
+                f"dbat {name}",
+                name,
+                dbat[name],
+                _beside("dbat.xml", read_dbat),
+                True,
+                frozenset(),
+                {key: data for key, data in dbat.items() if key != name},
+                False,
+            )
+            for name in (*beside, "points.txt")
+        ),
+        *(
+            Case(
+                f"colmap {name}",
+                name,
+                colmap[name],
+                _beside("", read_colmap_model),
+                True,
+                frozenset(),
+                {key: data for key, data in colmap.items() if key != name},
+                False,
+            )
+            for name in colmap
+        ),
+        Case(
+            "opensfm tracks",
+            "tracks.csv",
+            TRACKS.encode(),
+            _beside("reconstruction.json", read_opensfm_model),
+            beside={"reconstruction.json": model},
+            cuts=False,
+        ),
         Case(
             "opensfm model",
             "reconstruction.json",
@@ -248,6 +303,61 @@ def _blocks() -> list[Case]:
             beside=beside | {"points.txt": on_page("dbat")},
             cuts=False,
         ),
+    ]
+
+
+def _database() -> Case:
+    """A database of COLMAP with one camera and two images."""
+    with contextlib.closing(sqlite3.connect(":memory:")) as db:
+        db.execute("CREATE TABLE images (image_id, name, camera_id)")
+        db.execute("CREATE TABLE cameras (camera_id, model, width, height, params)")
+        db.executemany("INSERT INTO images VALUES (?, ?, 1)", [(1, "8001.tif"), (2, "8002.tif")])
+        parameters = np.array([900.0, 500.0, 400.0]).tobytes()
+        db.execute("INSERT INTO cameras VALUES (1, 0, 1000, 800, ?)", (parameters,))
+        db.commit()
+        data = db.serialize()
+    names = ("8001.tif", "8002.tif")
+    return Case(
+        "colmap database", "x.db", data, lambda p: read_colmap_database(p, names), False, cuts=False
+    )
+
+
+def _returned() -> list[Case]:
+    """Adjusted poses, tables of images' names and of flights."""
+    wkt = 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM['
+    wkt += '"Greenwich",0],UNIT["degree",0.0174532925199433],AUTHORITY["EPSG","4326"]]'
+    columns = "X_est,Y_est,Z_est,Yaw_est,Pitch_est,Roll_est"
+    reference = f"# CoordinateSystem: {wkt}\n#Label,{columns}\n"
+    pix4d = "fileName imageWidth imageHeight \ncamera matrix K [3x3]\nradial distortion [3x1]\n"
+    pix4d += "tangential distortion [2x1]\ncamera position t [3x1]\ncamera rotation R [3x3]\n"
+    pix4d += "camera model m = K [R|-Rt] X\n\n"
+    for k in range(3):
+        reference += f"800{k}.tif,6.54{k},46.57,630.5,12.5,-0.25,1.75\n"
+        pix4d += f"800{k}.tif 5120 3840\n5607 0 2560\n0 5607 1920\n0 0 1\n0.1 0.2 0.3\n"
+        pix4d += f"0.01 0.02\n{k}.5 2.25 90.75\n1 0 0\n0 -1 0\n0 0 -1\n"
+    texts = {
+        "metashape_opk_text": on_page("returned", "metashape_opk_text"),
+        "metashape_reference": reference.encode(),
+        "pix4d_external": on_page("returned", "pix4d_external"),
+        "pix4d_camera": pix4d.encode(),
+        "bentley": on_page("bentley"),
+        "inpho_prj": on_page("inpho"),
+        "micmac_xml": on_page("micmac", "xml"),
+    }
+    files = {"micmac_xml": "Orientation-8001.tif.xml"}
+
+    def read(form: str) -> Read:
+        of_directory = form in files
+        return lambda path: read_returned_poses(path.parent if of_directory else path, form)
+
+    return [
+        _database(),
+        *(
+            Case(f"returned {form}", files.get(form, "x.txt"), text, read(form), cuts=False)
+            for form, text in texts.items()
+        ),
+        Case("season", "season.csv", on_page("season"), read_season, cuts=False),
+        Case("names", "x.csv", b'old,new\na.tif,b.tif\n"c,d.tif",e.tif\n', read_names, cuts=False),
     ]
 
 
@@ -300,6 +410,8 @@ def _orientations() -> list[Case]:
         master = path.read_bytes()
         write_pose_covariance(eo.images, 1e-4 * np.eye(24), path)
         covariance = path.read_bytes()
+        write_eo_covariance(eo, (StripCovariance(np.arange(4), 1e-4 * np.eye(24)),), path)
+        strips = path.read_bytes()
     compared = ("eo_local_plane", "metashape", "trajectory_csv", "rtklib_pos", "odyn")
     compared += ("tum", "pix4d", "realitycapture")
     cases = [
@@ -313,6 +425,16 @@ def _orientations() -> list[Case]:
             cuts=False,
         ),
     ]
+    cases.append(
+        Case(
+            "eo covariance",
+            "eo_covariance.npz",
+            strips,
+            lambda path: read_eo_covariance(path, eo),
+            False,
+            cuts=False,
+        )
+    )
     return cases + [
         Case(f"compared {name}", f"{name}.txt", on_page(name), read_poses, cuts=False)
         for name in compared

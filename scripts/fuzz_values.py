@@ -20,6 +20,7 @@ from fuzz_cases import Case
 
 Array = np.ndarray
 NUMBER = rb"(?<![\w.+\-%s])[+-]?(?:\d+(?:[%s]\d*)?|[%s]\d+)(?:[eE][+-]?\d+)?(?![\w.\-%s])"
+NAMED = ("bingo", "opensfm tracks")  # whose whole numbers are names of images and points
 DECIMAL_COMMA = ("imu_csv units",)
 FIXED = ("rinex", "navigation")  # columns of fixed width
 ORDERED = (  # tables whose rows have stamps or names, so that their order says nothing
@@ -27,7 +28,7 @@ ORDERED = (  # tables whose rows have stamps or names, so that their order says 
     *("mrk", "odyn", "barometer", "trajectory_csv"),
 )
 DIFFERENT = ("compact RINEX", "inspected")  # differences of numbers, and guesses at what is there
-OF_NO_NUMBER = ("notes", "lines", "source", "path", "history", "layout", "records")
+OF_NO_NUMBER = ("notes", "read", "lines", "source", "path", "history", "layout", "records")
 DESCRIBING = ("satellites", "ratio", "age_s", "pdop", "hdop")  # not known where they cannot be
 EXTREMES = (
     *(b"1e308", b"-1e308", b"1.7976931348623157e308", b"1e200", b"-1e155", b"1e150", b"9e18"),
@@ -77,7 +78,8 @@ def numbers_in(case: Case, data: bytes) -> list[re.Match[bytes]]:
     """Numbers of a file that stand apart from words."""
     comma = case.name in DECIMAL_COMMA
     signs, around = (b".,", b",") if comma else (b".", b"")
-    return list(re.finditer(NUMBER % (around, signs, signs, around), data))
+    found = re.finditer(NUMBER % (around, signs, signs, around), data)
+    return [match for match in found if case.name not in NAMED or b"." in match[0]]
 
 
 def structured(rng: np.random.Generator, case: Case) -> tuple[bytes, str]:

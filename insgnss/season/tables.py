@@ -8,6 +8,7 @@ from typing import Any
 
 from ..base.errors import InputError, UsageError
 from ..base.inputs import read_text
+from ..base.units import spells_zero
 from ..base.wording import DOCTOR
 from .row import COLUMNS, TEXTS, Row, is_number
 
@@ -61,7 +62,11 @@ def read_season(path: Path) -> list[Row]:
         raise InputError.at_line(path, None, f"cannot be read: {error}") from None
     if not lines or not lines[0].startswith("# insgnss season"):
         raise InputError.at_line(path, 1, f"is no season.csv; its first line is {HEAD!r}")
-    head, *body = csv.reader(lines[1:])
+    try:
+        head, *body = csv.reader(lines[1:])
+    except (csv.Error, ValueError):
+        problem = f"names no columns, or has a field of more than {csv.field_size_limit()} bytes"
+        raise InputError.at_line(path, 2, f"{problem}; copy it again") from None
     rows = []
     for number, cells in enumerate(body, 3):
         if len(cells) != len(head):
@@ -81,7 +86,8 @@ def read_season(path: Path) -> list[Row]:
 def _number(cell: str) -> float:
     """Return a finite number of ASCII digits; ValueError for what else Python takes for one."""
     value = float(cell)
-    if not (cell.isascii() and "_" not in cell and is_number(value)):
+    small = value == 0.0 and not spells_zero(cell)
+    if small or not (cell.isascii() and "_" not in cell and is_number(value)):
         raise ValueError(cell)
     return value
 

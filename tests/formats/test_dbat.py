@@ -59,6 +59,14 @@ def test_what_is_wrong_is_named(kind, old, new, message, tmp_path) -> None:
         read_dbat(written(tmp_path, {kind: (old, new)}))
 
 
+def test_first_values_of_the_script_replace_those_of_the_camera(tmp_path) -> None:
+    """Oracle: b1 = aspect - 1 and b2 = -skew of the page; 'loaded' changes nothing."""
+    values = "<all>loaded</all><aspect>1.25</aspect><skew>-0.5</skew><c>none</c>"
+    start = f"<operations><set_initial_values><io>{values}</io></set_initial_values>"
+    camera = read_dbat(written(tmp_path, {"script": ("<operations>", start)})).cameras[0]
+    assert [camera.of(name) for name in ("b1", "b2", "k1")] == [0.25, 0.5, 2.174e-4]
+
+
 @pytest.mark.parametrize("value", UNREADABLE)
 @pytest.mark.parametrize(
     ("old", "new"),

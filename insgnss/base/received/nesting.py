@@ -6,6 +6,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..inputs import read_text
+from ..units import spells_zero
 
 DEEPEST = 100  # levels: what people and programs write has below 20, and recursions take 1000
 
@@ -21,16 +22,24 @@ def too_deep(value: object) -> bool:
     return True
 
 
+def _float(text: str) -> float:
+    value = float(text)
+    if value == 0.0 and not spells_zero(text):
+        raise ValueError(f"{text[:40]} is too small for a number")
+    return value
+
+
 def parse_json(path: object, text: str) -> Any:
     """Return the value of the JSON text of a file.
 
     Raises
     ------
     InputError
-        It is no JSON, or holds objects or lists within each other more than 100 deep.
+        It is no JSON, holds objects or lists within each other more than 100 deep, or a number too
+        small for a float, which would become zero.
     """
     try:
-        value = json.loads(text)
+        value = json.loads(text, parse_float=_float)
     except RecursionError:
         value = None
     except ValueError as error:  # JSONDecodeError, or an integer of thousands of digits

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.errors import InputError, UsageError
 from ...base.files import lines_of
-from ...base.units import LARGEST
+from ...base.units import LARGEST, spells_zero
 from ...base.wording import DOCTOR
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..bundle.camera import BROWN_NAMES, PARAMETERS
@@ -140,7 +140,9 @@ def _model(path: Path) -> Any:
     if kinds[0] == ".txt":
         _refuse_text(directory)
     try:
-        return pycolmap.Reconstruction(str(directory))
+        model = pycolmap.Reconstruction(str(directory))
+        _ = [image.name for image in model.images.values()]  # which must be UTF-8
+        return model
     except MemoryError:
         raise
     except Exception as error:  # pycolmap raises what its C++ does
@@ -168,10 +170,12 @@ def _refuse_text(directory: Path) -> None:
                 good = len(words) % 3 == 0 and _spells_numbers(text, words)
             elif name == "images.txt":
                 good = len(words) == 10 and not np.isnan([*map(finite, words[:9])]).any()
+                good = good and words[0].isdigit() and words[8].isdigit()
             else:
                 count = PARAMETERS.get(words[1] if len(words) > 1 else "", len(words) - 4)
                 values = [finite(word) for word in (*words[:1], *words[2:])]
                 good = len(words) == 4 + max(0, count) and not np.isnan(values).any()
+                good = good and all(words[k].isdigit() for k in (0, 2, 3))
             below = name == "images.txt" and not below
             if not good:
                 problem = f"{shown(text)}: a number is missing, or none"
@@ -179,12 +183,17 @@ def _refuse_text(directory: Path) -> None:
 
 
 def _spells_numbers(text: str, words: list[str]) -> bool:
-    """Whether all words of a line are numbers, by `float`, which is quick, and their signs."""
+    """Whether all words of a line are numbers, by `float`, which is quick, and their signs.
+
+    Each third is the whole number of a point.
+    """
     try:
-        values = [*map(float, words)]
+        values, _ = [*map(float, words)], [*map(int, words[2::3])]
     except ValueError:
         return False
-    return set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST
+    pairs = zip(words, values, strict=True) if 0.0 in values else ()
+    zeros = all(spells_zero(word) for word, x in pairs if x == 0.0)
+    return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST
 
 
 def _camera(path: Source, number: int, given: Any) -> BrownCamera:

@@ -71,8 +71,7 @@ def read_dbat(path: Source) -> ImageBlock:
     root = _parsed(path, "dbat_script_version")
     given = _one(path, root, "input")
     base = path.parent / (given.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
-    free = _free(path, root)
-    cameras = _cameras(path, base, given, free)
+    cameras = _cameras(path, base, given, root)
     if len(cameras) != 1:
         raise InputError.at_line(
             path, None, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
@@ -276,19 +275,37 @@ def _ground(
     return np.concatenate(ids), np.concatenate(position), cov
 
 
-def _cameras(
-    path: Path, base: Path, given: Element, free: dict[str, bool]
-) -> tuple[BrownCamera, ...]:
+def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[BrownCamera, ...]:
     """Return the cameras of the script, or of the file that it names."""
-    cameras = []
+    cameras, free, values = [], _free(path, root), _initial(root)
     for parent in given.findall("cameras"):
         for camera in parent.findall("camera"):
+            _set_initial(path, camera, values)
             cameras.append(_camera(path, camera, free))
         for element in parent.findall("file"):
             file = base / _text(element)
             for camera in _parsed(file, "dbat_camera_version").iter("camera"):
+                _set_initial(path, camera, values)
                 cameras.append(_camera(file, camera, free))
     return tuple(cameras)
+
+
+def _initial(root: Element) -> dict[str, str]:
+    """Return the values that the script sets in place of those of the camera."""
+    rules = [rule for io in root.iterfind(".//set_initial_values/io") for rule in [*io] or [io]]
+    return {rule.tag: _text(rule) for rule in rules if _text(rule) != "loaded" and rule.tag != "c"}
+
+
+def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
+    """Set numbers of a camera; InputError for what is none, such as 'default'."""
+    for key, text in values.items():
+        element = camera.find(key)
+        if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
+            problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
+            raise InputError.at_line(
+                path, None, f"{problem}; write it into <camera> and 'loaded' here"
+            )
+        element.text = text
 
 
 def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:

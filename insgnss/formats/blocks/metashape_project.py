@@ -9,7 +9,6 @@ A path counts from the directory of the file that it stands in; of a PLY table, 
 """
 
 import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.files import lines_of
-from ...base.unpacking import check_unpacked
+from ...base.unpacking import DAMAGED, check_unpacked
 from ..text.layout import decode, shown
 from ..text.numbers import whole
 from ..text.text import Source, load_bytes
@@ -31,15 +30,6 @@ Made = TypeVar("Made")
 
 DOCUMENT = "doc.xml"
 PROJECT = "{projectname}"
-DAMAGED = (
-    OSError,
-    EOFError,
-    ValueError,
-    zipfile.BadZipFile,
-    zlib.error,
-    NotImplementedError,
-    RuntimeError,
-)
 _TYPES = {
     "char": "i1",
     "uchar": "u1",

@@ -177,8 +177,9 @@ def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
 
 def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = model.get(key, {})
-    if not isinstance(value, dict):
-        raise InputError.at_line(file, None, f"{key} is no table; export the reconstruction again")
+    if not (isinstance(value, dict) and all(isinstance(item, dict) for item in value.values())):
+        problem = f"{key} is no table of tables"
+        raise InputError.at_line(file, None, f"{problem}; export the reconstruction again")
     return value
 
 
@@ -193,7 +194,7 @@ def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> 
 
 
 def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
-    vector = array_of(shot.get(key) if isinstance(shot, dict) else None, (3,))
+    vector = array_of(shot.get(key), (3,))
     if vector is None or not (np.abs(vector) < LARGEST).all():
         raise InputError.at_line(
             file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
@@ -203,7 +204,7 @@ def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
 
 def _camera(file: Path, name: str, given: Any) -> BrownCamera:
     """Return a camera in pixels."""
-    model = given.get("projection_type", "perspective") if isinstance(given, dict) else None
+    model = given.get("projection_type", "perspective")
     if model not in MODELS:
         raise InputError.at_line(
             file,

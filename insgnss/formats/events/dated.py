@@ -161,7 +161,7 @@ def _table(path: Source) -> TextTable:
     if not lines:
         raise InputError.at_line(path, None, "holds no line; check that the file was copied whole")
     delimiter = max(",;\t", key=lines[-1][1].count)
-    rows = [(line, next(csv.reader([text], delimiter=delimiter))) for line, text in lines]
+    rows = [(line, _fields(path, line, text, delimiter)) for line, text in lines]
     header = None if STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
     if not rows:
         raise InputError.at_line(path, None, "holds a header and no exposure; copy it again")
@@ -186,6 +186,15 @@ def _table(path: Source) -> TextTable:
     )
     cells = [[cell.strip() for cell in row] for _, row in rows]
     return TextTable(str(path), layout, cells, [line for line, _ in rows], complete)
+
+
+def _fields(path: Source, line: int, text: str, delimiter: str) -> list[str]:
+    try:
+        return next(csv.reader([text], delimiter=delimiter))
+    except csv.Error:
+        most = csv.field_size_limit()
+        problem = f"{shown(text)} has a carriage return or a field of more than {most} characters"
+        raise InputError.at_line(path, line, f"{problem}; save it with line ends LF") from None
 
 
 def dated_events(

@@ -72,8 +72,11 @@ def _opened(path: Source) -> Iterator[Any]:
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader
-    except (InsgnssError, MemoryError):
+    except InsgnssError:
         raise
+    except MemoryError:  # the library believes any length that a record states
+        problem = "is no whole ROS bag, or a record takes more memory than there is"
+        raise InputError.at_line(path, None, f"{problem}; copy it again") from None
     except Exception as error:  # a damaged file makes the library fail in any way
         why = printable(" ".join(str(error).split()))[:120] or type(error).__name__
         problem = f"is no whole ROS bag ({why})"

@@ -3,7 +3,6 @@ lines share, beside eo.json; data_specs/eo_covariance.md.
 """
 
 import io
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
 from ...base.files import atomic_write
 from ...base.inputs import opened
 from ...base.unpacking import check_archive
@@ -204,7 +203,9 @@ def _content(path: Source, names: Sequence[str] | None = None) -> dict[str, NDAr
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}; {AGAIN}"
         raise InputError.at_line(path, None, why) from None
-    except (ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile):
+    except InsgnssError:
+        raise
+    except Exception:  # a damaged file makes numpy and zipfile fail in any way
         message = f"is no whole numpy archive; is it an {FILE}?"
         raise InputError.at_line(path, None, message) from None
     if str(content.get("format")) != FORMAT:

@@ -9,6 +9,7 @@ and as the quaternion in ECEF.
 """
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from ... import __version__
 from ...base.errors import InputError
 from ...base.files import atomic_write, atomic_writes
 from ...base.inputs import read_bytes
+from ...base.received.nesting import parse_json
 from ...geodesy.frames import TangentPlane
 from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ...records import ExteriorOrientation
@@ -39,6 +41,7 @@ RIG_VERSION = 3  # of several cameras, packed or not: a reader of one camera mus
 VERSIONS = (FORMAT_VERSION, PACKED_VERSION, RIG_VERSION)
 WGS84 = "WGS84 (EPSG:4979)"
 AGREEMENT = 1e-9  # rad
+SMALL = re.compile(rb"[eE]-[0-9]{3}|0{300}")  # in each number below 1e-300
 OF_A_RIG = {
     "camera": "which of `cameras` took the image; images stand in the order of time",
     "cross_cov6_next_of_camera": (
@@ -430,6 +433,8 @@ def _content(path: Source) -> dict[str, Any]:
     try:
         text = read_bytes(path)
         content = orjson.loads(text)
+        if SMALL.search(text):  # orjson takes 1e-400 for zero
+            content = parse_json(path, text.decode())
     except OSError as error:
         raise InputError.at_line(
             path, None, f"cannot be read: {error.strerror or error}; check path and permission"

@@ -7,7 +7,6 @@ matrix; what follows from others (ECEF) is left out. All other numbers are kept 
 
 import hashlib
 import io
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, InsgnssError
 from ...base.inputs import read_bytes
 from ...base.unpacking import check_archive
 from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
@@ -128,7 +127,9 @@ def unpacked(path: Path, digest: str, count: int) -> Unpacked:
             if "format" not in file.files or str(file["format"]) != FORMAT:
                 raise InputError.at_line(path, None, f"holds no numbers of images; {AGAIN}")
             arrays = {name: file[name] for name in (*ARRAYS, *OF_A_RIG) if name in file.files}
-    except (ValueError, EOFError, zipfile.BadZipFile):
+    except InsgnssError:
+        raise
+    except Exception:  # a damaged file makes numpy and zipfile fail in any way
         raise InputError.at_line(path, None, f"is no whole numpy archive; {AGAIN}") from None
     for name, (shape, _) in (ARRAYS | OF_A_RIG).items():
         expected = (count - (name == "cross_cov6_next"), *shape)

@@ -45,7 +45,7 @@ _IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
 SMALLEST = 1e-280  # of a number with all its digits, as in tables; those below lose some
 _QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
 _MASK = re.compile("\x00([0-9]+)\x00")
-_LONG = re.compile(rf"[^\t;,\s]{{{LONGEST_FIELD + 1}}}")
+_LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _DELIMITERS = ("\t", ";", ",", None)
 

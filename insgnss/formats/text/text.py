@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
 _PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
+AROUND = 1 << 16  # bytes before and behind a fault in which its line is looked for
 PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
@@ -211,6 +212,7 @@ def parse(
             bad,
         )
     at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
+    at_fault = at_fault[:1] if whole else at_fault
     refused = {
         k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(bad[k, 1]))
         for start, k in at_fault
@@ -273,9 +275,9 @@ def _refusal(
     """Return what is wrong with the line around `offset`."""
     from . import _kernels
 
-    near = max(0, offset - 4096)
+    near = max(0, offset - AROUND)
     before = bytes(buf[near:offset]).rpartition(b"\n")[2]
-    after = bytes(buf[offset : offset + 4096])
+    after = bytes(buf[offset : offset + AROUND])
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
@@ -294,6 +296,9 @@ def _refusal(
             line,
             f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
         )
+    if max(len(before), len(rest)) == AROUND:
+        problem = f"{seen}, a line of more than {AROUND} bytes: a number is missing, or none"
+        return InputError.at_line(path, line, f"{problem}; {advice}")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
         count = _like_it(buf, layout)
         return InputError.at_line(
