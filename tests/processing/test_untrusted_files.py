@@ -155,6 +155,7 @@ def test_a_command_shows_what_its_own_words_name(
     assert main(["process", str(file), "--mounting", str(secret)]) == 3
     assert f"{SECRET}a" in capsys.readouterr().err
     file.write_text('include = "../keys.toml"\n' + file.read_text())
+    monkeypatch.chdir(sent)  # where `batch` leaves its page
     for words in ([str(file)], [str(sent)], [str(sent / "fl*.toml")]):
         assert main(["batch" if "*" in words[0] else "process", *words, "--quiet"]) == 3
         seen = "".join(capsys.readouterr())
