@@ -5,7 +5,6 @@ default in its help. Only the standard library is needed.
 """
 
 import argparse
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -131,38 +130,7 @@ def _add(parser: argparse.ArgumentParser, item: Declared, required: bool) -> Non
         more["metavar"] = stated.metavar
     if kind in ("choice", "whole") and item.choices:
         more["choices"] = item.choices
-    present = parser.add_argument(stated.cli, **more)
-    for old in stated.retired:
-        parser.add_argument(
-            f"--{old}",
-            action=_Retired,
-            present=present,
-            dest=item.name,
-            nargs=present.nargs,
-            type=present.type or str,
-            default=present.default,
-            help=argparse.SUPPRESS,
-        )
-
-
-class _Retired(argparse.Action):
-    """An option by a name that it had: does what the present one does, and warns."""
-
-    def __init__(self, *words: Any, present: argparse.Action, **more: Any) -> None:
-        super().__init__(*words, **more)
-        self.present = present
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        now = self.present.option_strings[0]
-        message = f"{option_string} is called {now} now; the next release will refuse the old name"
-        warnings.warn(message, FutureWarning, stacklevel=2)
-        self.present(parser, namespace, values, option_string)
+    parser.add_argument(stated.cli, **more)
 
 
 def _help(item: Declared, required: bool) -> str:

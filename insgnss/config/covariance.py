@@ -16,7 +16,6 @@ from .schema import Declared, Triple, declared, in_range, option
 LARGEST = 1000.0
 """Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
 
-_RETIRED_CLASSES = {"hampered": "degraded", "lone": "isolated", "weak": "unsupported"}
 
 
 def _classes() -> tuple[str, ...]:
@@ -37,7 +36,6 @@ class CovarianceModel(CalibrationNumbers):
         low=0.0,
         high=LARGEST,
         members=_classes,
-        retired_members=_RETIRED_CLASSES,
         usual="below",
     )
     floor_m: Mapping[str, Triple] = option(
@@ -48,7 +46,6 @@ class CovarianceModel(CalibrationNumbers):
         low=0.0,
         high=LARGEST,
         members=_classes,
-        retired_members=_RETIRED_CLASSES,
         usual="below",
     )
     ppm: Triple = option(
@@ -77,7 +74,6 @@ class CovarianceModel(CalibrationNumbers):
         "with fewer satellites an epoch that nothing confirms is unsupported",
         low=4,
         high=99,
-        retired=("lone_satellites",),
     )
     support_s: float = option(
         MEASURED.support_s,
@@ -112,7 +108,6 @@ class CovarianceModel(CalibrationNumbers):
         unit="s",
         low=0.0,
         high=3600.0,
-        retired=("hampered_s",),
     )
     degraded_share: float = option(
         MEASURED.degraded_share,
@@ -121,7 +116,6 @@ class CovarianceModel(CalibrationNumbers):
         "switches that off",
         low=0.0,
         high=1.0,
-        retired=("hampered_share",),
     )
     gate: float = option(
         MEASURED.gate,

@@ -23,7 +23,6 @@ from .block_file import BLOCK_TABLES
 from .camera_options import OF_FURTHER
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
-from .keys.retired import retired_keys
 from .schema import Declared, declared, options_of
 
 PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
@@ -124,19 +123,12 @@ def _checks() -> str:
     return "\n".join(lines).replace("\0", " ") + "\n"
 
 
-def _retired() -> str:
-    """Names that keys had."""
-    rows = [[f"`{table}.{old}`", f"`{table}.{new}`"] for table, old, new in retired_keys()]
-    return _table(["old", "new"], rows)
-
-
 PARTS: Mapping[str, Callable[[], str]] = {
     "keys": _keys,
     "block_keys": _block_keys,
     "covariance": _covariance,
     "classes": _classes,
     "checks": _checks,
-    "retired": _retired,
 }
 
 

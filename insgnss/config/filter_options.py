@@ -100,7 +100,6 @@ class FilterOptions:
         False,
         "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its"
         " own: no velocity across it",
-        retired=("wheels",),
     )
     adaptive_noise: Literal["auto", "off"] = option(
         "auto",

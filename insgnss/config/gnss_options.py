@@ -116,7 +116,6 @@ class GnssInput:
     repeat_column: str | None = option(
         None,
         "column whose change marks a new fix, where the file repeats the last one",
-        retired=("new_when",),
         of_file=True,
     )
     gate_sigma: float = option(
@@ -140,7 +139,6 @@ class GnssInput:
         "of an RTKLIB `.pos` that holds quality, satellites and base (`ref pos` of its header): "
         "fixed epochs that others do not confirm are taken as float, and all get covariances that "
         "cover their errors, as those of PPK; false: as the file has them",
-        retired=("calibrated",),
         of_file=True,
     )
     gm_sigma: float | Literal["auto", "off"] = option(
@@ -152,7 +150,6 @@ class GnssInput:
         low=1e-2,
         high=100.0,
         choices=("auto", "off"),
-        retired=("correlated",),
     )
     correlation_time_s: float = option(
         60.0, "correlation time of this error", unit="s", low=0.1, high=1e5
@@ -162,7 +159,6 @@ class GnssInput:
         "white error, in standard deviations of each fix",
         low=1e-2,
         high=100.0,
-        retired=("uncorrelated",),
     )
     covariance: CovarianceModel = option(
         lambda: MODEL,

@@ -113,7 +113,6 @@ class ImuInput:
         kind="tables",
         form="tables",
         only="imu",
-        retired=("more",),
     )
 
     def __post_init__(self) -> None:

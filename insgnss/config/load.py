@@ -41,7 +41,6 @@ from .flight_file import (
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
-from .keys.retired import renewed
 from .ppk_options import OF_POSITIONS, RawGnss
 from .schema import declared, options_of
 from .values import covariance_of, take
@@ -79,11 +78,6 @@ def load_flight(path: str | Path) -> Flight:
     ------
     InputError
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
-
-    Warns
-    -----
-    FutureWarning
-        For a key by a retired name.
     """
     path = Path(path)
     with reading() as files:
@@ -92,7 +86,7 @@ def load_flight(path: str | Path) -> Flight:
 
 
 def _loaded(path: Path) -> Flight:
-    root, included = with_included(renewed(read_toml(path, known_keys())), known_keys())
+    root, included = with_included(read_toml(path, known_keys()), known_keys())
     root.check_keys()
     values = take(root, [Flight])
     start, end = values["start_tow"], values["end_tow"]
@@ -135,7 +129,7 @@ def read_covariance(path: Path) -> CovarianceModel:
         for name, words in known_keys().items()
         if name.startswith(start)
     }
-    root = renewed(read_toml(path, keys), start)
+    root = read_toml(path, keys)
     if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
         problem = (
             f"{headed}: this file is the table gnss.covariance itself; its keys stand at the top, "

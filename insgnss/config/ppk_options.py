@@ -172,7 +172,6 @@ class EngineSettings:
         "further options of RTKLIB by name, { pos2-arminfix = 10 }",
         kind="rtklib",
         form="table of numbers and texts",
-        retired=("more",),
         cli="--rtklib-options",
         metavar="NAME=VALUE",
         cli_meaning="further options of RTKLIB by name, such as pos2-arminfix=10",

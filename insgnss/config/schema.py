@@ -67,10 +67,6 @@ class Option:
         How page and help describe a default that is no literal value.
     only : str
         The one table that has the option, where several share its dataclass.
-    retired : tuple of str
-        Names that it had; they are accepted with a warning for one release.
-    retired_members : Mapping[str, str]
-        The present names of members of a table by those that they had.
     of_file : bool
         Whether it says how the file of its table is read, and nothing of a record in its place.
     cli : str
@@ -90,8 +86,6 @@ class Option:
     form: str = ""
     usual: str = ""
     only: str = ""
-    retired: tuple[str, ...] = ()
-    retired_members: Mapping[str, str] = field(default_factory=dict)
     of_file: bool = False
     cli: str = ""
     metavar: str = ""

@@ -187,20 +187,3 @@ def test_the_flight_file_says_how_to_read(
     )
     got = load_calibration(tmp_path / "calibration.toml")
     assert (np.abs(got.gyro.bias - GYRO.bias) < 4.0 * got.gyro.bias_sigma).all()
-
-
-@pytest.mark.filterwarnings("always::FutureWarning")
-def test_the_form_without_a_kind_still_works(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Oracle: the same file by the present form."""
-    recording(tmp_path / "hand.csv", 12)
-    out = [tmp_path / "old.toml", tmp_path / "new.toml"]
-    hand = str(tmp_path / "hand.csv")
-    assert main(["calibrate", "--quiet", hand, "--out", str(out[0])]) == 0
-    assert "calibrate IMU_FILE is called insgnss calibrate imu IMU_FILE" in capsys.readouterr().err
-    assert main(["calibrate", "imu", hand, "--out", str(out[1]), "-q"]) == 0
-    assert "is called" not in capsys.readouterr().err
-    assert out[0].read_bytes() == out[1].read_bytes()
-    assert main(["calibrate", "--help"]) == 0
-    assert "similarity" in capsys.readouterr().out

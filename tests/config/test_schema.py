@@ -1,22 +1,20 @@
 """The schema of the options: what is declared once is what reader, page, help and messages say."""
 
 import argparse
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from insgnss.base.errors import InputError, OptionError
+from insgnss.base.errors import OptionError
 from insgnss.base.wording import spoken_as
 from insgnss.config import document
 from insgnss.config.block_file import BLOCK_TABLES
 from insgnss.config.command_line import add_options, given_of, names_of
 from insgnss.config.covariance import MODEL
 from insgnss.config.flight_file import TABLES
-from insgnss.config.keys.retired import retired_keys
 from insgnss.config.kinds import PLAIN
-from insgnss.config.load import known_keys, load_flight, read_covariance
+from insgnss.config.load import known_keys, load_flight
 from insgnss.config.ppk_options import EngineSettings
 from insgnss.config.schema import check, declared, option, options_of
 from insgnss.config.values import READERS
@@ -81,7 +79,7 @@ def test_every_option_is_whole(item, others):
         assert item.option.low <= item.default <= item.option.high
     if item.choices and isinstance(item.default, str) and item.kind != "letters":
         assert item.default in item.choices
-    names = [name for other in others for name in (other.name, *other.option.retired)]
+    names = [other.name for other in others]
     assert names.count(item.name) == 1
     assert document.value_words(item)
     assert document.default_words(item)
@@ -114,7 +112,7 @@ def test_arguments_are_made_of_the_declarations():
         )
         pair: tuple[float, float] = option((3.0, 1.0), "two numbers", cli="--pair")
         on: bool = option(True, "do it", cli="--off", cli_meaning="leave it")
-        names: tuple[str, ...] = option((), "words at 50 %", cli="--names", retired=("words",))
+        names: tuple[str, ...] = option((), "words at 50 %", cli="--names")
         hidden: float = option(1.0, "of the file only")
 
     parser = argparse.ArgumentParser()
@@ -124,11 +122,9 @@ def test_arguments_are_made_of_the_declarations():
     assert "two numbers (default: 3 1)" in text
     assert "words at 50 %" in text
     assert "hidden" not in text
-    assert "--words" not in text
     assert given_of(parser.parse_args([]), Table) == {}
-    words = ["--angle", "20", "--pair", "1", "2", "--off", "--names", "a", "--words", "b", "c"]
-    with pytest.warns(FutureWarning, match="--words is called --names now"):
-        found = given_of(parser.parse_args(words), Table)
+    words = ["--angle", "20", "--pair", "1", "2", "--off", "--names", "a", "b", "c"]
+    found = given_of(parser.parse_args(words), Table)
     assert found == {"angle_deg": 20.0, "pair": (1.0, 2.0), "on": False, "names": ("a", "b", "c")}
 
 
@@ -194,83 +190,8 @@ def test_values_in_range_pass():
 
 
 def test_unknown_keys_find_their_way():
-    """Oracle: the tables by eye: sub-tables are known, retired names are not."""
+    """Oracle: the tables by eye: sub-tables are known."""
     keys = known_keys()
     assert {"imu.units", "imu.further.units", "gnss.covariance.scale"} <= set(keys)
     assert "lever_m" not in keys["imu"]
     assert "further" not in keys["imu.further"]
-    assert not {old for table, old, _ in retired_keys() if old in keys[table]}
-
-
-RETIRED = {
-    "imu.more": (READY + '[[imu.more]]\nfile = "imu.csv"\n', 5, lambda f: len(f.imu.further) == 1),
-    "gnss.new_when": (READY + 'new_when = "c"\n', 5, lambda f: f.gnss.repeat_column == "c"),
-    "gnss.calibrated": (
-        READY + "calibrated = false\n",
-        5,
-        lambda f: not f.gnss.calibrate_covariance,
-    ),
-    "gnss.correlated": (READY + "correlated = 2.5\n", 5, lambda f: f.gnss.gm_sigma == 2.5),
-    "gnss.uncorrelated": (READY + "uncorrelated = 0.5\n", 5, lambda f: f.gnss.white_scale == 0.5),
-    "gnss.more": (
-        RAW + "more = { pos1-b = 10 }\n",
-        7,
-        lambda f: f.gnss.raw.rtklib_options == {"pos1-b": "10"},
-    ),
-    "filter.wheels": (READY + "[filter]\nwheels = true\n", 6, lambda f: f.filter.non_holonomic),
-    "gnss.covariance.hampered_s": (
-        READY + "covariance = { hampered_s = 60 }\n",
-        None,
-        lambda f: f.gnss.covariance.degraded_s == 60.0,
-    ),
-    "gnss.covariance.scale.lone": (
-        READY + "[gnss.covariance.scale]\nlone = 20\n",
-        6,
-        lambda f: f.gnss.covariance.scale["isolated"] == (20.0, 20.0, 20.0),
-    ),
-}
-
-
-@pytest.mark.parametrize("key", RETIRED)
-def test_a_retired_key_works_and_says_its_new_name(load, key):
-    """Oracle: the vocabulary; the line is that of the old key."""
-    text, line, holds = RETIRED[key]
-    new = {f"{table}.{old}": f"{table}.{now}" for table, old, now in retired_keys()}[key]
-    with pytest.warns(FutureWarning) as told:
-        flight = load(text)
-    assert holds(flight)
-    (warning,) = told
-    assert f"{key} is called {new} now" in str(warning.message)
-    assert line is None or f"flight.toml:{line}: " in str(warning.message)
-
-
-def test_both_names_of_a_key_are_refused(load):
-    """Oracle: the line of the old one."""
-    what = r"flight\.toml:6: gnss\.correlated: is the retired name of gnss\.gm_sigma"
-    with pytest.raises(InputError, match=what):
-        load(READY + "gm_sigma = 2\ncorrelated = 2\n")
-
-
-def test_what_is_wrong_about_a_retired_key_is_told_at_its_line(load):
-    """Oracle: line and key written by hand."""
-    what = r"flight\.toml:5: gnss\.white_scale: 500 is outside 0\.01 to 100"
-    with pytest.warns(FutureWarning), pytest.raises(InputError, match=what):
-        load(READY + "uncorrelated = 500\n")
-
-
-def test_a_covariance_file_takes_retired_names_as_well(tmp_path):
-    """Oracle: the numbers of the file."""
-    path = tmp_path / "c.toml"
-    path.write_text("lone_satellites = 9\n[floor_m]\nweak = 20\n")
-    with pytest.warns(FutureWarning) as told:
-        model = read_covariance(path)
-    assert len(told) == 2
-    changes = {"unsupported_satellites": 9, "floor_m": {"unsupported": 20.0}}
-    assert model == MODEL.with_changes(changes)
-
-
-def test_present_names_are_silent(load):
-    """Oracle: no warning at all."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        load(READY + 'gm_sigma = "off"\nwhite_scale = 2\n[filter]\nnon_holonomic = true\n')

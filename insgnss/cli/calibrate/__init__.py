@@ -4,11 +4,7 @@
 """
 
 import argparse
-import warnings
-from pathlib import Path
-from typing import Any
 
-from ...base.errors import UsageError
 from ..console import Parser
 from ..verb import Verb
 from . import imu, materialise, mounting, similarity, tripod
@@ -19,29 +15,9 @@ NAMES = tuple(kind.name for kind in KINDS)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of calibration."""
-    if isinstance(parser, Parser):
-        parser.rearranged = _with_kind
     kinds = parser.add_subparsers(metavar="WHAT", required=True, dest="what", parser_class=Parser)
     for kind in KINDS:
         kind.add_to(kinds, below=True)
-
-
-def _with_kind(parse: Any, words: Any, namespace: Any) -> Any:
-    """Parse the words, which before there were kinds named the recording of an IMU at once."""
-    words = list(words)
-    values = [word for word in words if not word.startswith("-")]
-    first = values[0] if values else ""
-    if first and not set(NAMES) & set(values) and "." not in first and not Path(first).exists():
-        raise UsageError(f"calibrate: {first!r} is none of {', '.join(NAMES)}, and no file")
-    if values and not set(NAMES) & set(values) and not {"-h", "--help"} & set(words):
-        warnings.warn(
-            "insgnss calibrate IMU_FILE is called insgnss calibrate imu IMU_FILE now; the next"
-            " release will refuse the old form",
-            FutureWarning,
-            stacklevel=2,
-        )
-        words = ["imu", *words]
-    return parse(words, namespace)
 
 
 VERB = Verb(

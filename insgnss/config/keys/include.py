@@ -17,7 +17,6 @@ from typing import Any
 
 from ...base.tables import Source, Table, read_toml
 from ..flight_file import TABLES
-from .retired import renewed
 
 KEY = "include"
 LONGEST_CHAIN = 4  # files that a flight file may take keys over from
@@ -38,7 +37,7 @@ def with_included(
     Parameters
     ----------
     root : Table
-        The flight file, retired keys renamed.
+        The flight file.
     keys : mapping
         The keys that each table may hold.
 
@@ -66,7 +65,7 @@ def with_included(
             problem = f"more than {LONGEST_CHAIN} files that include each other; put two into one"
             raise last.error(KEY, problem)
         chain.append(path)
-        last = renewed(read_toml(path, keys))
+        last = read_toml(path, keys)
         for key in OF_A_FLIGHT:
             if key in last.data:
                 problem = f"is of one flight; give it in {root.path.name}, not in a shared file"
