@@ -25,6 +25,7 @@ from insgnss.config.block_file import load_block
 from insgnss.config.load import load_flight, read_covariance
 from insgnss.exporting.rename import read_names
 from insgnss.formats import read_barometer, read_events
+from insgnss.formats.blocks.bingo import read_bingo
 from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.colmap_model import read_colmap_model
 from insgnss.formats.blocks.dbat import read_dbat
@@ -36,7 +37,6 @@ from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.pose_table import read_pose_table
 from insgnss.formats.bundle.colmap_database import read_colmap_database
 from insgnss.formats.bundle.metashape import read_metashape
-from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.images.exif import camera_tags, time_taken
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance

@@ -98,7 +98,6 @@ INNER = {  # folders inside rooms, from below; a folder stands on those before i
         "markers",
         "gis",
         "images",
-        "experimental",
     ),
     "gnss": ("rinex", "satellites", "phase", "engine", "quality", "exposures"),
     "stochastic": ("moments", "estimation"),

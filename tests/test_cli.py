@@ -530,9 +530,6 @@ def test_export_help_lists_the_formats(capsys):
     )
     assert {line.split()[0] for line in noise} == set(FORMS)
     assert {line.split()[0] for line in orientations} == set(EXPORTS)
-    assert all(
-        "experimental: " in line for line in orientations if EXPORTS[line.split()[0]].experimental
-    )
 
 
 @pytest.mark.parametrize(

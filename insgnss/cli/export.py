@@ -311,9 +311,7 @@ def _list_formats() -> str:
     lines = []
     for name, form in EXPORTS.items():
         takes = f" (--set {', '.join(form.options)})" if form.options else ""
-        lines.append(
-            f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n"
-        )
+        lines.append(f"  {name:{width}}  {form.what}{takes}\n")
     from ..stochastic.consumers import FORMS
 
     takes = "(--set rate, cluster, topic)"

@@ -177,10 +177,10 @@ def _complete() -> None:
 
 
 def _formats(**_: Any) -> list[str]:
-    from ..formats.exports import EXPERIMENTAL, EXPORTS
+    from ..formats.exports import EXPORTS
     from ..stochastic.consumers import FORMS
 
-    return sorted({*EXPORTS, *EXPERIMENTAL, *FORMS})
+    return sorted({*EXPORTS, *FORMS})
 
 
 def build_parser(verb: str = "") -> Parser:

@@ -330,9 +330,9 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
 def _notes(
     form: Export, projection: MapProjection | None, framed: FramedOrientation
 ) -> tuple[str, ...]:
-    notes = [f"experimental: {form.experimental}"] if form.experimental else []
     if projection is None:
-        return tuple(notes)
+        return ()
+    notes = []
     operation, accuracy = projection.operation()
     costs_nothing = 0.0 <= accuracy <= SAME_M and projection.shift_m(*framed.geodetic.T) < NULL_M
     if (accuracy < 0.0 or accuracy > ACCURATE_M) and not costs_nothing:

@@ -38,8 +38,6 @@ class Export:
         What the writer takes besides.
     reader : str
         Module and function that read it back; empty where the format cannot be.
-    experimental : str
-        Why not all of the convention could be checked; empty where it could.
     several : bool
         Whether it is a directory of files.
     needs : tuple of str
@@ -76,7 +74,6 @@ class Export:
     heights: Heights = ""
     options: tuple[str, ...] = ()
     reader: str = ""
-    experimental: str = ""
     several: bool = False
     needs: tuple[str, ...] = ()
     crs_order: bool = False
@@ -96,8 +93,7 @@ class Export:
     @property
     def page(self) -> str:
         """The page of `data_specs` that states the format."""
-        module = self.writer.partition(":")[0].rpartition(".")[2].removesuffix("_accuracy")
-        return "generic_ascii" if module == "table_presets" else module
+        return self.writer.partition(":")[0].rpartition(".")[2]
 
     def helpers(self, eo: FramedOrientation, path: Path) -> dict[Path, str]:
         """Return what the program needs besides to read `path`, texts by path."""
@@ -210,6 +206,14 @@ EXPORTS: dict[str, Export] = {
         "realitycapture.csv",
         "RealityCapture/RealityScan flight log, yaw pitch roll",
         "bundle.realitycapture:write_realitycapture",
+        (GEOGRAPHIC, TANGENT),
+        separator=",",
+        helper="bundle.import_helpers:flight_log_format",
+    ),
+    "realitycapture_accuracy": Export(
+        "realitycapture_accuracy.csv",
+        "RealityCapture/RealityScan flight log with accuracies",
+        "bundle.realitycapture:write_realitycapture_accuracy",
         (GEOGRAPHIC, TANGENT),
         separator=",",
         helper="bundle.import_helpers:flight_log_format",
@@ -374,80 +378,3 @@ EXPORTS: dict[str, Export] = {
         options=("noise", "form", "gap_s"),
     ),
 }
-
-_UNVERIFIED = (
-    "no file of the program was at hand; the layout is that of its handbook as others tell it"
-)
-EXPERIMENTAL: dict[str, Export] = {
-    "pix4d_mapper_accuracy": Export(
-        "pix4d_mapper_experimental.csv",
-        "PIX4Dmapper with accuracies",
-        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
-        (PROJECTED, TANGENT, GEOGRAPHIC),
-        experimental="place of the accuracies and meaning of angles with latitude, longitude",
-        any_unit=True,
-        separator=",",
-    ),
-    "realitycapture_accuracy": Export(
-        "realitycapture_experimental.csv",
-        "RealityCapture/RealityScan flight log with accuracies",
-        "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
-        (GEOGRAPHIC, TANGENT, PROJECTED),
-        experimental="north of yaw in a projected CRS",
-        any_unit=True,
-        separator=",",
-        helper="bundle.import_helpers:flight_log_format",
-    ),
-    "patb": Export(
-        "patb_experimental.ori",
-        "PATB orientations",
-        "experimental.patb:write_patb",
-        (PROJECTED, TANGENT),
-        experimental="direction of the matrix",
-        any_unit=True,
-    ),
-    **{
-        name: Export(
-            f"{name}_experimental.txt",
-            f"table for {tool}",
-            f"experimental.table_presets:write_{name}",
-            (PROJECTED, TANGENT),
-            reader="orientation.generic_ascii:read_generic_ascii",
-            experimental=_UNVERIFIED,
-            any_unit=True,
-            separator=" ",
-        )
-        for name, tool in (
-            ("bingo", "BINGO"),
-            ("bluh", "BLUH"),
-            ("orima", "ORIMA"),
-            ("xpro", "XPro"),
-            ("simactive", "SimActive"),
-            ("uasmaster", "UASMaster"),
-            ("contextcapture", "ContextCapture, Import photo positions"),
-        )
-    },
-    "esri_frames": Export(
-        "esri_frames_experimental.csv",
-        "frames table of ArcGIS",
-        "experimental.esri_frames:write_esri_frames",
-        (PROJECTED,),
-        options=("camera",),
-        of_one_camera=("camera",),
-        experimental="which way the angles turn depends on the cameras table",
-        any_unit=True,
-        separator=",",
-    ),
-    "dji_terra": Export(
-        "dji_terra_experimental.csv",
-        "table for DJI Terra",
-        "experimental.table_presets:write_dji_terra",
-        (GEOGRAPHIC,),
-        reader="orientation.generic_ascii:read_generic_ascii",
-        experimental=_UNVERIFIED,
-        separator=",",
-    ),
-}
-"""Formats that could not be held against a file of their program: `formats.experimental`."""
-
-EXPORTS |= EXPERIMENTAL

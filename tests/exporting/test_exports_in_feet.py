@@ -26,14 +26,10 @@ LENGTHS = {
     "metashape_offset": 6,
     "pix4d_matic": 5,
     "pix4d_mapper": 3,
-    "pix4d_mapper_accuracy": 5,
-    "realitycapture_accuracy": 6,
     "bentley": 3,
     "inpho_prj": 4,
     "inpho_ascii": 3,
     "generic_ascii": 6,
-    "patb": 3,
-    "orima": 6,
 }
 
 

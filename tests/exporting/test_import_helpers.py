@@ -91,7 +91,7 @@ def test_the_script_imports_the_file_beside_it(
         ),
         (
             "realitycapture_accuracy",
-            Target("EPSG:32632"),
+            Target(frame="tangent plane"),
             "Image X Y Altitude Yaw Pitch Roll XAccuracy YAccuracy AltitudeAccuracy YawAccuracy"
             " PitchAccuracy RollAccuracy",
         ),

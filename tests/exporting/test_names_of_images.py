@@ -40,9 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 OF_NO_NAMES = {"tum", "rtklib_pos"}
 REFUSED = {  # by separators of programs that know no quotation marks
     *("metashape", "metashape_opk", "metashape_offset", "pix4d_matic", "pix4d_mapper", "odm"),
-    *("micmac", "realitycapture", "inpho_ascii", "colmap", "pix4d_mapper_accuracy"),
-    *("realitycapture_accuracy", "bingo", "bluh", "orima", "xpro", "simactive", "dji_terra"),
-    *("uasmaster", "contextcapture", "esri_frames"),
+    *("micmac", "realitycapture", "inpho_ascii", "colmap", "realitycapture_accuracy"),
 }
 
 
@@ -111,7 +109,7 @@ def test_every_format_holds_these_names_or_says_how_to_export_all_the_same(
         monkeypatch.setattr(
             "insgnss.exporting.export._undulation", lambda eo, *_: np.full(len(eo.images), 49.6)
         )
-    if name in ("opf", "esri_frames"):
+    if name == "opf":
         target = Target("EPSG:32632")
     path = tmp_path / "out" / form.product
     path.parent.mkdir()

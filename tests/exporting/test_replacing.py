@@ -100,7 +100,6 @@ OPTIONS = {
     "kml": {"altitude": "clamped"},
     "opf": {"camera": "PINHOLE 1280 960 1400 1400 640 480", "pixel_size_um": 5.5},
     "colmap": {"camera": "PINHOLE 1280 960 1400 1400 640 480"},
-    "esri_frames": {"camera": "1"},
     "rtklib_pos": {"lever_m": (0.1, 0.0, 0.0)},
 }
 

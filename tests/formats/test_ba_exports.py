@@ -42,10 +42,10 @@ from insgnss.formats.bundle.micmac import write_micmac, write_micmac_xml
 from insgnss.formats.bundle.odm import write_odm_geo
 from insgnss.formats.bundle.opensfm import write_opensfm
 from insgnss.formats.bundle.pix4d import write_pix4d_mapper, write_pix4d_matic
-from insgnss.formats.bundle.realitycapture import write_realitycapture
-from insgnss.formats.experimental.patb import write_patb
-from insgnss.formats.experimental.pix4d_accuracy import write_pix4d_mapper_accuracy
-from insgnss.formats.experimental.realitycapture_accuracy import write_realitycapture_accuracy
+from insgnss.formats.bundle.realitycapture import (
+    write_realitycapture,
+    write_realitycapture_accuracy,
+)
 from insgnss.formats.orientation.eo_local_plane import write_eo_local_plane
 
 Read = list[tuple[Place, Array, bool]]
@@ -191,19 +191,6 @@ def read_inpho_ascii(path: Path, where: str) -> Read:
     return [(Place(where, np.array(v[:3])), opk(v[3:6]), False) for v in numbers(path, None)]
 
 
-def read_patb(path: Path, where: str) -> Read:
-    lines = path.read_text().splitlines()
-    out: Read = []
-    for first, second, third in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
-        assert int(first[:16]) > 8000
-        x = [float(first[a : a + 16]) for a in (32, 48, 64)]
-        a = [float(second[k : k + 16]) for k in range(0, 80, 16)] + [
-            float(third[k : k + 16]) for k in range(0, 64, 16)
-        ]
-        out.append((Place(where, np.array(x)), np.array(a).reshape(3, 3) @ D, False))
-    return out
-
-
 def write_prj(eo: object, path: Path) -> None:
     write_inpho_prj(eo, path, focal_mm=20.2, ground_m=510.0)  # type: ignore[arg-type]
 
@@ -219,11 +206,10 @@ CASES: list[tuple[Callable[..., None], Callable[[Path, str], Read], tuple[str, .
     (write_micmac, read_micmac, ("tangent plane", "geocentric")),
     (write_micmac_xml, read_micmac_xml, ("tangent plane", "geocentric")),
     (write_realitycapture, read_realitycapture, ("geographic", "tangent plane")),
-    (write_realitycapture_accuracy, read_realitycapture, ("geographic", "tangent plane", *GRIDS)),
+    (write_realitycapture_accuracy, read_realitycapture, ("geographic", "tangent plane")),
     (write_bentley, read_bentley, ("tangent plane", "geographic", *GRIDS)),
     (write_prj, read_inpho_prj, ("tangent plane", *GRIDS)),
     (write_inpho_ascii, read_inpho_ascii, ("tangent plane", *GRIDS)),
-    (write_patb, read_patb, ("tangent plane", *GRIDS)),
 ]
 
 
@@ -361,7 +347,6 @@ def test_single_accuracies(tmp_path: Path) -> None:
     eo = block(2)
     for write, where, separator, at in (
         (write_pix4d_matic, "geographic", ",", 6),
-        (write_pix4d_mapper_accuracy, "EPSG:2056", ",", 6),
         (write_odm_geo, "EPSG:2056", None, 6),
     ):
         frame = framed(eo, where)
@@ -469,28 +454,6 @@ def test_inpho_photo_block(tmp_path: Path) -> None:
         write_inpho_ascii(twins, tmp_path / "y")
 
 
-def test_numbers_of_patb(tmp_path: Path) -> None:
-    """Oracle: the rule of its page: numbers of the names where all have one, else running; both in
-    the table beside.
-    """
-    eo = framed(block(2), "tangent plane")
-    for names, ids in (
-        (("8001.tif", "8002.tif"), (8001, 8002)),
-        (("a.tif", "7.tif"), (1, 2)),
-        (("7.tif", "07.tif"), (1, 2)),
-    ):
-        write_patb(replace(eo, images=names), tmp_path / "x.ori")
-        lines = (tmp_path / "x.ori").read_text().splitlines()
-        assert tuple(int(line[:16]) for line in lines[::3]) == ids
-        table = [
-            line.split()
-            for line in (tmp_path / "x_ids.txt").read_text().splitlines()
-            if not line.startswith("#")
-        ]
-        assert table == [[str(k), name] for k, name in zip(ids, names, strict=True)]
-        assert [len(line) for line in lines[:3]] == [80, 80, 64]
-
-
 def test_reference_of_opensfm_is_not_replaced(tmp_path: Path) -> None:
     """Oracle: the same export again is the same reference; another one is refused, and nothing
     written.
@@ -519,7 +482,6 @@ def test_frames_that_a_format_cannot_carry(tmp_path: Path) -> None:
         (write_bentley, "geocentric"),
         (write_prj, "geographic"),
         (write_inpho_ascii, "geographic"),
-        (write_patb, "geocentric"),
     ]
     for write, where in cannot:
         with pytest.raises(UsageError, match=r"cannot carry a .* frame .*; it takes ") as refusal:
@@ -546,7 +508,6 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
         (write_micmac_xml, "tangent plane", "a\\b"),
         (write_realitycapture, "geographic", "a,b"),
         (write_inpho_ascii, "tangent plane", "a b.tif"),
-        (write_patb, "tangent plane", "a\nb"),
     ):
         with pytest.raises(InputError, match="rename"):
             write(replace(framed(block(1), where), images=(name,)), tmp_path / "x")

@@ -12,6 +12,7 @@ from oracles import oracle
 
 from insgnss.base.errors import InputError
 from insgnss.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
+from insgnss.formats.blocks.bingo import read_bingo
 from insgnss.formats.blocks.camera_toml import read_camera_toml
 from insgnss.formats.blocks.dbat import read_dbat
 from insgnss.formats.blocks.gcp_list import read_gcp_list
@@ -20,7 +21,6 @@ from insgnss.formats.blocks.image_points import read_image_points
 from insgnss.formats.blocks.pose_table import read_pose_table
 from insgnss.formats.blocks.reading import read_measured_block
 from insgnss.formats.bundle.metashape import read_metashape
-from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane

@@ -34,8 +34,6 @@ ELSEWHERE = {
     "geopackage": "in the description of the CRS",
     "rtklib_pos": "positions in WGS84",
     "odm": "the program takes the first line for the CRS",
-    "patb": "no comments",
-    "esri_frames": "no comments",
 }
 
 

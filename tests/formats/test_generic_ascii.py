@@ -26,7 +26,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import DataError, InputError, UsageError
-from insgnss.formats.experimental import table_presets
 from insgnss.formats.orientation.generic_ascii import read_generic_ascii, write_generic_ascii
 
 LOOK = np.array(
@@ -320,16 +319,9 @@ def test_templates_that_make_no_table(
     assert not list(tmp_path.iterdir())
 
 
-def test_names_and_attitudes_that_it_cannot_hold(tmp_path: Path) -> None:
-    """Oracle: the delimiter, without quotation marks; a camera exactly at the nadir has no gimbal
-    angles, but omega, phi, kappa.
-    """
+def test_attitudes_that_it_cannot_hold(tmp_path: Path) -> None:
+    """Oracle: a camera exactly at the nadir has no gimbal angles, but omega, phi, kappa."""
     eo = framed(exterior(D[None], np.zeros((1, 3))), "tangent plane")
-    for delimiter, name in (("blank", "a b"), ("comma", "a,b"), ("tab", "a\tb")):
-        with pytest.raises(InputError, match="rename the image"):
-            write_generic_ascii(
-                replace(eo, images=(name,)), tmp_path / "x", delimiter=delimiter, quotes=False
-            )
     with pytest.raises(DataError, match="middle angle of roll pitch yaw"):
         write_generic_ascii(eo, tmp_path / "x", "image gimbal")
     assert not list(tmp_path.iterdir())
@@ -356,36 +348,6 @@ def test_tables_that_are_not_read(before: str, after: str, message: str, tmp_pat
     with pytest.raises(InputError) as refusal:
         read_generic_ascii(tmp_path / "x")
     assert message in str(refusal.value)
-
-
-@pytest.mark.parametrize("name", table_presets.PRESETS)
-def test_presets_say_that_they_are_experimental(name: str, tmp_path: Path) -> None:
-    """Oracle: the order of formats.md B10, by the header; the table reads back; a frame that it is
-    not for is refused.
-    """
-    write = getattr(table_presets, f"write_{name}")
-    eo = framed(block(2), "geographic" if name == "dji_terra" else "EPSG:2056")
-    write(eo, tmp_path / "x")
-    assert f"# experimental: this layout for {name} is unverified\n" in (tmp_path / "x").read_text()
-    back = read_generic_ascii(tmp_path / "x")
-    C, want = (back.C_Ec, eo.C_Ec) if name == "dji_terra" else (back.C_fc, eo.C_fc)
-    if name != "uasmaster":  # angles of the body, whose mounting no header says
-        assert C is not None
-        assert_allclose(C, want, atol=6e-8)
-    order = {
-        "bingo": "image x y z phi_pok omega_pok kappa_pok",
-        "bluh": "image phi_pok omega_pok kappa_pok x y z",
-        "orima": "image x y z omega phi kappa sx sy sz s_omega s_phi s_kappa",
-        "xpro": "image x y z omega phi kappa sx sy sz s_omega s_phi s_kappa",
-        "simactive": "image x y z omega phi kappa",
-        "uasmaster": "image number x y z roll_ned pitch_ned yaw_ned tow",
-        "contextcapture": "image x y z omega phi kappa",
-        "dji_terra": "image lat lon h yaw pitch roll s_horizontal s_vertical",
-    }[name]
-    comma = name in ("dji_terra", "uasmaster")
-    assert list(columns(tmp_path / "x", "," if comma else None)) == order.split()
-    with pytest.raises(UsageError, match="cannot carry"):
-        write(framed(block(1), "geocentric"), tmp_path / "y")
 
 
 def test_many_images(tmp_path: Path) -> None:

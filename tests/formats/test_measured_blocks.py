@@ -30,6 +30,7 @@ from oracles import oracle
 
 from insgnss.adjust.camera import pixels_of
 from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.formats.blocks.bingo import read_bingo
 from insgnss.formats.blocks.gcp_list import read_gcp_list
 from insgnss.formats.blocks.measured_block import MeasuredBlock, image_points, no_poses
 from insgnss.formats.blocks.metashape_block import (
@@ -38,7 +39,6 @@ from insgnss.formats.blocks.metashape_block import (
 )
 from insgnss.formats.blocks.opensfm_model import read_opensfm_model
 from insgnss.formats.blocks.reading import FORMATS, read_measured_block, recognised
-from insgnss.formats.experimental.bingo import read_bingo
 from insgnss.proof.scene import HEIGHT_PX, WIDTH_PX
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

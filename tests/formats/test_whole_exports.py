@@ -26,7 +26,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "opf": {"camera": CAMERA, "pixel_size_um": 3.3},
 }
 SEVERAL = (
-    *("colmap", "opf", "micmac_xml", "image_tags", "metashape_offset", "opensfm", "patb"),
+    *("colmap", "opf", "micmac_xml", "image_tags", "metashape_offset", "opensfm"),
     "geopackage",
 )
 LIMITS = (0, 300, 700, 1500, 2500)  # bytes a file, behind which the system refuses to write

@@ -43,7 +43,7 @@ FORMATS: Mapping[str, tuple[str, tuple[str, ...], str]] = {
         "gcp_list.txt of OpenDroneMap",
     ),
     "bingo": (
-        "experimental.bingo:read_bingo",
+        "blocks.bingo:read_bingo",
         ("sigma_px", "unit", "pixel_um", "width", "height"),
         "BINGO (blocks that end in -99)",
     ),

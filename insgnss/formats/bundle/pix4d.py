@@ -8,7 +8,7 @@ mapper   imagename, X, Y, Z, omega, phi, kappa; R = Rx(omega) Ry(phi) Rz(kappa),
          right-up-back to the axes of the CRS.
 
 Neither takes standard deviations of angles. The horizontal accuracy is the root mean square of both
-axes. What mapper takes with accuracies is unverified: `experimental.pix4d_accuracy`.
+axes. Where mapper expects accuracies behind angles is not documented, so they are not written.
 """
 
 import numpy as np

@@ -7,7 +7,7 @@ with x, y for latitude, longitude in a tangent plane.
 R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image,
 as Metashape's. Lines that begin with `#` are skipped by the program. Its own omega, phi, kappa are
 another set of angles than everybody's (data_specs/realitycapture.md), so they are not written.
-With accuracies the log is unverified: `experimental.realitycapture_accuracy`.
+The log with accuracies has the standard deviations of the axes; correlations have no place.
 """
 
 import numpy as np
@@ -56,22 +56,19 @@ def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
     DataError
         Pitch is +-90 deg.
     """
-    check_frame(eo, "realitycapture", GEOGRAPHIC, TANGENT)
-    write_log(eo, path)
+    _write(eo, path, "realitycapture", accuracies=False)
 
 
-def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None:
-    """Write the log, with standard deviations where `accuracies` is not empty.
+def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
+    """Write as `write_realitycapture` does, with standard deviations at the end of each line.
 
-    Parameters
-    ----------
-    eo : FramedOrientation
-        The orientation in its frame.
-    path : path
-        The file.
-    accuracies : str
-        A comment on the accuracies; empty leaves them out.
+    They are those along x (east), y (north) and altitude in m, and of yaw, pitch, roll in deg.
     """
+    _write(eo, path, "realitycapture_accuracy", accuracies=True)
+
+
+def _write(eo: FramedOrientation, path: Source, name: str, accuracies: bool) -> None:
+    check_frame(eo, name, GEOGRAPHIC, TANGENT)
     check_names(eo.images, ",")
     ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
     geographic = eo.frame.kind == GEOGRAPHIC
@@ -82,5 +79,5 @@ def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None
         table = np.hstack([table, places_sigma(eo), np.degrees(sigma)])
         form += ",%.5f" * 3 + ",%.6f" * 3
         columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    head = comment_lines(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
+    head = comment_lines(eo, ANGLES) + columns + "\n"
     atomic_write(path, table_text(head, eo.images, form + "\n", table))

@@ -42,7 +42,7 @@ from .ascii_columns import (
     kind_of,
     of_height,
 )
-from .exported import check_names, comment_lines, quoted_names, table_text
+from .exported import comment_lines, quoted_names, table_text
 
 Array = NDArray[np.float64]
 
@@ -67,8 +67,6 @@ def write_generic_ascii(
     decimals_m: int = 4,
     decimals_angle: int | None = None,
     length_unit: str | None = None,
-    note: str = "",
-    quotes: bool = True,
 ) -> None:
     """Write a table in any frame.
 
@@ -98,10 +96,6 @@ def write_generic_ascii(
         0 to 12; by default 6, of radians 9.
     length_unit : {"m", "ft", "us-ft"}, optional
         Unit of coordinates, heights and their standard deviations; by default that of the CRS.
-    note : str
-        A further line of the full header.
-    quotes : bool
-        Whether names that would break the table stand in quotation marks; else they are refused.
 
     Raises
     ------
@@ -132,10 +126,7 @@ def write_generic_ascii(
             )
     separator = DELIMITERS[delimiter]
     between = None if delimiter == "blank" else separator
-    if quotes:
-        images: Sequence[str] = quoted_names(eo.images, between)
-    else:
-        check_names(images := eo.images, between)
+    images = quoted_names(eo.images, between)
     decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
@@ -147,9 +138,7 @@ def write_generic_ascii(
     form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
     atomic_write(
         path,
-        table_text(
-            _header(eo, names, how, separator, header, note), images, form, table, image_column
-        ),
+        table_text(_header(eo, names, how, separator, header), images, form, table, image_column),
     )
 
 
@@ -229,7 +218,6 @@ def _header(
     how: Conventions,
     separator: str,
     header: str,
-    note: str,
 ) -> str:
     if header == "none":
         return ""
@@ -237,7 +225,6 @@ def _header(
     if header == "names":
         return line
     lines = [
-        *([" ".join(note.split())] if note else []),
         f"frame kind: {eo.frame.kind}",
         f"camera axes: {how.camera_axes} ({CAMERA_AXES[how.camera_axes]})",
     ]

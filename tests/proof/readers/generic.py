@@ -57,52 +57,6 @@ def read(path: Path) -> Table:
     return Table(names, values, said | {"kind": kind})
 
 
-def _preset(path: Path, columns: str, unit: str = "deg", separator: str | None = None) -> Table:
-    names, values = named(rows(path, separator), columns)
-    angles = {
-        c: v * UNITS[unit]
-        for c, v in values.items()
-        if c in ("omega", "phi", "kappa", "yaw", "pitch", "roll")
-    }
-    said = {"camera axes": "RUB (", "attitude": "camera to frame", "north": "true"}
-    kind = (
-        "ypr"
-        if "yaw" in values
-        else "pok"
-        if columns.index("phi") < columns.index("omega")
-        else "opk"
-    )
-    return Table(names, values | angles, said | {"kind": kind})
-
-
-def read_bingo(path: Path) -> Table:
-    return _preset(path, "name x y z phi omega kappa", "gon")
-
-
-def read_bluh(path: Path) -> Table:
-    return _preset(path, "name phi omega kappa x y z", "gon")
-
-
-def read_orima(path: Path) -> Table:
-    return _preset(path, "name x y z omega phi kappa", "gon")
-
-
-def read_xpro(path: Path) -> Table:
-    return _preset(path, "name x y z omega phi kappa")
-
-
-def read_dji_terra(path: Path) -> Table:
-    return _preset(path, "name y x z yaw pitch roll", "deg", ",")
-
-
-def read_esri(path: Path) -> Table:
-    """Esri, Frames table schema: a header, then comma separated rows; camera names as numbers."""
-    table = [row[:2] + row[3:] for row in rows(path, ",")[1:]]
-    names, values = named(table, "number name x y z omega phi kappa")
-    said = {"camera axes": "RUB (", "attitude": "camera to frame", "north": "true", "kind": "opk"}
-    return Table(names, values, said)
-
-
 def poses(table: Table, frame: Frame, body: np.ndarray | None = None) -> Poses:
     """body : (3, 3), camera (right, down, view) into the body, for angles of the body."""
     if "lat" in table.columns:

@@ -23,10 +23,6 @@ def read_mapper(path: Path) -> Table:
     return Table(*named(rows(path, ","), "name x y z omega phi kappa"))
 
 
-def read_mapper_geographic(path: Path) -> Table:
-    return Table(*named(rows(path, ","), "name y x z omega phi kappa"))
-
-
 def poses(table: Table, frame: Frame) -> Poses:
     north_first = CRS(frame.definition).axis_info[0].direction == "north"
     x = table.place("second", "first", "z") if north_first else table.place("first", "second", "z")

@@ -15,12 +15,12 @@ import numpy as np
 
 from ...base.errors import DataError, InputError, near
 from ...base.files import lines_of
-from ..blocks.columns import first_repeat, positive_sigma
-from ..blocks.image_points import SIGMA_PX
-from ..blocks.measured_block import MeasuredBlock, file_names, image_points, no_poses
 from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
+from .columns import first_repeat, positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 END = "-99"
 UNITS = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
