@@ -422,7 +422,6 @@ WITHOUT_DOOR = {  # reads without `base.inputs`, and why
     "base/received/nesting.py": "a document that is going to be replaced",
     "cli/calibrate/imu.py": "a file that is going to be replaced",
     "cli/compare.py": "a page that is going to be replaced",
-    "config/document.py": "pages of the documentation",
     "exporting/replacing.py": "files that are going to be replaced",
     "formats/bundle/import_helpers.py": "a table that the run has just written",
     "formats/bundle/opensfm.py": "a file that is going to be replaced",

@@ -44,7 +44,6 @@ from .solution import Assumptions, Solved, solve
 
 ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
-LEVER_ARM_SIGMA_M = 0.3
 TRAJECTORY_HZ = 20.0
 FIXED_SIGMA = 1e-6  # by which values that are not determined are held, in their units
 

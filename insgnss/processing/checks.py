@@ -31,7 +31,6 @@ LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some
 OTHER_LENS = (
     0.15  # of a focal length: Exif has it rounded, by diagonal or width (9 % of 3:2 to 4:3)
 )
-OWN_WORDS = r"(cam(era)?|sensor|unknown|frame|lens|group|calib\w*)[\W_]*\d*$"  # no model's name
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
 
@@ -374,14 +373,10 @@ def _other_camera(made: MountingFile, camera: CameraTags | None) -> list[str]:
 
 
 def _same_name(calibrated: str, model: str) -> bool:
-    """Whether two names may be of one camera; programs add focal lengths to a model, or use words
-    of their own ("camera 1"), which tell nothing.
+    """Whether two names may be of one camera; programs add focal lengths to a model. One without a
+    word of letters and digits ("camera 1") is no model's and tells nothing.
     """
     if not re.search(r"(?=\w*\d)(?=\w*[A-Za-z])\w{4,}|\d{4,}", calibrated):
-        return True
-    if re.match(
-        r"(cam(era)?|sensor|unknown|frame|lens|group|calib\w*)[\W_]*\d*$", calibrated, re.I
-    ):
         return True
     first, second = (re.sub(r"[^a-z0-9]", "", name.lower()) for name in (calibrated, model))
     return first in second or second in first

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import render_options
 
 from insgnss.base.errors import OptionError
 from insgnss.base.wording import spoken_as
-from insgnss.config import document
 from insgnss.config.block_file import BLOCK_TABLES
 from insgnss.config.command_line import add_options, given_of, names_of
 from insgnss.config.covariance import MODEL
@@ -47,11 +47,11 @@ def load(tmp_path):
 
 
 def test_the_pages_are_rendered_from_the_schema():
-    """Oracle: the pages themselves; `python -m insgnss.config.document` brings them up to date."""
+    """Oracle: the pages themselves; `python scripts/render_options.py` brings them up to date."""
     pages = [path.read_text(encoding="utf-8") for path in (PAGE, BLOCK_PAGE)]
     for page in pages:
-        assert document.rendered(page) == page, "run python -m insgnss.config.document"
-    assert all(f"<!-- rendered: {part} -->" in "".join(pages) for part in document.PARTS)
+        assert render_options.rendered(page) == page, "run python scripts/render_options.py"
+    assert all(f"<!-- rendered: {part} -->" in "".join(pages) for part in render_options.PARTS)
 
 
 def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
@@ -61,7 +61,7 @@ def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
         "| `gnss.ratio`", ""
     )
     (tmp_path / "page.md").write_text(behind, encoding="utf-8")
-    document.main(tmp_path / "page.md")
+    render_options.main(tmp_path / "page.md")
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
 
 
@@ -81,8 +81,8 @@ def test_every_option_is_whole(item, others):
         assert item.default in item.choices
     names = [other.name for other in others]
     assert names.count(item.name) == 1
-    assert document.value_words(item)
-    assert document.default_words(item)
+    assert render_options.value_words(item)
+    assert render_options.default_words(item)
 
 
 def test_every_reader_is_used():

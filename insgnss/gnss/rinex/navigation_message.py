@@ -85,7 +85,6 @@ WORDS = {
 BEIDOU_LAG_S = 14.0
 SP3 = re.compile(r"#[a-d][PV]\d{4} ")  # the first line of precise orbits
 STAMP = re.compile(r"\s*(?:[0-9]{1,4}\s+){5}[0-9]{1,2}(?:\.[0-9]*)?\s*")
-GZIP = b"\x1f\x8b"
 F_NAV = 0b10
 # of F/NAV: E5a; of I/NAV: E1-B and E5b
 GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}

@@ -6,8 +6,8 @@ Prose is written by hand; what stands between two comments of the page is render
     ...
     <!-- end of rendered -->
 
-`python -m insgnss.config.document` renders the pages of the working directory anew, or those that
-it is given. A test holds the pages against `rendered`.
+`python scripts/render_options.py` renders the pages of the working directory anew, or those that it
+is given. A test holds the pages against `rendered`.
 """
 
 import re
@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import atomic_write
-from ..base.wording import listed
-from .block_file import BLOCK_TABLES
-from .camera_options import OF_FURTHER
-from .covariance import MODEL, CovarianceModel
-from .flight_file import TABLES
-from .schema import Declared, declared, options_of
+from insgnss.base.files import atomic_write
+from insgnss.base.wording import listed
+from insgnss.config.block_file import BLOCK_TABLES
+from insgnss.config.camera_options import OF_FURTHER
+from insgnss.config.covariance import MODEL, CovarianceModel
+from insgnss.config.flight_file import TABLES
+from insgnss.config.schema import Declared, declared, options_of
 
 PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
 WIDTH = 120
@@ -116,7 +116,7 @@ def _one(triple: tuple[float, ...]) -> Any:
 
 def _checks() -> str:
     """The names of the checks."""
-    from ..recognise.plausibility import NAMES
+    from insgnss.recognise.plausibility import NAMES
 
     whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
     lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH, break_on_hyphens=False)
