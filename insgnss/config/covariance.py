@@ -17,7 +17,6 @@ LARGEST = 1000.0
 """Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
 
 
-
 def _classes() -> tuple[str, ...]:
     return CLASSES
 

@@ -11,7 +11,6 @@ from insgnss.base.errors import OptionError
 from insgnss.base.wording import spoken_as
 from insgnss.config.block_file import BLOCK_TABLES
 from insgnss.config.command_line import add_options, given_of, names_of
-from insgnss.config.covariance import MODEL
 from insgnss.config.flight_file import TABLES
 from insgnss.config.kinds import PLAIN
 from insgnss.config.load import known_keys, load_flight
