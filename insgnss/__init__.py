@@ -63,6 +63,7 @@ Time
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
+from .base import __version__
 from .base.caches import settle as _settle
 
 if _TYPE_CHECKING:
@@ -117,8 +118,6 @@ if _TYPE_CHECKING:
     from .tuning.options import TuneOptions
 
 _settle()
-
-__version__ = "0.2.0"
 
 _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.calibration": (

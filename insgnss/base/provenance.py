@@ -15,6 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from . import __version__
 from .errors import UsageError
 from .inputs import sha256
 from .output.staging import destination, written
@@ -63,8 +64,6 @@ def made_from(
 
 def versions() -> dict[str, str]:
     """Return the versions that results hang on."""
-    from .. import __version__
-
     return {
         "insgnss": __version__,
         "python": platform.python_version(),

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
 from ..adjust.adjustment import residuals_px
 from ..adjust.aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from ..adjust.precision import NONCENTRALITY, strongest
 from ..adjust.relative import RelativeAerialControl
 from ..adjust.separation import inseparable
 from ..adjust.unknowns import CAMERA, POINT
+from ..base import __version__
 from ..geodesy.rotation import vector_from_rotation
 from ..records.block import INTERIOR, ImageBlock
 from ..records.relative import GAP_S

@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .. import __version__
+from ..base import __version__
 from ..base.advance import listening
 from ..base.caches import settle
 from ..base.errors import DataError, InputError, InsgnssError

@@ -86,7 +86,7 @@ class PpkRun:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
-        from .. import __version__
+        from ..base import __version__
 
         result, given = self.result, self.given
         return {

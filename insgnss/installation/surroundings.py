@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
+from ..base import __version__
 from ..base.caches import KERNELS
 from ..base.errors import InsgnssError
 from ..base.memory import available

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from .. import __version__
+from ..base import __version__
 from ..config.camera_options import CameraInput
 from ..config.flight_file import Flight
 from ..diagnosis.estimated import state_verdicts

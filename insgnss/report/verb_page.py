@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
+from ..base import __version__
 from ..base.files import text_sha256
 from ..base.inputs import sha256
 from ..base.provenance import circumstances

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
+from ..base import __version__
 from ..base.errors import DataError, InsgnssError, UsageError
 from ..base.inputs import read_bytes, sha256
 from ..base.provenance import DIRECTORY, KEY, PRODUCTS, changed_products

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
-from .. import __version__
+from ..base import __version__
 from ..base.errors import DataError, UsageError
 from ..base.wording import DOCTOR
 from .work import INTERNAL, Outcome, Task, Tell, failed, process_task

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
+from ..base import __version__
 from ..base.errors import DataError, InputError, InsgnssError
 from ..base.inputs import sha256
 from ..base.provenance import PRODUCTS, changed_products

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from .. import __version__
+from ..base import __version__
 from ..base.errors import UsageError
 from .model import NoiseModel
 from .random_walk import CLUSTER_S, RandomWalk, random_walk_of

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ... import __version__
+from ...base import __version__
 from ...base.output.staging import written
 from ...geodesy.frames import TangentPlane
 from ...records import FramedOrientation

@@ -30,7 +30,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ... import __version__
+from ...base import __version__
 from ...base.errors import UsageError
 from ...base.files import atomic_write
 from ...base.output.staging import together

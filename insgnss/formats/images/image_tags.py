@@ -40,7 +40,7 @@ from typing import BinaryIO, Literal
 
 import numpy as np
 
-from ... import __version__
+from ...base import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.files import atomic_write
 from ...base.inputs import opened

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
+from ...base import __version__
 from ...base.errors import InputError
 from ...base.files import atomic_write, atomic_writes
 from ...base.inputs import read_bytes

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
+from ...base import __version__
 from ...base.files import atomic_write
 from ...geodesy.rotation import CV_RUB, rotation_from_opk
 from ...records import FramedOrientation

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
+from ...base import __version__
 from ...base.errors import DataError, InputError, UsageError
 from ...base.output.staging import destination
 from ...base.units import METRE

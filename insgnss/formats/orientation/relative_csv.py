@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
+from ...base import __version__
 from ...base.files import atomic_write
 from ...geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
 from ...records.relative import FORMS, RelativeControl
