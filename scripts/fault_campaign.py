@@ -57,8 +57,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of 30 x 30
 import numpy as np
 from scipy.stats import chi2
 
+from insgnss import load_flight
 from insgnss.base.errors import InsgnssError
-from insgnss.flight import load_flight
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.processing.pipeline import process
 from insgnss.records import ExteriorOrientation

@@ -71,8 +71,6 @@ STANDS_ON |= {
         | {"block_adjustment", "mounting_calibration", "target_measurement", "installation"}
         | {"season"}
     ),
-    "flight": {"config"},  # names under which scripts know config and processing
-    "pipeline": {"processing"},
     "api": ROOMS
     | {"processing", "inspection", "tuning", "exporting", "comparison", "block_adjustment"}
     | {"mounting_calibration", "target_measurement"},

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.config.covariance import MODEL
+from insgnss.config.load import load_flight
 from insgnss.exposures.naming import ImageMatch
-from insgnss.flight import load_flight
 from insgnss.gnss.rinex.camera_events import RoverEvents
 
 CONTRACT = """\

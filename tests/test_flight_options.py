@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.flight import load_flight
+from insgnss import load_flight
 from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.base.units import STANDARD_GRAVITY
 from insgnss.cli import main
-from insgnss.flight import load_flight
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.inspection.alone import by_gravity
 from insgnss.inspection.content import vertical_axes

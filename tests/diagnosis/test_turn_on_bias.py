@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from insgnss import Flight, load_flight
 from insgnss.base.errors import InputError
 from insgnss.diagnosis.turn_on_bias import TURN_ON, with_turn_on, without_turn_on
-from insgnss.flight import Flight, load_flight
 from insgnss.processing.inspect import inspect
 from insgnss.processing.pipeline import process
 from insgnss.simulation.dataset import write_dataset

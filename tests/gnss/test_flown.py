@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from photographs import photograph
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.config.covariance import MODEL
 from insgnss.exposures.naming import ImageMatch
-from insgnss.flight import load_flight
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkInput, PpkResult

@@ -7,9 +7,9 @@ from broadcast import TOW, WEEK, constellation
 from flown import error_of
 from flown import fly as short_flight
 
+from insgnss import load_flight
 from insgnss.align.initial import initial_state
 from insgnss.base.errors import DataError
-from insgnss.flight import load_flight
 from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.phase import _velocity_kernels

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.config.covariance import MODEL
-from insgnss.flight import load_flight
+from insgnss.config.load import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.earth import curvature_radii

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from written import image_positions
 
+from insgnss import load_flight
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.provenance import KEY, hashes_of
-from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.orientation.eo_covariance import read_eo_covariance
 from insgnss.formats.orientation.eo_json import read_eo_json

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from posed import Pose, posed
 
+from insgnss import load_flight
 from insgnss.cli import main
-from insgnss.flight import load_flight
 from insgnss.reference import verify as module
 from insgnss.reference.verify import LIMIT_SIGMAS, verify, verify_problem
 from insgnss.simulation.dataset import write_dataset

@@ -7,8 +7,8 @@ import pyproj
 import pytest
 from numpy.testing import assert_allclose
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight import load_flight
 from insgnss.formats.events.events import read_events
 from insgnss.formats.gnss.gnss_text import read_gnss_text
 from insgnss.formats.imu.imu_csv import read_imu_csv

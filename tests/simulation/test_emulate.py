@@ -14,8 +14,8 @@ from oracles import oracle
 from scipy.stats import chi2
 from surveys import block_flight
 
+from insgnss import load_flight
 from insgnss.base.errors import InputError, UsageError
-from insgnss.flight import load_flight
 from insgnss.geodesy.rotation import (
     quaternion_from_rotation,
     rpy_from_rotation,

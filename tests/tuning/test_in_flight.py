@@ -13,12 +13,11 @@ import pytest
 from flown import error_of, fly, start_near
 from scipy.stats import chi2
 
-from insgnss import cli
+from insgnss import Flight, cli, load_flight
 from insgnss.base.errors import InputError, UsageError
 from insgnss.calibrate.innovation_noise import KNOWN_SIGMA, Maximum, _minutes, _untold
 from insgnss.calibrate.likelihood import Evaluated
 from insgnss.calibrate.straight_flight import SpectralLine
-from insgnss.flight import Flight, load_flight
 from insgnss.navigation.layout import state_layout
 from insgnss.navigation.solution import solve
 from insgnss.processing.pipeline import process

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss import cli
+from insgnss import Flight, cli, load_flight
 from insgnss.base.errors import UsageError
-from insgnss.flight import Flight, load_flight
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.sensors import ImuOptions, SecondImu
