@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .gnss_options import BY_HEADER
-from .schema import check, option, take_record
+from .schema import BY_HEADER, check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns

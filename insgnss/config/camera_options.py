@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ..base.errors import OptionError
-from .gnss_options import BY_HEADER
-from .schema import Triple, check, option, take_record
+from .schema import BY_HEADER, Triple, check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns

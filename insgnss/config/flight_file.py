@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import OptionError
+from ..base.errors import OptionError, near
 from ..base.inputs import Identity
 from .barometer_options import BarometerInput
 from .camera_options import (
@@ -32,7 +32,19 @@ from .gnss_options import GnssInput
 from .imu_options import ImuInput
 from .keys.changes import with_changes
 from .ppk_options import Air, RawGnss
-from .schema import Triple, Words, are_numbers, check, is_place, option, refuse_unread, swapped
+from .schema import (
+    Declared,
+    Triple,
+    Words,
+    are_numbers,
+    check,
+    is_place,
+    no_texts,
+    option,
+    refuse_unread,
+    register,
+    swapped,
+)
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
@@ -45,6 +57,27 @@ def _checks() -> Words:
 
     return NAMES
 
+
+def _no_formats(item: Declared, value: Any) -> str:
+    """Exports that a flight file may ask for."""
+    from ..formats import EXPORTS
+
+    if problem := no_texts(item, value):
+        return problem
+    for name in value:
+        if name not in EXPORTS:
+            return f"{name!r} is unknown; {near(name, tuple(EXPORTS))}"
+        if value.count(name) > 1:
+            return f"{name!r} occurs twice"
+        form = EXPORTS[name]
+        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
+        if form.several or needs:
+            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
+            return f"{name!r} {why}; leave it to insgnss export"
+    return ""
+
+
+register("formats", _no_formats)
 
 ROLLOVER = 1024  # weeks that the signal of GPS can count
 

@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 from .covariance import MODEL, CovarianceModel
 from .ppk_options import RawGnss
-from .schema import Triple, check, option, take_record
+from .schema import BY_HEADER, Triple, check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
 
-BY_HEADER = "by header or order"
 
 
 def _unit_keys() -> tuple[str, ...]:

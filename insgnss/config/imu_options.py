@@ -3,10 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from .gnss_options import BY_HEADER
-from .schema import Triple, Words, check, option, take_record
+from ..base.errors import InputError, near
+from .schema import (
+    BY_HEADER,
+    Declared,
+    Triple,
+    Words,
+    check,
+    no_text,
+    option,
+    other_class,
+    register,
+    take_record,
+)
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -24,6 +35,46 @@ def _imu_unit_keys() -> tuple[str, ...]:
     from ..formats.imu.imu_csv import UNIT_KEYS
 
     return UNIT_KEYS
+
+
+def _no_axes(item: Declared, value: Any) -> str:
+    from ..prepare.axes import parse_axes
+
+    if problem := no_text(item, value):
+        return problem
+    try:
+        parse_axes(value)
+    except InputError as refusal:
+        return str(refusal).partition(": ")[2]
+    return ""
+
+
+def neither_model_nor_file(noise: str, remark: str = "") -> str:
+    """What is wrong with a text that should name a noise model."""
+    from ..stochastic.model import shipped_models
+
+    advice = near(noise, shipped_models())
+    return f"{noise!r} is neither a shipped model nor a file{remark}; {advice}"
+
+
+def _name_or_path(value: Any) -> Any:
+    """A text that names a file and no shipped model as a path, all else as it is."""
+    from ..stochastic.model import shipped_models
+
+    named = isinstance(value, str) and value not in shipped_models() and Path(value).is_file()
+    return Path(value) if named else value
+
+
+def _no_noise(item: Declared, value: Any) -> str:
+    from ..stochastic.model import shipped_models
+
+    if not isinstance(value, str):
+        return other_class(item.type, value)
+    return "" if value in shipped_models() else neither_model_nor_file(value)
+
+
+register("axes", _no_axes)
+register("noise", _no_noise, _name_or_path)
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,14 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ..base.errors import InputError, OptionError, near
+from ..base.errors import OptionError, near
 from ..base.wording import listed
 
 Words = tuple[str, ...] | tuple[int, ...]
 Triple = tuple[float, float, float]
+
+BY_HEADER = "by header or order"
+"""How page and help describe the default of `columns`."""
 
 _KINDS: dict[type, str] = {
     bool: "flag",
@@ -218,7 +221,7 @@ def check(instance: Any, table: str) -> None:
     for name, annotation in ((f.name, f.type) for f in fields(instance)):
         value, key = getattr(instance, name), f"{table}.{name}".removeprefix(".")
         if name not in options:
-            if problem := _other_class(annotation, value):
+            if problem := other_class(annotation, value):
                 raise OptionError(key, problem)
             continue
         item = options[name]
@@ -236,10 +239,8 @@ def _usual_form(item: Declared, value: Any) -> Any:
     """A text as a path where one is expected, a list as a tuple, all else as it is."""
     if _plain(item.type) is Path and isinstance(value, str | os.PathLike):
         return Path(value)
-    if item.kind == "noise" and isinstance(value, str):
-        from ..stochastic.model import shipped_models
-
-        return Path(value) if value not in shipped_models() and Path(value).is_file() else value
+    if item.kind in _USUAL_FORMS:
+        return _USUAL_FORMS[item.kind](value)
     if item.kind == "observations" and isinstance(value, str | os.PathLike):
         return Path(value)
     if item.kind == "observations" and isinstance(value, list | tuple):
@@ -261,7 +262,7 @@ def _class_names(annotation: Any) -> tuple[str, ...]:
     return ("None" if annotation is NoneType else getattr(annotation, "__name__", ""),)
 
 
-def _other_class(annotation: Any, value: Any) -> str:
+def other_class(annotation: Any, value: Any) -> str:
     """What is wrong with the class of a value, empty where it is one of the annotation."""
     expected, own = _class_names(annotation), {base.__name__ for base in type(value).__mro__}
     if (value is None and "None" in expected) or own & set(expected):
@@ -328,11 +329,13 @@ def _no_quality_sigmas(item: Declared, value: Any) -> str:
     return f"{wrong[0]}: must be three numbers greater than zero" if wrong else ""
 
 
-def _no_text(item: Declared, value: Any) -> str:
+def no_text(item: Declared, value: Any) -> str:
+    """What is wrong with a value that should be a text."""
     return "" if isinstance(value, str) else "must be a text"
 
 
-def _no_texts(item: Declared, value: Any) -> str:
+def no_texts(item: Declared, value: Any) -> str:
+    """What is wrong with a value that should be a list of texts."""
     if isinstance(value, str):
         return f"must be a list; give [{value!r}]"
     right = isinstance(value, tuple) and all(isinstance(word, str) for word in value)
@@ -340,7 +343,7 @@ def _no_texts(item: Declared, value: Any) -> str:
 
 
 def _no_path(item: Declared, value: Any) -> str:
-    return _other_class(Path, value) if _plain(item.type) is Path else ""  # or it is a record
+    return other_class(Path, value) if _plain(item.type) is Path else ""  # or it is a record
 
 
 def _no_paths(item: Declared, value: Any) -> str:
@@ -349,7 +352,7 @@ def _no_paths(item: Declared, value: Any) -> str:
 
 def _no_observations(item: Declared, value: Any) -> str:
     several = isinstance(value, tuple) and value and all(isinstance(one, Path) for one in value)
-    return "" if several else _other_class(Path, value)
+    return "" if several else other_class(Path, value)
 
 
 def _no_event_numbers(item: Declared, value: Any) -> str:
@@ -367,88 +370,38 @@ def _no_columns(item: Declared, value: Any) -> str:
 
 
 def _no_names(item: Declared, value: Any) -> str:
-    if problem := _no_texts(item, value):
+    if problem := no_texts(item, value):
         return problem
     check_names = tuple(map(str, item.choices))
     odd = [name for name in value if name not in check_names]
     return f"{odd[0]!r} is no check; {near(odd[0], check_names)}" if odd else ""
 
 
-def _no_axes(item: Declared, value: Any) -> str:
-    from ..prepare.axes import parse_axes
-
-    if problem := _no_text(item, value):
-        return problem
-    try:
-        parse_axes(value)
-    except InputError as refusal:
-        return str(refusal).partition(": ")[2]
-    return ""
-
-
-def neither_model_nor_file(noise: str, remark: str = "") -> str:
-    """What is wrong with a text that should name a noise model."""
-    from ..stochastic.model import shipped_models
-
-    advice = near(noise, shipped_models())
-    return f"{noise!r} is neither a shipped model nor a file{remark}; {advice}"
-
-
 def _no_tables(item: Declared, value: Any) -> str:
-    right = isinstance(value, tuple) and not any(_other_class(item.type, one) for one in value)
+    right = isinstance(value, tuple) and not any(other_class(item.type, one) for one in value)
     return "" if right else f"must be a list of {_class_names(item.type)[-1]}"
-
-
-def _no_noise(item: Declared, value: Any) -> str:
-    from ..stochastic.model import shipped_models
-
-    if not isinstance(value, str):
-        return _other_class(item.type, value)
-    return "" if value in shipped_models() else neither_model_nor_file(value)
-
-
-def _no_formats(item: Declared, value: Any) -> str:
-    """Exports that a flight file may ask for."""
-    from ..formats import EXPORTS
-
-    if problem := _no_texts(item, value):
-        return problem
-    for name in value:
-        if name not in EXPORTS:
-            return f"{name!r} is unknown; {near(name, tuple(EXPORTS))}"
-        if value.count(name) > 1:
-            return f"{name!r} occurs twice"
-        form = EXPORTS[name]
-        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
-        if form.several or needs:
-            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
-            return f"{name!r} {why}; leave it to insgnss export"
-    return ""
 
 
 _LISTS = ("event_numbers", "files", "formats", "names", "tables", "texts")
 
 _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
     "air": _no_mapping,
-    "axes": _no_axes,
     "columns": _no_columns,
-    "covariance": lambda item, value: _other_class(item.type, value),
+    "covariance": lambda item, value: other_class(item.type, value),
     "directory": _no_path,
-    "engine": _no_text,
+    "engine": no_text,
     "event_numbers": _no_event_numbers,
     "existing": _no_path,
     "file_or_directory": _no_path,
     "file": _no_path,
     "files": _no_paths,
     "flag": _no_flag,
-    "formats": _no_formats,
     "gnss_units": _no_mapping,
     "images": _no_path,
     "imu_units": _no_mapping,
     "letters": _no_letters,
-    "name": _no_text,
+    "name": no_text,
     "names": _no_names,
-    "noise": _no_noise,
     "number": _out_of_range,
     "observations": _no_observations,
     "numbers": _no_numbers,
@@ -459,10 +412,32 @@ _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
     "sigmas": _no_numbers,
     "sign": _no_sign,
     "tables": _no_tables,
-    "text": _no_text,
-    "texts": _no_texts,
+    "text": no_text,
+    "texts": no_texts,
     "whole": _out_of_range,
 }
+_USUAL_FORMS: dict[str, Callable[[Any], Any]] = {}
+
+
+def register(
+    kind: str,
+    problem: Callable[[Declared, Any], str],
+    usual_form: Callable[[Any], Any] | None = None,
+) -> None:
+    """Add a kind of option whose values only a wing above this module can judge.
+
+    Parameters
+    ----------
+    kind : str
+        Its name, as `Option.kind` has it.
+    problem : function
+        Of the option and a value: what is wrong with the value, empty where nothing is.
+    usual_form : function, optional
+        Of a value: the form in which the dataclass keeps it.
+    """
+    _CHECKS[kind] = problem
+    if usual_form is not None:
+        _USUAL_FORMS[kind] = usual_form
 
 
 def is_number(value: Any) -> bool:

@@ -15,10 +15,10 @@ from ..orient.mounting import ANGLE_SETS, MAX_LEVER_M, Mounting
 from ..stochastic.model import shipped_models
 from .camera_options import CameraMounting
 from .covariance import CovarianceModel, triple
-from .imu_options import ImuInput
+from .imu_options import ImuInput, neither_model_nor_file
 from .kinds import PLAIN, choice, number, numbers, text, texts
 from .ppk_options import Air, rtklib_problem
-from .schema import Declared, declared, neither_model_nor_file, options_of
+from .schema import Declared, declared, options_of
 
 
 def take(table: Table, classes: Iterable[type], without: Iterable[str] = ()) -> dict[str, Any]:
