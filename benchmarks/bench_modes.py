@@ -23,6 +23,8 @@ one_thread()
 
 import numpy as np  # noqa: E402
 from image_blocks import POSITION_M, TILT_DEG, Case, strips  # noqa: E402
+from published_blocks.files import write_survey  # noqa: E402
+from published_blocks.survey import simulate_survey  # noqa: E402
 
 from insgnss import adjust_block  # noqa: E402
 from insgnss.adjust.adjustment import adjusted  # noqa: E402
@@ -42,8 +44,6 @@ from insgnss.block_adjustment.aerial.control import control_of  # noqa: E402
 from insgnss.block_adjustment.inputs import Inputs, inputs_of  # noqa: E402
 from insgnss.block_adjustment.solve import set_up  # noqa: E402
 from insgnss.config.block_file import load_block  # noqa: E402
-from insgnss.simulation.published_blocks.files import write_survey  # noqa: E402
-from insgnss.simulation.published_blocks.survey import simulate_survey  # noqa: E402
 
 REPEATS = 5
 FAST_AT_BAR, RELATIVE_BAR = 0.3, 4.0

@@ -28,7 +28,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.simulation.published_blocks.survey import simulate_survey
+from insgnss.simulation.plug import plugged
+
+simulate_survey = plugged("published_blocks.survey").simulate_survey
 
 GSD_M = 0.038
 WITHOUT = "ISO Ap Aa, no GCP"

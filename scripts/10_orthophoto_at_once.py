@@ -34,7 +34,9 @@ from matplotlib.figure import Figure
 from scipy.stats import chi2
 
 from insgnss.adjust.camera import pixels_of, undistorted
-from insgnss.simulation.published_blocks.survey import simulate_survey
+from insgnss.simulation.plug import plugged
+
+simulate_survey = plugged("published_blocks.survey").simulate_survey
 
 WAYS = ("DiSO", "F. AT Ap Aa", "F. AT Ap Ra", "ISO Ap Aa")
 FAST = "F. AT Ap Ra"

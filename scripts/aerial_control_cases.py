@@ -17,8 +17,10 @@ from insgnss.config.block_file import BlockFile, load_block
 from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.records.block import ImageObservations
-from insgnss.simulation.published_blocks.files import write_survey
-from insgnss.simulation.published_blocks.survey import SimulatedSurvey
+from insgnss.simulation.plug import plugged
+
+write_survey = plugged("published_blocks.files").write_survey
+SimulatedSurvey = plugged("published_blocks.survey").SimulatedSurvey
 
 MODES = {  # mode and control
     "Indirect SO": ("indirect", None),

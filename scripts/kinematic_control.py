@@ -42,10 +42,12 @@ from insgnss.block_adjustment.figures import figures_of
 from insgnss.block_adjustment.inputs import inputs_of
 from insgnss.block_adjustment.solve import solved
 from insgnss.config.block_file import BlockFile, VehicleTable, load_block
-from insgnss.simulation.published_blocks import road
-from insgnss.simulation.published_blocks.files import write_survey
-from insgnss.simulation.published_blocks.plans import SURVEYS
-from insgnss.simulation.published_blocks.survey import simulate_survey
+from insgnss.simulation.plug import plugged
+
+road = plugged("published_blocks.road")
+write_survey = plugged("published_blocks.files").write_survey
+SURVEYS = plugged("published_blocks.plans").SURVEYS
+simulate_survey = plugged("published_blocks.survey").simulate_survey
 
 WAYS = ("CC", "MC", "MC with sizes", "FC", "4 points", "MC, diagonal", "MC, all diagonal")
 HONEST = ("CC", "MC", "MC with sizes", "4 points")

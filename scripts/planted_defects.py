@@ -44,6 +44,7 @@ COPIED = (
     "data_specs",
     "docs",
     "scripts",
+    "benchmarks",
     "pyproject.toml",
     "README.md",
     "CHANGELOG.md",

@@ -24,8 +24,10 @@ import aerial_control_cases as cases
 import numpy as np
 from scipy.stats import chi2
 
-from insgnss.simulation.published_blocks.plans import SURVEYS
-from insgnss.simulation.published_blocks.survey import simulate_survey
+from insgnss.simulation.plug import plugged
+
+SURVEYS = plugged("published_blocks.plans").SURVEYS
+simulate_survey = plugged("published_blocks.survey").simulate_survey
 
 RELATIVE = tuple(mode for mode in cases.MODES if "Ra" in mode)
 ABSOLUTE = ("ISO Ap Aa", "F. AT Ap Aa")

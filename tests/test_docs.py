@@ -163,9 +163,12 @@ def test_pages_ship_inside_the_wheel() -> None:
     build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"][
         "build"
     ]["targets"]["wheel"]
-    assert build["force-include"]["data_specs"] == "insgnss/data_specs"
+    assert build["force-include"] == {
+        folder: f"insgnss/{folder}" for folder in ("data_specs", "benchmarks/published_blocks")
+    }
     installed = Path(insgnss.__file__).parent
     if installed != ROOT / "insgnss":
+        assert (installed / "benchmarks" / "published_blocks" / "__init__.py").is_file()
         assert {
             page.name: page.read_text() for page in (installed / "data_specs").glob("*.md")
         } == {page.name: page.read_text() for page in SPECS.glob("*.md")}

@@ -9,7 +9,7 @@ from .verb import Verb, positive, show
 
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED = ("block2015", "corridor2014", "mapkite")
-"""Of `simulation.published_blocks`, which asks for numpy."""
+"""Of benchmarks/published_blocks, which imports numpy."""
 IMU_RATE_HZ, VIBRATION = 500.0, 1.0
 
 
@@ -134,8 +134,10 @@ def _published(options: argparse.Namespace, progress: Progress) -> int:
                 f"{option} has no meaning with --flight {options.flight}, whose sizes are those of"
                 f" its paper and whose poses come from no sensors; leave {option} out"
             )
-    from ..simulation.published_blocks.files import write_survey
-    from ..simulation.published_blocks.survey import simulate_survey
+    from ..simulation.plug import plugged
+
+    simulate_survey = plugged("published_blocks.survey").simulate_survey
+    write_survey = plugged("published_blocks.files").write_survey
 
     progress(f"simulating {options.flight}")
     turn = options.unknown_boresight or 0.0

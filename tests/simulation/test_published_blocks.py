@@ -18,9 +18,12 @@ from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.simulation.published_blocks.files import write_survey
-from insgnss.simulation.published_blocks.pose_errors import PoseErrors
-from insgnss.simulation.published_blocks.survey import SimulatedSurvey, simulate_survey
+from insgnss.simulation.plug import plugged
+
+write_survey = plugged("published_blocks.files").write_survey
+PoseErrors = plugged("published_blocks.pose_errors").PoseErrors
+SimulatedSurvey = plugged("published_blocks.survey").SimulatedSurvey
+simulate_survey = plugged("published_blocks.survey").simulate_survey
 
 BLOCKS = ("block2015", "corridor2014", "mapkite")
 OF_EACH = ["corridor2014", *(pytest.param(b, marks=pytest.mark.slow) for b in BLOCKS[::2])]

@@ -30,9 +30,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...adjust.kinematic import gauss_markov as correlations
-from ...base.errors import UsageError
-from ...records.strips import CommonErrors, StripCovariance
+from insgnss.adjust.kinematic import gauss_markov as correlations
+from insgnss.base.errors import UsageError
+from insgnss.records.strips import CommonErrors, StripCovariance
 
 Array = NDArray[np.float64]
 

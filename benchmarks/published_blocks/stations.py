@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.rotation import rotation_from_rpy
+from insgnss.geodesy.rotation import rotation_from_rpy
+
 from .pose_errors import gauss_markov
 
 Array = NDArray[np.float64]

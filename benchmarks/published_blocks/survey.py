@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import UsageError, near
-from ...formats.blocks.ground_points import GroundTable
-from ...formats.blocks.image_points import ImagePoints
-from ...geodesy.frames import TangentPlane
-from ...geodesy.rotation import rotation_from_vector
-from ...orient.strips import strip_rows
-from ...records import ExteriorOrientation
-from ...records.block import BrownCamera, ImageObservations
-from ...records.strips import CommonErrors, StripCovariance
-from ..image_block import Terrain, Visible, seen_points
+from insgnss.base.errors import UsageError, near
+from insgnss.formats.blocks.ground_points import GroundTable
+from insgnss.formats.blocks.image_points import ImagePoints
+from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.rotation import rotation_from_vector
+from insgnss.orient.strips import strip_rows
+from insgnss.records import ExteriorOrientation
+from insgnss.records.block import BrownCamera, ImageObservations
+from insgnss.records.strips import CommonErrors, StripCovariance
+from insgnss.simulation.image_block import Terrain, Visible, seen_points
+
 from . import road
 from .plans import BLOCK_2015, CORRIDOR_2014, MAPKITE, SURVEYS, Survey
 from .points import Texture, in_groups, measured, near_one_end, rolling, tie_points

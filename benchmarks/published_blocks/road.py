@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.frames import TangentPlane
-from ...geodesy.rotation import rotation_from_rpy, rotation_from_vector
-from ...records import Trajectory
-from ..image_block import Terrain
+from insgnss.geodesy.frames import TangentPlane
+from insgnss.geodesy.rotation import rotation_from_rpy, rotation_from_vector
+from insgnss.records import Trajectory
+from insgnss.simulation.image_block import Terrain
+
 from .pose_errors import PoseErrors, gauss_markov
 from .stations import ENU_NED, START_TOW, Stations
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...records.block import INTERIOR, BrownCamera, InteriorCovariance
+from insgnss.records.block import INTERIOR, BrownCamera, InteriorCovariance
+
 from .pose_errors import PoseErrors
 
 FREE_003 = ("f", "cx", "cy", "k1", "k2")

@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import UsageError
-from ...records import ExteriorOrientation
-from ...records.block import BrownCamera
-from ..image_block import Terrain, Visible, seen_points, under_images
+from insgnss.base.errors import UsageError
+from insgnss.records import ExteriorOrientation
+from insgnss.records.block import BrownCamera
+from insgnss.simulation.image_block import Terrain, Visible, seen_points, under_images
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

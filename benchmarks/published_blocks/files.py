@@ -16,15 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ...base.errors import UsageError
-from ...base.files import atomic_write
-from ...base.output.staging import is_vacant, together
-from ...formats.blocks.camera_toml import write_camera_toml
-from ...formats.blocks.ground_points import write_ground_points
-from ...formats.blocks.image_points import write_image_points
-from ...formats.orientation.eo_covariance import FILE, write_eo_covariance
-from ...formats.orientation.eo_json import write_eo_json
-from ...formats.trajectory.trajectory_csv import write_trajectory_csv
+from insgnss.base.errors import UsageError
+from insgnss.base.files import atomic_write
+from insgnss.base.output.staging import is_vacant, together
+from insgnss.formats.blocks.camera_toml import write_camera_toml
+from insgnss.formats.blocks.ground_points import write_ground_points
+from insgnss.formats.blocks.image_points import write_image_points
+from insgnss.formats.orientation.eo_covariance import FILE, write_eo_covariance
+from insgnss.formats.orientation.eo_json import write_eo_json
+from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
+
 from .road import TARGET_M, VEHICLE_ERRORS
 from .survey import (
     ENDS_004,
