@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.config.covariance import MODEL
-from insgnss.config.load import load_flight
 from insgnss.exposures.naming import ImageMatch
 from insgnss.gnss.rinex.camera_events import RoverEvents
 

@@ -22,7 +22,6 @@ QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
 
 
-
 def _unit_keys() -> tuple[str, ...]:
     from ..formats.gnss.gnss_text import UNIT_KEYS
 

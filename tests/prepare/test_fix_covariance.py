@@ -10,7 +10,6 @@ import pytest
 from insgnss import load_flight
 from insgnss.base.errors import InputError
 from insgnss.config.covariance import MODEL
-from insgnss.config.load import load_flight
 from insgnss.formats import read_gnss
 from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.earth import curvature_radii

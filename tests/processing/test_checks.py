@@ -15,7 +15,6 @@ from pyproj.transformer import TransformerGroup
 from insgnss import load_flight
 from insgnss.base.errors import DataError, InputError
 from insgnss.config.flight_file import Output
-from insgnss.config.load import load_flight
 from insgnss.diagnosis.remedies import offset_to_apply
 from insgnss.exposures.rig import event_clock
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
