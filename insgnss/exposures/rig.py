@@ -8,14 +8,13 @@ are of one instant; its pose and covariance are computed once and serve all imag
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..config.camera_options import CameraInput
-from ..config.gnss_options import GnssInput
 from ..formats.events.events import UNNAMED
 from ..records import CameraEvents
 from .naming import events_of, named
@@ -121,14 +120,26 @@ def triggered_events(trigger: CameraEvents, camera: CameraInput) -> CameraEvents
     return replace(events, notes=tuple(note for note in events.notes if note.name != UNNAMED))
 
 
-def event_clock(camera: CameraInput | None, gnss: GnssInput) -> EventClock:
+class FixSource(Protocol):
+    """What the table [gnss] says of where the fixes come from."""
+
+    @property
+    def file(self) -> Any:
+        """The file of the antenna positions, or what stands in its place."""
+
+    @property
+    def raw(self) -> Any:
+        """Raw observations; None where there are none."""
+
+
+def event_clock(camera: CameraInput | None, gnss: FixSource) -> EventClock:
     """Tell whose clock stamps the events of a camera (`camera.clock`).
 
     Parameters
     ----------
     camera : CameraInput or None
         Table of the camera.
-    gnss : GnssInput
+    gnss : FixSource
         Table of the fixes.
 
     Returns
@@ -162,7 +173,7 @@ def event_clock(camera: CameraInput | None, gnss: GnssInput) -> EventClock:
 
 def rig_exposures(
     camera: CameraInput | None,
-    gnss: GnssInput,
+    gnss: FixSource,
     first: CameraEvents,
     trigger: CameraEvents | None,
     gps_week: int | None,
@@ -173,7 +184,7 @@ def rig_exposures(
     ----------
     camera : CameraInput or None
         Table of the first camera; None for events of the rover's file, which no table asks for.
-    gnss : GnssInput
+    gnss : FixSource
         Table of the fixes.
     first : CameraEvents
         The events of the first camera, with the names of its images.
