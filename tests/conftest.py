@@ -12,12 +12,17 @@ filter: without this order they waited for it.
 
 import gc
 import os
+import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
+
+# some tests share code with the scripts of the repository
+sys.path.append(str(Path(__file__).parents[1] / "scripts"))
 
 # until all tests are collected: they stay, and searching them for garbage takes half of the time
 gc.disable()

@@ -498,7 +498,7 @@ def _rate(time: Array) -> str:
 def decimal_step(
     values: NDArray[np.float64], largest: float, smallest: float, exact: float
 ) -> float:
-    """Return the largest power of ten of which all values are multiples; 0 where there is none.
+    """Return the largest power of ten of which all values are multiples.
 
     Parameters
     ----------
@@ -508,6 +508,11 @@ def decimal_step(
         Between which it is looked for.
     exact : float
         How far off its multiples values may be.
+
+    Returns
+    -------
+    float
+        The step; 0 where there is none.
     """
     values = np.unique(values)
     if values.size < 2:
