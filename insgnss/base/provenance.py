@@ -18,6 +18,7 @@ from typing import Any
 from . import __version__
 from .errors import UsageError
 from .inputs import sha256
+from .output.scratch import NAME
 from .output.staging import destination, written
 from .received.nesting import read_object
 from .wording import command_line, relative
@@ -98,9 +99,11 @@ def hashes_of_products(files: Iterable[Path], folder: Path) -> dict[str, str]:
     folder : Path
         The directory of their document.
     """
+    named = {Path(relative(destination(path), folder)): path for path in sorted(files)}
     return {
-        Path(relative(destination(path), folder)).as_posix(): sha256(written(path))
-        for path in sorted(files)
+        name.as_posix(): sha256(written(path))
+        for name, path in named.items()
+        if not any(map(NAME.fullmatch, name.parts))  # of a scratch directory that stayed
     }
 
 
