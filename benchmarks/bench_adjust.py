@@ -25,10 +25,10 @@ one_thread()
 import numpy as np  # noqa: E402
 from image_blocks import NOISE_PX, POSITION_M, VALUES, Case, strips  # noqa: E402
 
-from insgnss.adjust.adjustment import adjusted  # noqa: E402
-from insgnss.adjust.normals import problem_of  # noqa: E402
-from insgnss.adjust.precision import precision_of  # noqa: E402
-from insgnss.adjust.start import first_values  # noqa: E402
+from insgnss.photogrammetry.adjust.adjustment import adjusted  # noqa: E402
+from insgnss.photogrammetry.adjust.normals import problem_of  # noqa: E402
+from insgnss.photogrammetry.adjust.precision import precision_of  # noqa: E402
+from insgnss.photogrammetry.adjust.start import first_values  # noqa: E402
 
 REPEATS = 3
 CORRIDOR = (250, 500, 1000, 2000)

@@ -21,12 +21,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from insgnss.season import pool
-from insgnss.season.page import SeasonPage
-from insgnss.season.row import COLUMNS, Row
-from insgnss.season.tables import csv_text
-from insgnss.season.trends import trends
-from insgnss.season.work import Outcome, Task
+from insgnss.batch.season import pool
+from insgnss.batch.season.page import SeasonPage
+from insgnss.batch.season.row import COLUMNS, Row
+from insgnss.batch.season.tables import csv_text
+from insgnss.batch.season.trends import trends
+from insgnss.batch.season.work import Outcome, Task
 from insgnss.simulation.dataset import write_dataset
 
 COMMAND = [sys.executable, "-m", "insgnss"]

@@ -12,11 +12,11 @@ import argparse
 
 from common import block_flight, median_cpu, one_thread
 
-from insgnss.align.initial import initial_state
-from insgnss.navigation.filter import make_history, run_filter
-from insgnss.navigation.layout import FixErrors
-from insgnss.navigation.smoother import run_smoother
-from insgnss.navigation.solution import solve
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.filter import make_history, run_filter
+from insgnss.navigation.filter.layout import FixErrors
+from insgnss.navigation.filter.smoother import run_smoother
+from insgnss.navigation.filter.solution import solve
 
 BAR_US = 1.0
 

@@ -22,15 +22,15 @@ import numpy as np
 from common import Case, block_flight, median_cpu, one_thread
 from filterpy.kalman import KalmanFilter
 
-from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew
-from insgnss.navigation.error_model import Interval, linearise_interval
-from insgnss.navigation.filter import BLOCK_S, make_history, run_filter
-from insgnss.navigation.kernels.records import FilterHistory
-from insgnss.navigation.problem import EstimationProblem, InitialState
-from insgnss.navigation.smoother import run_smoother
-from insgnss.navigation.solution import Solution, solve
-from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.error_model import Interval, linearise_interval
+from insgnss.navigation.filter.filter import BLOCK_S, make_history, run_filter
+from insgnss.navigation.filter.kernels.records import FilterHistory
+from insgnss.navigation.filter.problem import EstimationProblem, InitialState
+from insgnss.navigation.filter.smoother import run_smoother
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.filter.strapdown import kernel_earth, kernel_intervals
 from insgnss.records import Array, Increments
 
 TOLERANCE = 1e-8

@@ -20,10 +20,10 @@ import numpy as np  # noqa: E402
 from scipy.optimize import minimize  # noqa: E402
 from scipy.special import chdtri  # noqa: E402
 
+from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, load_noise_model  # noqa: E402
+from insgnss.noise.estimation.gmwm import fit, interval_weights, objective  # noqa: E402
+from insgnss.noise.moments.theory import haar_variance  # noqa: E402
 from insgnss.records import Array, WaveletVariance  # noqa: E402
-from insgnss.stochastic.estimation.gmwm import fit, interval_weights, objective  # noqa: E402
-from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model  # noqa: E402
-from insgnss.stochastic.moments.theory import haar_variance  # noqa: E402
 
 RATE_HZ, SAMPLES = 250.0, 3_600_000
 

@@ -27,23 +27,23 @@ from published_blocks.files import write_survey  # noqa: E402
 from published_blocks.survey import simulate_survey  # noqa: E402
 
 from insgnss import adjust_block  # noqa: E402
-from insgnss.adjust.adjustment import adjusted  # noqa: E402
-from insgnss.adjust.aerial import AerialControl  # noqa: E402
-from insgnss.adjust.groups import ObservationGroup, control_points, weight_of  # noqa: E402
-from insgnss.adjust.normals import problem_of  # noqa: E402
-from insgnss.adjust.precision import precision_of  # noqa: E402
-from insgnss.adjust.relative import (  # noqa: E402
+from insgnss.flight.config.block_file import load_block  # noqa: E402
+from insgnss.photogrammetry.adjust.adjustment import adjusted  # noqa: E402
+from insgnss.photogrammetry.adjust.aerial import AerialControl  # noqa: E402
+from insgnss.photogrammetry.adjust.groups import ObservationGroup, control_points, weight_of  # noqa: E402
+from insgnss.photogrammetry.adjust.normals import problem_of  # noqa: E402
+from insgnss.photogrammetry.adjust.precision import precision_of  # noqa: E402
+from insgnss.photogrammetry.adjust.relative import (  # noqa: E402
     Datum,
     Observed,
     RelativeAerialControl,
     operator,
     smoothed,
 )
-from insgnss.adjust.start import first_values  # noqa: E402
-from insgnss.block_adjustment.aerial.control import control_of  # noqa: E402
-from insgnss.block_adjustment.inputs import Inputs, inputs_of  # noqa: E402
-from insgnss.block_adjustment.solve import set_up  # noqa: E402
-from insgnss.config.block_file import load_block  # noqa: E402
+from insgnss.photogrammetry.adjust.start import first_values  # noqa: E402
+from insgnss.photogrammetry.block_adjustment.aerial.control import control_of  # noqa: E402
+from insgnss.photogrammetry.block_adjustment.inputs import Inputs, inputs_of  # noqa: E402
+from insgnss.photogrammetry.block_adjustment.solve import set_up  # noqa: E402
 
 REPEATS = 5
 FAST_AT_BAR, RELATIVE_BAR = 0.3, 4.0

@@ -23,14 +23,14 @@ from collections.abc import Callable
 import numpy as np
 from common import Case, block_flight, median_cpu, one_thread
 
-from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import (
     quaternion_from_rotation,
     rotation_from_quaternion,
     vector_from_rotation,
 )
-from insgnss.navigation.problem import InitialState
-from insgnss.navigation.solution import solve
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.problem import InitialState
+from insgnss.navigation.filter.solution import solve
 from insgnss.records import Array
 
 GRAVITY = 9.8066  # m/s^2 at the site

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from common import median_cpu, one_thread
 
-from insgnss.stochastic.moments.wavelet import default_levels, wavelet_variance, wavelet_variances
+from insgnss.noise.moments.wavelet import default_levels, wavelet_variance, wavelet_variances
 
 RATE = 250.0
 

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.navigation.epochs import make_epochs
-from insgnss.navigation.filter import gate_from_sigma
-from insgnss.navigation.layout import FixErrors, state_layout
-from insgnss.navigation.problem import EstimationProblem
-from insgnss.prepare.axes import parse_axes
-from insgnss.prepare.increments import body_increments, merge_marks
+from insgnss.navigation.filter.epochs import make_epochs
+from insgnss.navigation.filter.filter import gate_from_sigma
+from insgnss.navigation.filter.layout import FixErrors, state_layout
+from insgnss.navigation.filter.problem import EstimationProblem
+from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.navigation.prepare.axes import parse_axes
+from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import Array, Increments
 from insgnss.simulation.scenario import SimulatedFlight, simulate_flight
 from insgnss.simulation.sensors import ImuOptions
-from insgnss.stochastic.model import load_noise_model
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 AXES = "right backward down"

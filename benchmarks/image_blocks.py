@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insgnss.adjust.aerial import AerialControl
-from insgnss.adjust.camera import pixels_of
-from insgnss.adjust.groups import ObservationGroup, control_points
-from insgnss.adjust.unknowns import Unknowns
 from insgnss.geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_vector
+from insgnss.photogrammetry.adjust.aerial import AerialControl
+from insgnss.photogrammetry.adjust.groups import ObservationGroup, control_points
+from insgnss.photogrammetry.adjust.unknowns import Unknowns
 from insgnss.records.block import (
     INTERIOR,
     BrownCamera,
@@ -16,6 +15,7 @@ from insgnss.records.block import (
     ImageBlock,
     ImageObservations,
 )
+from insgnss.records.cameras.camera import pixels_of
 
 FREE = ("f", "cx", "cy", "b1", "k1", "k2", "k3", "p1", "p2")
 VALUES = {"f": 5607.0, "cx": 2590.0, "cy": 1972.0, "k1": 0.016, "k2": -0.06, "k3": 0.06}

@@ -80,16 +80,27 @@ if _TYPE_CHECKING:
     from .api.targets import measure_targets, predict_targets
     from .api.verbs import adjust_block, calibrate_imu, inspect, process, simulate, tune
     from .base.errors import DataError, InputError, InsgnssError, UsageError
-    from .config.block_file import load_block
-    from .config.camera_options import CameraInput, CameraMounting
-    from .config.filter_options import FilterOptions, InitialAttitude
-    from .config.flight_file import Flight
-    from .config.load import load_flight
-    from .formats import read_barometer, read_events, read_gnss, read_imu
+    from .flight.config.block_file import load_block
+    from .flight.config.filter_options import FilterOptions, InitialAttitude
+    from .flight.config.flight_file import Flight
+    from .flight.config.load import load_flight
+    from .flight.processing.pipeline import ProcessResult
     from .geodesy.gpstime import gps_from_dates
     from .gnss.options import EngineOptions
-    from .orient.mounting import Mounting, boresight_from_angles
-    from .processing.pipeline import ProcessResult
+    from .io.formats import read_barometer, read_events, read_gnss, read_imu
+    from .io.options.camera_options import CameraInput, CameraMounting
+    from .navigation.noise_model.model import (
+        AxisNoise,
+        GaussMarkov,
+        NoiseModel,
+        load_noise_model,
+        write_noise_model,
+    )
+    from .noise.moments.theory import haar_variance
+    from .noise.moments.wavelet import wavelet_variance
+    from .noise.processes.realisation import simulate_noise
+    from .noise.tuning.options import TuneOptions
+    from .photogrammetry.target_measurement.request import Target
     from .records import (
         BarometerHeights,
         CameraEvents,
@@ -102,20 +113,9 @@ if _TYPE_CHECKING:
         Trajectory,
         WaveletVariance,
     )
+    from .records.cameras.mounting import Mounting, boresight_from_angles
     from .records.relative import RelativeControl
     from .simulation.faults import ImuFaults
-    from .stochastic.model import (
-        AxisNoise,
-        GaussMarkov,
-        NoiseModel,
-        load_noise_model,
-        write_noise_model,
-    )
-    from .stochastic.moments.theory import haar_variance
-    from .stochastic.moments.wavelet import wavelet_variance
-    from .stochastic.processes import simulate_noise
-    from .target_measurement.request import Target
-    from .tuning.options import TuneOptions
 
 _settle()
 
@@ -129,35 +129,35 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.readers": ("read_eo", "read_trajectory"),
     "api.targets": ("measure_targets", "predict_targets"),
     "api.verbs": ("adjust_block", "calibrate_imu", "inspect", "process", "simulate", "tune"),
-    "config.camera_options": ("CameraInput", "CameraMounting"),
-    "config.filter_options": ("FilterOptions", "InitialAttitude"),
-    "config.flight_file": ("Flight",),
-    "config.block_file": ("load_block",),
-    "config.load": ("load_flight",),
+    "io.options.camera_options": ("CameraInput", "CameraMounting"),
+    "flight.config.filter_options": ("FilterOptions", "InitialAttitude"),
+    "flight.config.flight_file": ("Flight",),
+    "flight.config.block_file": ("load_block",),
+    "flight.config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
-    "formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
+    "io.formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
     "geodesy.gpstime": ("gps_from_dates",),
     "gnss.options": ("EngineOptions",),
-    "orient.mounting": ("Mounting", "boresight_from_angles"),
-    "processing.pipeline": ("ProcessResult",),
+    "records.cameras.mounting": ("Mounting", "boresight_from_angles"),
+    "flight.processing.pipeline": ("ProcessResult",),
     "records": (
         *("BarometerHeights", "CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
         *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
     ),
     "records.relative": ("RelativeControl",),
     "simulation.faults": ("ImuFaults",),
-    "stochastic.model": (
+    "navigation.noise_model.model": (
         "AxisNoise",
         "GaussMarkov",
         "NoiseModel",
         "load_noise_model",
         "write_noise_model",
     ),
-    "stochastic.moments.theory": ("haar_variance",),
-    "stochastic.moments.wavelet": ("wavelet_variance",),
-    "stochastic.processes": ("simulate_noise",),
-    "target_measurement.request": ("Target",),
-    "tuning.options": ("TuneOptions",),
+    "noise.moments.theory": ("haar_variance",),
+    "noise.moments.wavelet": ("wavelet_variance",),
+    "noise.processes.realisation": ("simulate_noise",),
+    "photogrammetry.target_measurement.request": ("Target",),
+    "noise.tuning.options": ("TuneOptions",),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 

@@ -23,7 +23,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.formats.orientation.eo_local_plane import LocalPlaneEo, read_eo_local_plane
+from insgnss.io.formats.orientation.eo_local_plane import LocalPlaneEo, read_eo_local_plane
 
 NAMES = ("E", "N", "U", "omega", "phi", "kappa")
 

@@ -22,8 +22,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.stochastic.composition import Composition
-from insgnss.stochastic.moments.theory import haar_variance_parts
+from insgnss.noise.moments.theory import haar_variance_parts
+from insgnss.noise.processes.composition import Composition
 
 MODELS = {"gyro": "WN+3GM", "accel": "WN+2GM"}
 UNIT = {"gyro": ("deg/h", np.pi / 180.0 / 3600.0), "accel": ("ug", 9.80665e-6)}

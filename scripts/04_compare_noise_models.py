@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.stochastic.estimation.selection import Ranking, rank
+from insgnss.noise.estimation.selection import Ranking, rank
 
 DEG_H = np.pi / 180.0 / 3600.0
 WANDERING = tuple(

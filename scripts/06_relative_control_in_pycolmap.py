@@ -34,7 +34,7 @@ in the axes of camera i):
 
 The sign of both residuals of an absolute prior is minus, which leaves its covariance alone; the
 offset of a relative residual is taken after its rotation, which adds r x psi to (R.3) of
-`insgnss.orient.relative`.
+`insgnss.navigation.orient.relative`.
 
 It ends in the results as csv, relative.csv of the first flight, a figure, and an assertion: with
 `chained` attitudes and relative poses are better than with `diagonal`, and the covariance after the
@@ -61,8 +61,8 @@ except ImportError:
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.formats.orientation.relative_csv import write_relative_csv
 from insgnss.geodesy.rotation import skew, vector_from_rotation
+from insgnss.io.formats.orientation.relative_csv import write_relative_csv
 
 WAYS = ("diagonal", "absolute", "relative", "both", "chained")
 COLOURS = dict(zip(WAYS, ("#8A8F98", "#0072B2", "#E69F00", "#D55E00", "#009E73"), strict=True))

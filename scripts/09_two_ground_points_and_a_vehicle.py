@@ -36,7 +36,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import insgnss
-from insgnss.config.block_file import BlockFile, VehicleTable
+from insgnss.flight.config.block_file import BlockFile, VehicleTable
 
 PUBLISHED = {  # rms of check points, mm (Table 3); sigmas of f, x0, y0, px (Table 4)
     "CC": ("49 / 50 / 92", "0.69 / 0.61 / 0.66"),

@@ -33,7 +33,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.adjust.camera import pixels_of, undistorted
+from insgnss.records.cameras.camera import pixels_of, undistorted
 from insgnss.simulation.plug import plugged
 
 simulate_survey = plugged("published_blocks.survey").simulate_survey

@@ -50,13 +50,13 @@ def main() -> None:
 def row(data: Path, name: str) -> str:
     """Return the line of one block."""
     start = time.process_time()
-    from insgnss.adjust.adjustment import adjusted
-    from insgnss.adjust.groups import control_points
-    from insgnss.adjust.normals import problem_of
-    from insgnss.adjust.precision import precision_of
-    from insgnss.adjust.start import first_values
-    from insgnss.formats.blocks.dbat import read_dbat
     from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian
+    from insgnss.io.formats.blocks.dbat import read_dbat
+    from insgnss.photogrammetry.adjust.adjustment import adjusted
+    from insgnss.photogrammetry.adjust.groups import control_points
+    from insgnss.photogrammetry.adjust.normals import problem_of
+    from insgnss.photogrammetry.adjust.precision import precision_of
+    from insgnss.photogrammetry.adjust.start import first_values
     from insgnss.records.block import INTERIOR
 
     folder, report = BLOCKS[name]

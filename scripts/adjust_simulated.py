@@ -73,8 +73,8 @@ TABLE_4 = {  # mm, E N h of Table 4: mean, largest, root mean square
 
 def table4(options: argparse.Namespace) -> None:
     """Take two calibrations to corridors, and print their check points beside the paper's."""
-    from insgnss.block_adjustment.run import adjust
-    from insgnss.config.block_file import load_block
+    from insgnss.flight.config.block_file import load_block
+    from insgnss.photogrammetry.block_adjustment.run import adjust
     from insgnss.simulation.image_block import IGN_CAL2, LEADING
 
     block_flight = argparse.Namespace(**{**vars(options), "flight": "ign8", "lead": False})
@@ -111,9 +111,9 @@ def table4(options: argparse.Namespace) -> None:
 
 def check_points(flown: Path, camera: object) -> np.ndarray:
     """Adjust a corridor with a camera; returns surveyed minus adjusted check points (n, 3), m."""
-    from insgnss.block_adjustment.run import adjust
-    from insgnss.config.block_file import load_block
-    from insgnss.formats.blocks.camera_toml import write_camera_toml
+    from insgnss.flight.config.block_file import load_block
+    from insgnss.io.formats.blocks.camera_toml import write_camera_toml
+    from insgnss.photogrammetry.block_adjustment.run import adjust
 
     block = load_block(flown)
     write_camera_toml(camera, block.camera.file)
@@ -123,8 +123,8 @@ def check_points(flown: Path, camera: object) -> np.ndarray:
 
 def fly(directory: Path, options: argparse.Namespace, seed: int) -> None:
     """Simulate and process one flight."""
-    from insgnss.config.load import load_flight
-    from insgnss.processing.pipeline import process
+    from insgnss.flight.config.load import load_flight
+    from insgnss.flight.processing.pipeline import process
     from insgnss.simulation.dataset import write_dataset
     from insgnss.simulation.image_block import IGN8, LEADING, BlockOptions
     from insgnss.simulation.raw_gnss.receiver import GnssOptions
@@ -156,10 +156,10 @@ def fly(directory: Path, options: argparse.Namespace, seed: int) -> None:
 
 def adjusted(flown: Path, kind: str) -> dict:
     """Adjust the block of a flight and compare with the truth."""
-    from insgnss.block_adjustment.run import adjust
-    from insgnss.config.block_file import load_block
-    from insgnss.formats.blocks.camera_toml import read_camera_toml
+    from insgnss.flight.config.block_file import load_block
     from insgnss.geodesy.rotation import vector_from_rotation
+    from insgnss.io.formats.blocks.camera_toml import read_camera_toml
+    from insgnss.photogrammetry.block_adjustment.run import adjust
     from insgnss.records.block import INTERIOR
 
     block = load_block(flown)

@@ -8,14 +8,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine more t
 
 import numpy as np
 
-from insgnss.adjust.normals import cofactors_of
-from insgnss.adjust.unknowns import POSE
-from insgnss.block_adjustment.check_points import check_points
-from insgnss.block_adjustment.inputs import inputs_of
-from insgnss.block_adjustment.solve import Solved, solved
-from insgnss.config.block_file import BlockFile, load_block
-from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
+from insgnss.flight.config.block_file import BlockFile, load_block
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.io.formats.blocks.image_points import ImagePoints, write_image_points
+from insgnss.photogrammetry.adjust.normals import cofactors_of
+from insgnss.photogrammetry.adjust.unknowns import POSE
+from insgnss.photogrammetry.block_adjustment.check_points import check_points
+from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.solve import Solved, solved
 from insgnss.records.block import ImageObservations
 from insgnss.simulation.plug import plugged
 

@@ -71,12 +71,12 @@ def calibrate(
     directory: Path, options: argparse.Namespace, seed: int, tallies: dict[str, Tally]
 ) -> None:
     """Fly one flight, calibrate it with all images and with one line."""
-    from insgnss.config.load import load_flight
+    from insgnss.flight.config.load import load_flight
+    from insgnss.flight.processing.pipeline import process
     from insgnss.geodesy.rotation import rotation_from_vector
-    from insgnss.mounting_calibration.judgement import components
-    from insgnss.mounting_calibration.records import BlockPoses, FlightPoses, Stated
-    from insgnss.mounting_calibration.solution import Assumptions, solve
-    from insgnss.processing.pipeline import process
+    from insgnss.photogrammetry.mounting_calibration.judgement import components
+    from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses, Stated
+    from insgnss.photogrammetry.mounting_calibration.solution import Assumptions, solve
     from insgnss.simulation.dataset import write_dataset
     from insgnss.simulation.sensors import Rig
 
@@ -128,8 +128,8 @@ def calibrate(
 
 def errors(solved: object, rig: object) -> tuple[np.ndarray, np.ndarray]:
     """Return true minus found, bore-sight, antenna, IMU, delay (10,), and its covariance."""
-    from insgnss.adjust.aerial import BORESIGHT, TIME_OFFSET
     from insgnss.geodesy.rotation import vector_from_rotation
+    from insgnss.photogrammetry.adjust.aerial import BORESIGHT, TIME_OFFSET
 
     before = solved.flight.mounting
     true = before.camera_from_body @ np.array(rig.boresight)

@@ -33,12 +33,12 @@ from fault_campaign import (
     run_flight,
 )
 
+from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
 from insgnss.records import Array
 from insgnss.simulation.dataset import write_simulated
 from insgnss.simulation.emulate import Emulation, add_recorded_noise, emulate_motion
 from insgnss.simulation.scenario import SimulatedFlight, observe
 from insgnss.simulation.sensors import ImuOptions
-from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "emulated_flights.md"
 TRACKS = (1, 2, 3)

@@ -59,8 +59,8 @@ from scipy.stats import chi2
 
 from insgnss import load_flight
 from insgnss.base.errors import InsgnssError
+from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.processing.pipeline import process
 from insgnss.records import ExteriorOrientation
 from insgnss.records.qualities import Quality
 from insgnss.simulation.dataset import Dataset, write_dataset, write_simulated

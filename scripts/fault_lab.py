@@ -37,9 +37,6 @@ from pathlib import Path
 
 from PIL import Image
 
-import insgnss.block_adjustment.run
-import insgnss.exporting.export
-import insgnss.processing.pipeline  # noqa: F401  loaded once, and not by every child
 from insgnss.cli.main import main as run_verb
 
 CALLS = ("rename", "replace", "link", "unlink", "mkdir", "rmdir")

@@ -20,45 +20,48 @@ from pathlib import Path
 import numpy as np
 
 from insgnss.base.files import lines_of
-from insgnss.comparison.reading import read_poses
-from insgnss.config.block_file import load_block
-from insgnss.config.load import load_flight, read_covariance
-from insgnss.exporting.rename import read_names
-from insgnss.formats import read_barometer, read_events
-from insgnss.formats.blocks.bingo import read_bingo
-from insgnss.formats.blocks.camera_toml import read_camera_toml
-from insgnss.formats.blocks.colmap_model import read_colmap_model
-from insgnss.formats.blocks.dbat import read_dbat
-from insgnss.formats.blocks.gcp_list import read_gcp_list
-from insgnss.formats.blocks.ground_points import read_ground_points
-from insgnss.formats.blocks.image_points import read_image_points
-from insgnss.formats.blocks.metashape_block import read_metashape_block
-from insgnss.formats.blocks.opensfm_model import read_opensfm_model
-from insgnss.formats.blocks.pose_table import read_pose_table
-from insgnss.formats.bundle.colmap_database import read_colmap_database
-from insgnss.formats.bundle.metashape import read_metashape
-from insgnss.formats.images.exif import camera_tags, time_taken
-from insgnss.formats.imu.variances import read_variances
-from insgnss.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance
-from insgnss.formats.orientation.eo_json import read_eo_json, write_eo_json
-from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
-from insgnss.formats.orientation.generic_ascii import read_generic_ascii
-from insgnss.formats.orientation.pose_covariance import read_pose_covariance, write_pose_covariance
-from insgnss.formats.orientation.relative_csv import read_relative_csv
-from insgnss.formats.positions.camera_positions import read_camera_positions
-from insgnss.formats.returned.reading import read_returned_poses
-from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
-from insgnss.formats.vehicle.target_positions import read_target_positions
-from insgnss.formats.vehicle.target_sizes import read_target_sizes
+from insgnss.batch.season.tables import read_season
+from insgnss.flight.config.block_file import load_block
+from insgnss.flight.config.load import load_flight, read_covariance
+from insgnss.flight.exporting.rename import read_names
+from insgnss.flight.inspection.discovery import discover
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
-from insgnss.inspection.discovery import discover
-from insgnss.orient.mounting_file import read_mounting_file
-from insgnss.prepare.calibration import load_calibration
+from insgnss.io.formats import read_barometer, read_events
+from insgnss.io.formats.blocks.bingo import read_bingo
+from insgnss.io.formats.blocks.camera_toml import read_camera_toml
+from insgnss.io.formats.blocks.colmap_model import read_colmap_model
+from insgnss.io.formats.blocks.dbat import read_dbat
+from insgnss.io.formats.blocks.gcp_list import read_gcp_list
+from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.io.formats.blocks.image_points import read_image_points
+from insgnss.io.formats.blocks.metashape_block import read_metashape_block
+from insgnss.io.formats.blocks.opensfm_model import read_opensfm_model
+from insgnss.io.formats.blocks.pose_table import read_pose_table
+from insgnss.io.formats.bundle.colmap_database import read_colmap_database
+from insgnss.io.formats.bundle.metashape import read_metashape
+from insgnss.io.formats.images.exif import camera_tags, time_taken
+from insgnss.io.formats.imu.variances import read_variances
+from insgnss.io.formats.orientation.eo_covariance import read_eo_covariance, write_eo_covariance
+from insgnss.io.formats.orientation.eo_json import read_eo_json, write_eo_json
+from insgnss.io.formats.orientation.eo_local_plane import read_eo_local_plane
+from insgnss.io.formats.orientation.generic_ascii import read_generic_ascii
+from insgnss.io.formats.orientation.mounting_file import read_mounting_file
+from insgnss.io.formats.orientation.pose_covariance import (
+    read_pose_covariance,
+    write_pose_covariance,
+)
+from insgnss.io.formats.orientation.relative_csv import read_relative_csv
+from insgnss.io.formats.positions.camera_positions import read_camera_positions
+from insgnss.io.formats.returned.reading import read_returned_poses
+from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv
+from insgnss.io.formats.vehicle.target_positions import read_target_positions
+from insgnss.io.formats.vehicle.target_sizes import read_target_sizes
+from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.navigation.prepare.calibration import load_calibration
+from insgnss.photogrammetry.comparison.reading import read_poses
 from insgnss.records import ExteriorOrientation
 from insgnss.records.strips import StripCovariance
-from insgnss.season.tables import read_season
-from insgnss.stochastic.model import load_noise_model
 
 SPECS = Path(__file__).parents[1] / "data_specs"
 Read = Callable[[Path], object]
@@ -458,7 +461,7 @@ def _images() -> list[Case]:
                 with path.open("rb") as file:
                     try:
                         return read(file, path.name)
-                    except ValueError:  # no time there, as `exposures.images` takes it
+                    except ValueError:  # no time there, as `io.exposures.images` takes it
                         return None
 
             cases.append(

@@ -54,9 +54,9 @@ from fuzz_cases import Case, further_cases, static_cases
 from fuzz_values import contradiction, structured
 
 from insgnss.base.errors import DataError, InputError, UsageError
-from insgnss.formats import read_events, read_gnss, read_imu
-from insgnss.formats.trajectory.odyn import read_odyn_poses
-from insgnss.formats.trajectory.sbet import read_sbet_trajectory
+from insgnss.io.formats import read_events, read_gnss, read_imu
+from insgnss.io.formats.trajectory.odyn import read_odyn_poses
+from insgnss.io.formats.trajectory.sbet import read_sbet_trajectory
 
 LIMIT_S = 5
 COMPILED_S = 600  # of the file as it stands, for which kernels are compiled where they are not yet

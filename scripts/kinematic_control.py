@@ -38,10 +38,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.block_adjustment.figures import figures_of
-from insgnss.block_adjustment.inputs import inputs_of
-from insgnss.block_adjustment.solve import solved
-from insgnss.config.block_file import BlockFile, VehicleTable, load_block
+from insgnss.flight.config.block_file import BlockFile, VehicleTable, load_block
+from insgnss.photogrammetry.block_adjustment.figures import figures_of
+from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.solve import solved
 from insgnss.simulation.plug import plugged
 
 road = plugged("published_blocks.road")

@@ -17,9 +17,9 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.np.numpy_support import as_dtype
 
+from insgnss.api.demo import demo
 from insgnss.base.ahead import KERNELS
-from insgnss.installation.self_test import self_test
-from insgnss.processing.demo import demo
+from insgnss.batch.installation.self_test import self_test
 
 
 def described(kind: Any) -> str | list[Any]:

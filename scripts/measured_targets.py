@@ -38,10 +38,10 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from rendered_targets import Scene, bars, board, camera, plate, ringed  # noqa: E402
 
-from insgnss.targets.codes import LEAST_CLEAR, Ring, read_ring, smallest  # noqa: E402
-from insgnss.targets.measurement import Measurement, measure  # noqa: E402
-from insgnss.targets.prediction import predict  # noqa: E402
-from insgnss.targets.signals import cross, disc, quadrants  # noqa: E402
+from insgnss.photogrammetry.targets.codes import LEAST_CLEAR, Ring, read_ring, smallest  # noqa: E402
+from insgnss.photogrammetry.targets.measurement import Measurement, measure  # noqa: E402
+from insgnss.photogrammetry.targets.prediction import predict  # noqa: E402
+from insgnss.photogrammetry.targets.signals import cross, disc, quadrants  # noqa: E402
 
 Array = NDArray[np.float64]
 PAGE = ROOT / "benchmarks" / "measured_targets.md"

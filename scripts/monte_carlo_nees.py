@@ -21,18 +21,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of 30 x 30
 import numpy as np
 from scipy.stats import chi2
 
-from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import rotation_from_quaternion, vector_from_rotation
-from insgnss.navigation.epochs import make_epochs
-from insgnss.navigation.filter import gate_from_sigma, make_history, run_filter
-from insgnss.navigation.layout import state_layout
-from insgnss.navigation.problem import EstimationProblem
-from insgnss.navigation.solution import solve
-from insgnss.prepare.clock import cut_fixes
-from insgnss.prepare.increments import body_increments, merge_marks
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.epochs import make_epochs
+from insgnss.navigation.filter.filter import gate_from_sigma, make_history, run_filter
+from insgnss.navigation.filter.layout import state_layout
+from insgnss.navigation.filter.problem import EstimationProblem
+from insgnss.navigation.filter.solution import solve
+from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.navigation.prepare.clock import cut_fixes
+from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.simulation.motion import Motion
 from insgnss.simulation.scenario import ImuOptions, SimulatedFlight, simulate_flight
-from insgnss.stochastic.model import load_noise_model
 
 COMPONENTS = (
     "north",

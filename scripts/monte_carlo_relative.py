@@ -28,22 +28,22 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.epochs import make_epochs
-from insgnss.navigation.filter import gate_from_sigma
-from insgnss.navigation.layout import state_layout
-from insgnss.navigation.problem import EstimationProblem
-from insgnss.navigation.solution import solve, trajectory
-from insgnss.orient.exterior import exterior_orientation
-from insgnss.orient.frame import in_frame
-from insgnss.orient.mounting import Mounting
-from insgnss.orient.relative import GyroFigures, gyro_figures, relative_control
-from insgnss.prepare.clock import cut_fixes
-from insgnss.prepare.increments import body_increments, merge_marks
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.epochs import make_epochs
+from insgnss.navigation.filter.filter import gate_from_sigma
+from insgnss.navigation.filter.layout import state_layout
+from insgnss.navigation.filter.problem import EstimationProblem
+from insgnss.navigation.filter.solution import solve, trajectory
+from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.navigation.orient.exterior import exterior_orientation
+from insgnss.navigation.orient.frame import in_frame
+from insgnss.navigation.orient.relative import GyroFigures, gyro_figures, relative_control
+from insgnss.navigation.prepare.clock import cut_fixes
+from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import CameraEvents, ExteriorOrientation
+from insgnss.records.cameras.mounting import Mounting
 from insgnss.simulation.scenario import ImuOptions, SimulatedFlight, simulate_flight, true_eo
-from insgnss.stochastic.model import load_noise_model
 
 NOISE = "navchip"
 GAPS_S = (0.5, 1.0, 2.0, 4.0, 7.0, 10.0)

@@ -25,20 +25,20 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binom
 
-from insgnss.records import WaveletVariance
-from insgnss.stochastic.composition import composition_of
-from insgnss.stochastic.estimation.estimates import Linearised
-from insgnss.stochastic.estimation.gmwm import Fit, fit
-from insgnss.stochastic.estimation.inference import (
+from insgnss.navigation.noise_model.model import AxisNoise, load_noise_model
+from insgnss.noise.estimation.estimates import Linearised
+from insgnss.noise.estimation.gmwm import Fit, fit
+from insgnss.noise.estimation.inference import (
     Inference,
     covariances,
     infer,
     inverse,
     second_step,
 )
-from insgnss.stochastic.model import AxisNoise, load_noise_model
-from insgnss.stochastic.moments.wavelet import in_threads, wavelet_variance
-from insgnss.stochastic.processes import simulate_noise
+from insgnss.noise.moments.wavelet import in_threads, wavelet_variance
+from insgnss.noise.processes.composition import composition_of
+from insgnss.noise.processes.realisation import simulate_noise
+from insgnss.records import WaveletVariance
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "tuning.md"
 RECORDINGS = 6

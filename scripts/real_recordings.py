@@ -29,9 +29,9 @@ import numpy as np
 from withheld_pieces import withheld_pieces
 
 from insgnss.base.errors import InsgnssError
-from insgnss.config.load import load_flight
-from insgnss.processing import pipeline
-from insgnss.processing.segment import Segment
+from insgnss.flight.config.load import load_flight
+from insgnss.flight.processing import pipeline
+from insgnss.flight.processing.segment import Segment
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "real_recordings.md"
 WITHHELD = {"withheld 10 s": 10.0, "withheld 30 s": 30.0}

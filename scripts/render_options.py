@@ -19,11 +19,11 @@ from typing import Any
 
 from insgnss.base.files import atomic_write
 from insgnss.base.wording import listed
-from insgnss.config.block_file import BLOCK_TABLES
-from insgnss.config.camera_options import OF_FURTHER
-from insgnss.config.covariance import MODEL, CovarianceModel
-from insgnss.config.flight_file import TABLES
-from insgnss.config.schema import Declared, declared, options_of
+from insgnss.flight.config.block_file import BLOCK_TABLES
+from insgnss.flight.config.flight_file import TABLES
+from insgnss.gnss.covariance_model import MODEL, CovarianceModel
+from insgnss.io.options.camera_options import OF_FURTHER
+from insgnss.io.options.schema import Declared, declared, options_of
 
 PAGES = tuple(Path("data_specs") / name for name in ("flight_file.md", "block_file.md"))
 WIDTH = 120
@@ -116,7 +116,7 @@ def _one(triple: tuple[float, ...]) -> Any:
 
 def _checks() -> str:
     """The names of the checks."""
-    from insgnss.recognise.plausibility import NAMES
+    from insgnss.navigation.recognise.plausibility import NAMES
 
     whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
     lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH, break_on_hyphens=False)

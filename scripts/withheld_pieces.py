@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from insgnss.align.initial import initial_state
-from insgnss.navigation.codes import COVARIANCE_RESET, NAV, POSITION, USED, VEL
-from insgnss.navigation.filter import BLOCK_S
-from insgnss.navigation.kernels.measurements import measured_triple
-from insgnss.navigation.kernels.records import make_triple
-from insgnss.navigation.solution import Solution, solve
-from insgnss.navigation.strapdown import kernel_earth
-from insgnss.processing.segment import Segment
+from insgnss.flight.processing.segment import Segment
+from insgnss.navigation.align.initial import initial_state
+from insgnss.navigation.filter.codes import COVARIANCE_RESET, NAV, POSITION, USED, VEL
+from insgnss.navigation.filter.filter import BLOCK_S
+from insgnss.navigation.filter.kernels.measurements import measured_triple
+from insgnss.navigation.filter.kernels.records import make_triple
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.filter.strapdown import kernel_earth
 
 MOST_PIECES = 6
 SHARE = 0.25  # of the time, at most, that is withheld at once

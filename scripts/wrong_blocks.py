@@ -49,9 +49,9 @@ from wrong_blocks_cases import CASES, EO, Case, Scene
 
 from insgnss import read_eo
 from insgnss.cli.main import main as insgnss
-from insgnss.config.load import load_flight
+from insgnss.flight.config.load import load_flight
+from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.processing.pipeline import process
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.image_block import BlockOptions
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from insgnss import read_eo
-from insgnss.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
-from insgnss.formats.blocks.ground_points import read_ground_points
-from insgnss.formats.blocks.image_points import read_image_points
-from insgnss.formats.orientation.eo_json import write_eo_json
 from insgnss.geodesy.frames import TangentPlane, ecef_to_geodetic
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, rotation_from_vector
+from insgnss.io.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
+from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.io.formats.blocks.image_points import read_image_points
+from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.records.block import INTERIOR
 
 BLOCK = Path("01_Observations/Camera/Block")

@@ -30,7 +30,7 @@ gc.disable()
 COMPILES_THE_FILTER = "test_public_api.py"
 WITHOUT_THE_FILTER = frozenset(
     ("adjust", "block_adjustment", "comparison", "config", "documentation", "exporting", "formats")
-    + ("geodesy", "gnss", "mounting_calibration", "proof", "report", "stochastic", "targets")
+    + ("geodesy", "gnss", "mounting_calibration", "proof", "report", "estimation", "targets")
 )
 """Directories of tests."""
 

@@ -12,14 +12,14 @@ from insgnss.geodesy.rotation import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from insgnss.navigation.epochs import make_epochs
-from insgnss.navigation.filter import gate_from_sigma
-from insgnss.navigation.layout import StateLayout, state_layout
-from insgnss.navigation.problem import EstimationProblem, InitialState
-from insgnss.prepare.clock import cut_fixes
-from insgnss.prepare.increments import body_increments, merge_marks
+from insgnss.navigation.filter.epochs import make_epochs
+from insgnss.navigation.filter.filter import gate_from_sigma
+from insgnss.navigation.filter.layout import StateLayout, state_layout
+from insgnss.navigation.filter.problem import EstimationProblem, InitialState
+from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.navigation.prepare.clock import cut_fixes
+from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, SimulatedFlight, simulate_flight
-from insgnss.stochastic.model import load_noise_model
 
 NO_GATE = 1e12
 

@@ -9,9 +9,9 @@ from rendered_targets import DOWN, Pattern, board
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
-from insgnss.formats.blocks.camera_toml import write_camera_toml
-from insgnss.formats.blocks.ground_points import GroundTable, write_ground_points
-from insgnss.formats.orientation.eo_json import write_eo_json
+from insgnss.io.formats.blocks.camera_toml import write_camera_toml
+from insgnss.io.formats.blocks.ground_points import GroundTable, write_ground_points
+from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.records import ExteriorOrientation
 from insgnss.records.block import INTERIOR, BrownCamera, InteriorCovariance
 

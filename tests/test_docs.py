@@ -11,8 +11,8 @@ import pytest
 
 import insgnss
 from insgnss.cli import build_parser
-from insgnss.formats import BAROMETER_OPTIONS, EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
-from insgnss.formats.blocks.reading import FORMATS
+from insgnss.io.formats import BAROMETER_OPTIONS, EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
+from insgnss.io.formats.blocks.reading import FORMATS
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = [

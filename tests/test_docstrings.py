@@ -12,7 +12,7 @@ from numpydoc_sections import documented, parameters, sections
 import insgnss
 
 ROOT = Path(insgnss.__file__).parent
-ROOMS = ("records", "geodesy", "orient", "navigation", "adjust")
+ROOMS = ("records", "geodesy", "navigation/orient", "navigation/filter", "photogrammetry/adjust")
 FEWEST = 150
 """Functions and classes there are at least; fewer mean that the search is broken."""
 

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from insgnss.adjust.camera import pixels_of
-from insgnss.formats.blocks.camera_toml import write_camera_toml
-from insgnss.formats.blocks.ground_points import GroundTable, write_ground_points
-from insgnss.formats.blocks.image_points import ImagePoints, write_image_points
-from insgnss.formats.orientation.eo_json import write_eo_json
-from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
-from insgnss.formats.vehicle.target_sizes import TargetSizes, write_target_sizes
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_rpy
+from insgnss.io.formats.blocks.camera_toml import write_camera_toml
+from insgnss.io.formats.blocks.ground_points import GroundTable, write_ground_points
+from insgnss.io.formats.blocks.image_points import ImagePoints, write_image_points
+from insgnss.io.formats.orientation.eo_json import write_eo_json
+from insgnss.io.formats.trajectory.trajectory_csv import write_trajectory_csv
+from insgnss.io.formats.vehicle.target_sizes import TargetSizes, write_target_sizes
 from insgnss.records import ExteriorOrientation, Trajectory
 from insgnss.records.block import INTERIOR, BrownCamera, ImageObservations
+from insgnss.records.cameras.camera import pixels_of
 
 ORIGIN = (np.radians(41.8), np.radians(2.1), 900.0)
 WEEK, START = 1902, 300000.0

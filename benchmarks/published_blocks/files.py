@@ -19,12 +19,12 @@ import numpy as np
 from insgnss.base.errors import UsageError
 from insgnss.base.files import atomic_write
 from insgnss.base.output.staging import is_vacant, together
-from insgnss.formats.blocks.camera_toml import write_camera_toml
-from insgnss.formats.blocks.ground_points import write_ground_points
-from insgnss.formats.blocks.image_points import write_image_points
-from insgnss.formats.orientation.eo_covariance import FILE, write_eo_covariance
-from insgnss.formats.orientation.eo_json import write_eo_json
-from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
+from insgnss.io.formats.blocks.camera_toml import write_camera_toml
+from insgnss.io.formats.blocks.ground_points import write_ground_points
+from insgnss.io.formats.blocks.image_points import write_image_points
+from insgnss.io.formats.orientation.eo_covariance import FILE, write_eo_covariance
+from insgnss.io.formats.orientation.eo_json import write_eo_json
+from insgnss.io.formats.trajectory.trajectory_csv import write_trajectory_csv
 
 from .road import TARGET_M, VEHICLE_ERRORS
 from .survey import (

@@ -30,8 +30,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from insgnss.adjust.kinematic import gauss_markov as correlations
 from insgnss.base.errors import UsageError
+from insgnss.photogrammetry.adjust.kinematic import gauss_markov as correlations
 from insgnss.records.strips import CommonErrors, StripCovariance
 
 Array = NDArray[np.float64]

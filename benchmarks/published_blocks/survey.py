@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insgnss.base.errors import UsageError, near
-from insgnss.formats.blocks.ground_points import GroundTable
-from insgnss.formats.blocks.image_points import ImagePoints
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.orient.strips import strip_rows
+from insgnss.io.formats.blocks.ground_points import GroundTable
+from insgnss.io.formats.blocks.image_points import ImagePoints
+from insgnss.navigation.orient.strips import strip_rows
 from insgnss.records import ExteriorOrientation
 from insgnss.records.block import BrownCamera, ImageObservations
 from insgnss.records.strips import CommonErrors, StripCovariance
@@ -59,7 +59,8 @@ class SimulatedSurvey:
     common : CommonErrors or None
         What lines share.
     boresight : ndarray
-        (3, 3) camera to nominal camera, which `eo` does not know (E of `insgnss.adjust.aerial`).
+        (3, 3) camera to nominal camera, which `eo` does not know (E of
+        `insgnss.photogrammetry.adjust.aerial`).
     measured : ImagePoints
         Image observations.
     ground : GroundTable

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 from ..base.inputs import reading
 
 if TYPE_CHECKING:
-    from ..config.flight_file import Flight
-    from ..mounting_calibration.products import CalibratedMounting
-    from ..orient.mounting_file import MountingFile
+    from ..flight.config.flight_file import Flight
+    from ..io.formats.orientation.mounting_file import MountingFile
+    from ..photogrammetry.mounting_calibration.products import CalibratedMounting
 
 Source = str | os.PathLike[str]
 
@@ -31,7 +31,7 @@ def read_mounting(path: Source) -> "MountingFile":
     ------
     InputError : the file is missing, or a key or a value in it is wrong.
     """
-    from ..orient.mounting_file import read_mounting_file
+    from ..io.formats.orientation.mounting_file import read_mounting_file
 
     return read_mounting_file(path)[0]
 
@@ -71,10 +71,10 @@ def calibrate_tripod(
     ------
     InputError : a file is wrong, or both do not belong together.
     """
-    from ..mounting_calibration.poses import PlaceOptions, PoseSigma
-    from ..mounting_calibration.products import written
-    from ..mounting_calibration.tripod_files import TripodOptions
-    from ..mounting_calibration.tripod_files import calibrate_tripod as calibrate
+    from ..photogrammetry.mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..photogrammetry.mounting_calibration.products import written
+    from ..photogrammetry.mounting_calibration.tripod_files import TripodOptions
+    from ..photogrammetry.mounting_calibration.tripod_files import calibrate_tripod as calibrate
 
     options = TripodOptions(
         PoseSigma(*pose_sigma), pin_sigma_m, PlaceOptions(crs), _path(photo), date
@@ -124,10 +124,12 @@ def calibrate_similarity(
     ------
     InputError : a file is wrong, or they do not belong together.
     """
-    from ..mounting_calibration.poses import PlaceOptions, PoseSigma
-    from ..mounting_calibration.products import written
-    from ..mounting_calibration.similarity_files import SimilarityOptions
-    from ..mounting_calibration.similarity_files import calibrate_similarity as calibrate
+    from ..photogrammetry.mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..photogrammetry.mounting_calibration.products import written
+    from ..photogrammetry.mounting_calibration.similarity_files import SimilarityOptions
+    from ..photogrammetry.mounting_calibration.similarity_files import (
+        calibrate_similarity as calibrate,
+    )
 
     options = SimilarityOptions(
         PoseSigma(*pose_sigma),
@@ -181,9 +183,11 @@ def calibrate_materialise(
     InputError : a file is wrong, or they do not belong together.
     UsageError : the pose of the camera's own image is missing.
     """
-    from ..mounting_calibration.materialise_files import MaterialiseOptions
-    from ..mounting_calibration.materialise_files import calibrate_materialise as calibrate
-    from ..mounting_calibration.products import written
+    from ..photogrammetry.mounting_calibration.materialise_files import MaterialiseOptions
+    from ..photogrammetry.mounting_calibration.materialise_files import (
+        calibrate_materialise as calibrate,
+    )
+    from ..photogrammetry.mounting_calibration.products import written
 
     options = MaterialiseOptions(
         receiver=tuple(Path(path) for path in receiver),
@@ -243,12 +247,12 @@ def calibrate_mounting(
     InputError : a file is wrong, or the poses are not of this flight.
     DataError : the data do not support the answer.
     """
-    from ..config.flight_file import Flight
-    from ..config.load import load_flight
-    from ..mounting_calibration.flight_products import calibrated
-    from ..mounting_calibration.in_flight import calibrate_mounting as calibrate
-    from ..mounting_calibration.products import written
-    from ..mounting_calibration.solution import Assumptions
+    from ..flight.config.flight_file import Flight
+    from ..flight.config.load import load_flight
+    from ..photogrammetry.mounting_calibration.flight_products import calibrated
+    from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
+    from ..photogrammetry.mounting_calibration.products import written
+    from ..photogrammetry.mounting_calibration.solution import Assumptions
 
     own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
     alike = pose_sigma[0], math.radians(pose_sigma[1])

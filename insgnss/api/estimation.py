@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
-from ..prepare.clock import NO_WEEK
+from ..navigation.prepare.clock import NO_WEEK
 from ..records import (
     CameraEvents,
     Check,
@@ -23,11 +23,11 @@ from ..records import (
 )
 
 if TYPE_CHECKING:
-    from ..config.filter_options import FilterOptions, InitialAttitude
-    from ..config.flight_file import Flight
-    from ..orient.mounting import Mounting
-    from ..processing.pipeline import ProcessResult
-    from ..stochastic.model import NoiseModel
+    from ..flight.config.filter_options import FilterOptions, InitialAttitude
+    from ..flight.config.flight_file import Flight
+    from ..flight.processing.pipeline import ProcessResult
+    from ..navigation.noise_model.model import NoiseModel
+    from ..records.cameras.mounting import Mounting
 
 WHO = Path("insgnss.estimate")
 # of [output], and no matter of files
@@ -141,8 +141,8 @@ def estimate(
         and gps_week is None
     ):
         samples = replace(samples, gps_week=NO_WEEK, notes=(*samples.notes, _no_week()))
-    from ..config.barometer_options import BarometerInput
-    from ..config.flight_file import changed
+    from ..flight.config.barometer_options import BarometerInput
+    from ..flight.config.flight_file import changed
 
     with spoken_as(SPOKEN):
         flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
@@ -158,7 +158,7 @@ def estimate(
         _refuse_ambiguous(flight, changes)
         keywords = [name for name in signature(estimate).parameters if name != "changes"]
         flight = changed(flight, changes, keywords)
-        from ..processing.pipeline import process
+        from ..flight.processing.pipeline import process
 
         return process(flight, progress=progress, write=False)
 
@@ -198,11 +198,11 @@ def _flight(
     trajectory_hz: float | None,
 ) -> "Flight":
     """Return the flight file that says so, with records instead of files."""
-    from ..config.camera_options import CameraInput
-    from ..config.flight_file import Flight, Output
-    from ..config.gnss_options import GnssInput
-    from ..config.imu_options import ImuInput
-    from ..orient.mounting import Mounting
+    from ..flight.config.flight_file import Flight, Output
+    from ..flight.config.gnss_options import GnssInput
+    from ..flight.config.imu_options import ImuInput
+    from ..io.options.camera_options import CameraInput
+    from ..records.cameras.mounting import Mounting
 
     model = Path(noise) if isinstance(noise, os.PathLike) else noise
     return Flight(

@@ -13,11 +13,11 @@ from ..base.inputs import reading
 from ..records import ExteriorOrientation, Trajectory
 
 if TYPE_CHECKING:
-    from ..comparison.result import Comparison
-    from ..exporting.export import Exported
+    from ..flight.exporting.export import Exported
     from ..gnss.ppk import PpkResult
+    from ..navigation.noise_model.model import NoiseModel
+    from ..photogrammetry.comparison.result import Comparison
     from ..records.relative import RelativeControl
-    from ..stochastic.model import NoiseModel
 
 Source = str | os.PathLike[str]
 FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
@@ -62,8 +62,8 @@ def export(
     UsageError : the format or an option is unknown, or the format cannot carry the frame.
     InputError : eo.json cannot be read, there are no images, or the CRS does not reach the flight.
     """
-    from ..exporting.export import Target
-    from ..exporting.export import export as write
+    from ..flight.exporting.export import Target
+    from ..flight.exporting.export import export as write
     from .readers import read_eo
 
     if frame is not None and frame not in FRAMES:
@@ -103,8 +103,8 @@ def relative_control(
     UsageError : the form is unknown, or the gap is not positive.
     InputError : the covariances between neighbours are not known, or the noise model is wrong.
     """
-    from ..exporting.export import relative_of
-    from ..orient.frame import in_frame
+    from ..flight.exporting.export import relative_of
+    from ..navigation.orient.frame import in_frame
 
     return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
 
@@ -148,7 +148,7 @@ def compare(
     UsageError : a format is unknown.
     DataError : nothing tells which poses belong together.
     """
-    from ..comparison.compare import compare_files
+    from ..photogrammetry.comparison.compare import compare_files
 
     return compare_files(
         a if isinstance(a, ExteriorOrientation | Trajectory) else Path(a),
@@ -249,10 +249,10 @@ def ppk(
     """
     import numpy as np
 
-    from ..exposures.naming import ImageMatch
     from ..geodesy.frames import geodetic_to_ecef
     from ..gnss.options import EngineOptions
     from ..gnss.ppk import PpkInput, solve_ppk
+    from ..io.exposures.naming import ImageMatch
     from .verbs import _checked_options
 
     base_options: dict[str, Any] = {}

@@ -24,7 +24,7 @@ def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
     ------
     InputError : the file is missing, is of another format, or was edited.
     """
-    from ..formats.orientation.eo_json import read_eo_json
+    from ..io.formats.orientation.eo_json import read_eo_json
 
     file = Path(path)
     return read_eo_json(file / "eo.json" if file.is_dir() else file)
@@ -48,13 +48,13 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
     ------
     InputError : the file is missing or of another format.
     """
-    from ..comparison.reading import sniff_poses
+    from ..photogrammetry.comparison.reading import sniff_poses
 
     file = Path(path)
     file = file / "trajectory.csv" if file.is_dir() else file
     form = sniff_poses(file)
     if form == "trajectory_csv":
-        from ..formats.trajectory.trajectory_csv import read_trajectory_csv
+        from ..io.formats.trajectory.trajectory_csv import read_trajectory_csv
 
         t = read_trajectory_csv(file)
         cov = _covariance(t.rpy, t.sigma)
@@ -65,8 +65,8 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
 
 
 def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:
-    from ..formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
     from ..geodesy.rotation import rotation_from_rpy
+    from ..io.formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
 
     s = read_sbet(path)
     sigma = np.zeros((s.time.size, 9))

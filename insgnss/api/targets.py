@@ -7,9 +7,9 @@ from ..base.inputs import reading
 from .verbs import Progress, Source, _quiet
 
 if TYPE_CHECKING:
-    from ..config.block_file import VehicleTable
-    from ..target_measurement.request import Target
-    from ..target_measurement.run import MeasurementResult, PredictionResult
+    from ..flight.config.block_file import VehicleTable
+    from ..photogrammetry.target_measurement.request import Target
+    from ..photogrammetry.target_measurement.run import MeasurementResult, PredictionResult
 
 
 @reading()
@@ -49,8 +49,8 @@ def predict_targets(
     DataError : no ground point lies in any image.
     UsageError : a file is missing, or the table cannot be written.
     """
-    from ..target_measurement.request import Request
-    from ..target_measurement.run import predict_targets as predicted
+    from ..photogrammetry.target_measurement.request import Request
+    from ..photogrammetry.target_measurement.run import predict_targets as predicted
 
     request = Request(
         Path(eo), Path(ground), Path(camera), None, crs, _path(geoid), vehicle=vehicle
@@ -105,8 +105,8 @@ def measure_targets(
     DataError : no ground point lies in an image that has a photograph.
     UsageError : a file is missing, or the products cannot be written.
     """
-    from ..target_measurement.request import Request, Target
-    from ..target_measurement.run import measure_targets as measured
+    from ..photogrammetry.target_measurement.request import Request, Target
+    from ..photogrammetry.target_measurement.run import measure_targets as measured
 
     request = Request(
         Path(eo),

@@ -13,22 +13,22 @@ from ..base.inputs import reading
 from ..records import ImuSamples, Quantity
 
 if TYPE_CHECKING:
-    from ..block_adjustment.run import AdjustmentResult
-    from ..calibrate.result import MultiPosition
-    from ..config.block_file import BlockFile, Mode
-    from ..config.block_tables.aerial_control import ControlKind
-    from ..config.flight_file import Flight
-    from ..inspection.described import FlightInspection
-    from ..inspection.rinex.result import RinexInspection
-    from ..inspection.run import Inspection
-    from ..processing.pipeline import ProcessResult
+    from ..flight.config.block_file import BlockFile, Mode
+    from ..flight.config.block_tables.aerial_control import ControlKind
+    from ..flight.config.flight_file import Flight
+    from ..flight.inspection.described import FlightInspection
+    from ..flight.inspection.rinex.result import RinexInspection
+    from ..flight.inspection.run import Inspection
+    from ..flight.processing.pipeline import ProcessResult
+    from ..navigation.noise_model.model import NoiseModel
+    from ..noise.multi_position.result import MultiPosition
+    from ..noise.tuning.in_flight.estimation import FlightTuning
+    from ..noise.tuning.result import TuneResult
+    from ..noise.tuning.several import SeveralTuned
+    from ..photogrammetry.block_adjustment.run import AdjustmentResult
     from ..simulation.dataset import Dataset
     from ..simulation.faults import ImuFaults
     from ..simulation.scenario import SimulatedFlight
-    from ..stochastic.model import NoiseModel
-    from ..tuning.in_flight.estimation import FlightTuning
-    from ..tuning.result import TuneResult
-    from ..tuning.several import SeveralTuned
 
 Source = str | os.PathLike[str]
 Progress = Callable[[str], None]
@@ -69,9 +69,9 @@ def process(
     DataError : the data do not support an answer.
     UsageError : the products cannot be written into `out`.
     """
-    from ..config.flight_file import Flight
-    from ..config.load import load_flight
-    from ..processing.pipeline import process as run
+    from ..flight.config.flight_file import Flight
+    from ..flight.config.load import load_flight
+    from ..flight.processing.pipeline import process as run
 
     flight_file = flight if isinstance(flight, Flight) else load_flight(Path(flight))
     return run(flight_file, None if out is None else Path(out), progress, write, force)
@@ -112,8 +112,8 @@ def adjust_block(
     DataError : the observations do not determine the unknowns.
     UsageError : the products cannot be written into `out`.
     """
-    from ..block_adjustment.run import adjust
-    from ..config.block_file import BlockFile, load_block
+    from ..flight.config.block_file import BlockFile, load_block
+    from ..photogrammetry.block_adjustment.run import adjust
 
     file = block if isinstance(block, BlockFile) else load_block(Path(block))
     changes: dict[str, Any] = {}
@@ -146,9 +146,9 @@ def inspect(
     InputError : a file cannot be read, or there is not one recording.
     DataError : the samples cannot become a flight.
     """
-    from ..config.flight_file import Flight
-    from ..inspection.described import flight_file, inspect_flight
-    from ..inspection.run import inspect_files
+    from ..flight.config.flight_file import Flight
+    from ..flight.inspection.described import flight_file, inspect_flight
+    from ..flight.inspection.run import inspect_files
 
     if isinstance(source, Flight):
         return inspect_flight(source, progress)
@@ -197,9 +197,9 @@ def tune(
     InputError : a recording cannot be read.
     DataError : the recording does not support a model.
     """
-    from ..config.flight_file import Flight
-    from ..config.load import load_flight
-    from ..tuning.options import TuneOptions
+    from ..flight.config.flight_file import Flight
+    from ..flight.config.load import load_flight
+    from ..noise.tuning.options import TuneOptions
 
     target = None if out is None else Path(out)
     if (
@@ -214,14 +214,14 @@ def tune(
                 f"tune: {next(iter(options))} belongs to static recordings; "
                 "the flight says the rest"
             )
-        from ..tuning.several import tune_each
+        from ..noise.tuning.several import tune_each
 
         return tune_each(source, target, parameters, progress, force)
     if parameters is not None:
         raise UsageError(
             "tune: parameters belong to a flight; model names the processes of static recordings"
         )
-    from ..tuning.static import tune_static
+    from ..noise.tuning.static import tune_static
 
     paths: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     others = [path for path in paths if not isinstance(path, str | os.PathLike)]
@@ -276,9 +276,9 @@ def calibrate_imu(
         )
     import numpy as np
 
-    from ..calibrate.multi_position import calibrate_multi_position
-    from ..formats import read_imu
-    from ..prepare.calibration import write_calibration
+    from ..io.formats import read_imu
+    from ..navigation.prepare.calibration import write_calibration
+    from ..noise.multi_position.calibration import calibrate_multi_position
 
     samples = imu if isinstance(imu, ImuSamples) else read_imu(Path(imu), **reading)
     latitude = None if latitude_deg is None else float(np.radians(latitude_deg))

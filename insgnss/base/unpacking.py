@@ -17,9 +17,9 @@ import zlib
 from collections.abc import Callable
 from functools import partial
 
-from ..base.wording import DOCTOR
 from .errors import DataError, InputError, UsageError
 from .memory import available
+from .wording import DOCTOR
 
 VARIABLE = "INSGNSS_UNPACKED_GB"
 LIMIT_GB = 4.0

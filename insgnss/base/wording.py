@@ -15,7 +15,7 @@ An argument of a Python function, such as `imu_axes`, is written as a key is.
 
 The words belong to the current context (`contextvars`); a thread takes them over where it is
 started through `contextvars.copy_context`. Which key is which option stands in the schema
-(`config.command_line`).
+(`flight.config.command_line`).
 
 Paths and commands are written as the system's shell takes them (`relative`, `command_line`).
 """

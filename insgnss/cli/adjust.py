@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
-from ..config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
-from ..config.command_line import add_options_of_tables, given_of_tables, names_of
+from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
+from ..flight.config.command_line import add_options_of_tables, given_of_tables, names_of
 from .console import Progress
 from .verb import Verb, show_judged, show_result
 
 if TYPE_CHECKING:
-    from ..block_adjustment.run import AdjustmentResult
+    from ..photogrammetry.block_adjustment.run import AdjustmentResult
 
 EXAMPLE = """\
   insgnss adjust block.toml
@@ -104,12 +104,12 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     file = block_of(options)
     if options.plan:
-        from ..block_adjustment.plan import planned
-        from ..block_adjustment.run import directory_of
+        from ..photogrammetry.block_adjustment.plan import planned
+        from ..photogrammetry.block_adjustment.run import directory_of
 
         out = directory_of(file, options.out)
         return show_result(options, progress, planned(file, progress, out))
-    from ..block_adjustment.run import adjust
+    from ..photogrammetry.block_adjustment.run import adjust
 
     result: AdjustmentResult = adjust(file, options.out, progress, force=options.force)
     return show_judged(options, progress, result, file.path)

@@ -12,7 +12,7 @@ from .verb import Verb, show_result
 
 if TYPE_CHECKING:
     from ..base.files import Content
-    from ..comparison.result import Comparison
+    from ..photogrammetry.comparison.result import Comparison
 
 FORMS = (
     "eo_json",
@@ -39,7 +39,7 @@ FORMS = (
     "micmac_xml",
     "bentley",
     "inpho_prj",
-)  # those of `comparison.reading.FORMS`, named here so that help needs no numpy
+)  # those of `photogrammetry.comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --page differences.html
   insgnss compare trajectory.sbet reference.pos --week 2008"""
 
@@ -107,7 +107,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
     from ..base.files import atomic_writes
     from ..base.output.staging import together
-    from ..comparison.compare import compare_files
+    from ..photogrammetry.comparison.compare import compare_files
 
     progress("reading and matching")
     result = compare_files(
@@ -127,7 +127,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         form = given.figure.suffix.lower().removeprefix(".")
         files[given.figure] = result.figure(form if form in ("pdf", "svg") else "png")
     if given.page is not None:
-        from ..comparison.page import comparison_page
+        from ..photogrammetry.comparison.page import comparison_page
 
         files[given.page] = comparison_page(result).html()
     with together() as staging:

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..processing.demo import demo
+    from ..api.demo import demo
 
     result = demo(options.directory, options.minutes, options.seed, progress)
     return show_result(options, progress, result)

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..installation.examination import examine
+    from ..batch.installation.examination import examine
 
     result = examine(progress, options.compile)
     show_result(options, progress, result)

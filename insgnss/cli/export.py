@@ -127,9 +127,9 @@ def noise_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
         For options that have no meaning with it, and values that cannot be.
     """
     from ..base.files import atomic_write
-    from ..exporting.replacing import refuse_replacing
-    from ..stochastic.consumers import FORMS, text_for
-    from ..stochastic.model import load_noise_model
+    from ..flight.exporting.replacing import refuse_replacing
+    from ..navigation.noise_model.model import load_noise_model
+    from ..noise.processes.consumers import FORMS, text_for
 
     if any(x is not None for x in (given.crs, given.geoid, given.frame, given.ground)):
         raise UsageError("export: --crs, --geoid, --frame and --ground have no meaning for noise")
@@ -174,7 +174,7 @@ def _positive(key: str, text: str) -> float:
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Do what the parsed command line asks for."""
-    from ..stochastic.consumers import FORMS
+    from ..noise.processes.consumers import FORMS
 
     if given.format in FORMS:
         return noise_verb(given, progress)
@@ -182,14 +182,14 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
         given.eo = _master_of(given.eo)
     if given.eo.suffix.lower() == ".csv":
         return _positions_verb(given, progress)
-    from ..exporting.export import Target, export, known_format
-    from ..exporting.options import typed_options
-    from ..exporting.replacing import refuse_replacing
+    from ..flight.exporting.export import Target, export, known_format
+    from ..flight.exporting.options import typed_options
+    from ..flight.exporting.replacing import refuse_replacing
 
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
     target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
-    from ..formats.orientation.eo_json import read_eo_json
+    from ..io.formats.orientation.eo_json import read_eo_json
 
     product = Path(form.product)
     if given.camera is not None:
@@ -214,8 +214,8 @@ def _warn_of_changed_inputs(eo: Path) -> None:
     """Warn where orientations are of inputs that have changed since, as after a run that failed."""
     import warnings
 
-    from ..exporting.replacing import DOCUMENTS
-    from ..season.archive import changed_since
+    from ..batch.season.archive import changed_since
+    from ..flight.exporting.replacing import DOCUMENTS
 
     if changed := [name for one in DOCUMENTS for name in changed_since(eo.parent / one)]:
         warnings.warn(
@@ -227,7 +227,7 @@ def _warn_of_changed_inputs(eo: Path) -> None:
 
 def _master_of(directory: Path) -> Path:
     """Return the eo.json of a directory of products, or its camera positions."""
-    from ..formats.positions.camera_positions import PRODUCT
+    from ..io.formats.positions.camera_positions import PRODUCT
 
     for name in ("eo.json", PRODUCT):
         if (directory / name).is_file():
@@ -240,10 +240,10 @@ def _master_of(directory: Path) -> Path:
 
 def _positions_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Write camera positions of PPK in a format that takes them without angles."""
-    from ..exporting.export import Target
-    from ..exporting.positions import export_positions, position_format
-    from ..exporting.replacing import refuse_replacing
-    from ..formats.positions.camera_positions import read_camera_positions
+    from ..flight.exporting.export import Target
+    from ..flight.exporting.positions import export_positions, position_format
+    from ..flight.exporting.replacing import refuse_replacing
+    from ..io.formats.positions.camera_positions import read_camera_positions
 
     form = position_format(given.format)
     _refuse_camera(given, "for camera positions")
@@ -286,8 +286,8 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
     UsageError
         For options that have no meaning with it.
     """
-    from ..exporting.export import known_format
-    from ..proof.write import write_proof
+    from ..flight.exporting.export import known_format
+    from ..flight.proof.write import write_proof
 
     name, directory = str(given.eo), Path(given.format)
     known_format(name)
@@ -305,14 +305,14 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
 
 
 def _list_formats() -> str:
-    from ..formats import EXPORTS
+    from ..io.formats import EXPORTS
 
     width = max(map(len, EXPORTS))
     lines = []
     for name, form in EXPORTS.items():
         takes = f" (--set {', '.join(form.options)})" if form.options else ""
         lines.append(f"  {name:{width}}  {form.what}{takes}\n")
-    from ..stochastic.consumers import FORMS
+    from ..noise.processes.consumers import FORMS
 
     takes = "(--set rate, cluster, topic)"
     noise = [f"  {name:{width}}  {form[1]} {takes}\n" for name, form in FORMS.items()]

@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..inspection.described import flight_file, inspect_flight
-    from ..inspection.run import inspect_files
+    from ..flight.inspection.described import flight_file, inspect_flight
+    from ..flight.inspection.run import inspect_files
 
     if options.force and options.write is None:
         raise UsageError("inspect: --force belongs to --write")

@@ -177,8 +177,8 @@ def _complete() -> None:
 
 
 def _formats(**_: Any) -> list[str]:
-    from ..formats.exports import EXPORTS
-    from ..stochastic.consumers import FORMS
+    from ..io.formats.exports import EXPORTS
+    from ..noise.processes.consumers import FORMS
 
     return sorted({*EXPORTS, *FORMS})
 

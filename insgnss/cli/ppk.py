@@ -13,12 +13,12 @@ from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
 from ..base.wording import spoken_as
-from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
-from ..config.command_line import add_options, given_of, names_of
-from ..config.flight_file import TangentPlaneTable
-from ..config.gnss_options import GnssInput
-from ..config.ppk_options import Air, EngineSettings, RawGnss, all_of
-from ..config.schema import check, is_place, swapped
+from ..flight.config.command_line import add_options, given_of, names_of
+from ..flight.config.flight_file import TangentPlaneTable
+from ..flight.config.gnss_options import GnssInput
+from ..gnss.ppk_options import Air, EngineSettings, RawGnss, all_of
+from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
+from ..io.options.schema import check, is_place, swapped
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -125,10 +125,10 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
         raise UsageError(f"ppk: --out {given.out} is a file; give a directory, which is made")
-    from ..formats.positions.camera_positions import PRODUCT, write_camera_positions
     from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
     from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk
+    from ..io.formats.positions.camera_positions import PRODUCT, write_camera_positions
 
     if name := positions_of_others(given.out):
         raise UsageError(
@@ -202,9 +202,9 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
 
     OptionError and UsageError for what it cannot ask for.
     """
-    from ..config.covariance import MODEL
-    from ..config.load import read_covariance
+    from ..flight.config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
+    from ..gnss.covariance_model import MODEL
     from ..gnss.options import EngineOptions
     from ..gnss.ppk import PpkInput
 

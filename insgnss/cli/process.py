@@ -47,14 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..config.load import load_flight, remounted, with_engine
+    from ..flight.config.load import load_flight, remounted, with_engine
 
     flight = load_flight(options.flight)
     if options.mounting is not None:
         flight = remounted(flight, options.mounting)
     if options.engine is not None:
         flight = with_engine(flight, options.engine)
-    from ..processing import pipeline
+    from ..flight.processing import pipeline
 
     result = pipeline.process(flight, options.out, progress, force=options.force)
     return show(options, progress, result.summary, lambda: result.report)

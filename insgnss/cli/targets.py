@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base.errors import UsageError
-from ..config.block_file import VehicleTable
+from ..flight.config.block_file import VehicleTable
 from .console import Progress
 from .verb import Verb, positive, show_judged, show_result
 
 if TYPE_CHECKING:
-    from ..target_measurement.request import Request
+    from ..photogrammetry.target_measurement.request import Request
 
 KINDS = ("quadrants", "disc", "cross", "ring", "picture")
-# those of `target_measurement.request.KINDS`, named here so that help needs no numpy
+# those of `photogrammetry.target_measurement.request.KINDS`, named here so that help needs no numpy
 EXAMPLE = """\
   insgnss targets predict 02_Processed/GPS-INS/eo.json gcp.csv camera.toml
   insgnss targets measure eo.json gcp.csv camera.toml photographs --crs EPSG:2056+5728 --size 0.3
@@ -151,7 +151,7 @@ def request_of(options: argparse.Namespace) -> "Request":
     UsageError
         Options that do not go together.
     """
-    from ..target_measurement.request import Request, Target
+    from ..photogrammetry.target_measurement.request import Request, Target
 
     if options.job == "predict" and options.images is not None:
         raise UsageError("targets predict: takes no photographs; did you mean targets measure?")
@@ -189,7 +189,7 @@ def request_of(options: argparse.Namespace) -> "Request":
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..target_measurement.run import measure_targets, predict_targets
+    from ..photogrammetry.target_measurement.run import measure_targets, predict_targets
 
     request = request_of(options)
     if options.job == "predict":

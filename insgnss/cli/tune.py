@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
-from ..tuning.options import FAMILY, TuneOptions
+from ..noise.tuning.options import FAMILY, TuneOptions
 from .console import Progress
 from .verb import Verb, positive, show_result
 
 if TYPE_CHECKING:
-    from ..tuning.in_flight.estimation import FlightTuning
-    from ..tuning.result import TuneResult
-    from ..tuning.several import SeveralTuned
+    from ..noise.tuning.in_flight.estimation import FlightTuning
+    from ..noise.tuning.result import TuneResult
+    from ..noise.tuning.several import SeveralTuned
 
 
 EXAMPLE = """\
@@ -40,7 +40,7 @@ def tune(
         )
     options = options_of(given)
     if given.only is not None:
-        from ..tuning.some_channels import chosen_channels
+        from ..noise.tuning.some_channels import chosen_channels
 
         chosen_channels(given.only)
     if given.flight is None:
@@ -49,7 +49,7 @@ def tune(
                 "tune: --parameters belongs to --flight; --model names the processes of static"
                 " recordings"
             )
-        from ..tuning.static import tune_static
+        from ..noise.tuning.static import tune_static
 
         return tune_static(given.static, options, given.out, given.force, progress)
     if options != TuneOptions():
@@ -57,8 +57,8 @@ def tune(
             "tune: with --flight only --parameters, --out and --force have a meaning; the flight"
             " file says the rest"
         )
-    from ..config.load import load_flight
-    from ..tuning.several import tune_each
+    from ..flight.config.load import load_flight
+    from ..noise.tuning.several import tune_each
 
     names = [name.strip() for name in given.parameters.split(",")] if given.parameters else None
     return tune_each(load_flight(given.flight), given.out, names, progress, given.force)

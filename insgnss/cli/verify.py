@@ -30,8 +30,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     UsageError
         Where `--start` is no number of seconds.
     """
-    from ..config.load import load_flight
-    from ..reference.verify import verify
+    from ..flight.config.load import load_flight
+    from ..flight.reference.verify import verify
 
     if options.start is not None and not math.isfinite(options.start):
         raise UsageError(

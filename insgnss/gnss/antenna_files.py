@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import DataError
-from ..formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..geodesy.frames import LocalFrame, TangentPlane
+from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..records import Array, CameraEvents, Check, GnssFixes
 
 SOLUTION = "ppk.pos"

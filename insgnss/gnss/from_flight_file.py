@@ -5,12 +5,12 @@ positions would give.
 from dataclasses import fields, replace
 from math import radians
 
-from ..config.covariance import MODEL, CovarianceModel
-from ..config.ppk_options import RawGnss
-from ..exposures.naming import ImageMatch
 from ..geodesy.frames import geodetic_to_ecef
+from ..io.exposures.naming import ImageMatch
+from .covariance_model import MODEL, CovarianceModel
 from .options import EngineOptions
 from .ppk import PpkInput, PpkResult, solve_ppk
+from .ppk_options import RawGnss
 from .rinex.camera_events import RoverEvents
 
 
@@ -26,7 +26,7 @@ def solve_raw_gnss(
     raw : RawGnss
         Files and options of the flight file.
     covariance : CovarianceModel
-        Model of `prepare.fix_covariance.classes`.
+        Model of `navigation.prepare.fix_covariance.classes`.
     exposures : tuple of RoverEvents and ImageMatch, or bool, optional
         Which of the rover's events there must be, and their images; None: those that there are;
         False: another file has them.

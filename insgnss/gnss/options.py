@@ -47,8 +47,8 @@ from typing import Literal
 from ..base.errors import InputError, OptionError
 from ..base.inputs import read_text
 from ..base.wording import named, setting
-from ..config.ppk_options import EngineSettings, Point
 from ..records import Check
+from .ppk_options import EngineSettings, Point
 from .rinex.header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]

@@ -27,14 +27,12 @@ import numpy as np
 from ..base.errors import DataError
 from ..base.output.scratch import scratch_directory
 from ..base.output.staging import together
-from ..config.covariance import MODEL, CovarianceModel
-from ..config.ppk_options import all_of
-from ..exposures.match import check_delay, delayed
-from ..exposures.naming import ImageMatch, events_of, named
-from ..formats.gnss.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
-from ..prepare.fix_covariance.classes import (
+from ..io.exposures.match import check_delay, delayed
+from ..io.exposures.naming import ImageMatch, events_of, named
+from ..io.formats.gnss.rtklib_pos import write_rtklib_pos
+from ..navigation.prepare.fix_covariance.classes import (
     SAME_EPOCH_S,
     VALIDATED,
     Index,
@@ -46,6 +44,7 @@ from ..prepare.fix_covariance.classes import (
 from ..records import Array, CameraEvents, Check, GnssFixes
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
+from .covariance_model import MODEL, CovarianceModel
 from .engine.convert import converted, log_format
 from .engine.preflight import check_base_point, check_rover_antenna
 from .engine.rtklib import EngineRun, Progress, solve
@@ -68,6 +67,7 @@ from .phase.troposphere import (
     wet_delay_correction,
 )
 from .phase.velocity import at_stamps, time_differenced_velocity
+from .ppk_options import all_of
 from .quality.solution_quality import (
     Solution,
     coverage_numbers,
@@ -102,7 +102,7 @@ class PpkInput:
     options : EngineOptions
         Options of the engine, with the base's position.
     covariance : CovarianceModel
-        Model of `prepare.fix_covariance.classes`.
+        Model of `navigation.prepare.fix_covariance.classes`.
     wet_delay, ionosphere : bool
         Whether to correct these.
     atmosphere : Atmosphere or mapping, optional
@@ -150,8 +150,8 @@ class PpkResult:
     Parameters
     ----------
     fixes : GnssFixes
-        The combination of both runs, with covariances of `prepare.fix_covariance.classes`; its
-        notes are empty.
+        The combination of both runs, with covariances of
+        `navigation.prepare.fix_covariance.classes`; its notes are empty.
     events : CameraEvents, optional
         Camera events of the rover's file or of their own, None without any.
     checks : tuple of Check

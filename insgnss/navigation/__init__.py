@@ -1,1 +1,1 @@
-"""The core: strapdown mechanization, error model, error-state Kalman filter and smoother."""
+"""From samples and fixes to smoothed states, and which error model explains them."""

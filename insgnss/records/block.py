@@ -14,7 +14,8 @@ INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 
 @dataclass(frozen=True, eq=False)
 class BrownCamera:
-    """A frame camera with Brown's distortion; equations (J.3) to (J.5) of `insgnss.adjust`.
+    """A frame camera with Brown's distortion; equations (J.3) to (J.5) of
+    `insgnss.photogrammetry.adjust`.
 
     Pixels count from the outer corner of the upper left one, u to the right, v down: the centre of
     that pixel is (0.5, 0.5).

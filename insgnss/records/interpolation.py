@@ -25,7 +25,9 @@ Epochs = TypeVar("Epochs", bound=Any)
 """A `Trajectory` of `solutions`, which calls this module."""
 
 LONGEST_S = 1.0
-"""Longest interval that is interpolated: IMU gaps beyond it divide a flight (`prepare.gaps`)."""
+"""Longest interval that is interpolated: IMU gaps beyond it divide a flight
+(`navigation.prepare.gaps`).
+"""
 
 
 def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:

@@ -121,7 +121,7 @@ class ImuSamples(Rows):
 class Increments:
     """Body increments between consecutive marks and samples: what the filter integrates.
 
-    `prepare.increments` says what they contain.
+    `navigation.prepare.increments` says what they contain.
 
     Parameters
     ----------

@@ -29,15 +29,20 @@ from numpy.typing import NDArray
 from ..base.advance import through, within
 from ..base.errors import UsageError
 from ..base.output.staging import is_vacant, together
-from ..formats.blocks.camera_toml import write_camera_toml
-from ..formats.blocks.ground_points import write_ground_points
-from ..formats.blocks.image_points import write_image_points
-from ..formats.events.events import write_events
-from ..formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
-from ..formats.text.text import format_rows
 from ..geodesy.rotation import CV_RUB, opk_from_rotation
+from ..io.formats.blocks.camera_toml import write_camera_toml
+from ..io.formats.blocks.ground_points import write_ground_points
+from ..io.formats.blocks.image_points import write_image_points
+from ..io.formats.events.events import write_events
+from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
+from ..io.formats.text.text import format_rows
+from ..navigation.noise_model.model import (
+    NoiseModel,
+    load_noise_model,
+    shipped_models,
+    write_noise_model,
+)
 from ..records import ImuSamples, Quantity
-from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
 from .description import (
     BLOCK,
     BLOCK_TOML,

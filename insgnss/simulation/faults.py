@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
+from ..navigation.noise_model.model import AxisNoise, GaussMarkov
+from ..noise.processes.realisation import simulate_noise
 from ..records import ImuSamples, Quantity
-from ..stochastic.model import AxisNoise, GaussMarkov
-from ..stochastic.processes import simulate_noise
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ Terrain is a sum of long waves about the height of the site,
 
 Its slopes stay below 19 deg with the relief of the paper's flights, and rays off the vertical by
 71 deg would be needed to hide a point: what lies within the format is seen. Pixels follow from true
-poses and the true camera by collinearity (J.1) and Brown's distortion (J.4) of `insgnss.adjust`.
+poses and the true camera by collinearity (J.1) and Brown's distortion (J.4) of
+`insgnss.photogrammetry.adjust`.
 
 A tie point is measured in each image that sees it with the same probability, as matching does; a
 target on the ground is measured in every such image. What is drawn has streams of its own: neither
@@ -19,13 +20,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..adjust.camera import pixels_of
 from ..base.advance import through
 from ..base.errors import UsageError, near
-from ..formats.blocks.ground_points import GroundTable
-from ..formats.blocks.image_points import ImagePoints
+from ..io.formats.blocks.ground_points import GroundTable
+from ..io.formats.blocks.image_points import ImagePoints
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageObservations
+from ..records.cameras.camera import pixels_of
 from .layout import CORRIDOR, PLANS
 from .scenario import SimulatedFlight
 

@@ -19,7 +19,7 @@ from .raw_gnss.scenario import RawGnss, RawGnssOptions, simulate_raw_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
 
 if TYPE_CHECKING:
-    from ..orient.mounting import Mounting
+    from ..records.cameras.mounting import Mounting
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class SimulatedFlight:
     @property
     def mounting(self) -> "Mounting":
         """The mounting as `process` and `estimate` take it."""
-        from ..orient.mounting import Mounting
+        from ..records.cameras.mounting import Mounting
 
         rig = self.rig
         vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)

@@ -31,9 +31,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.advance import through, within
 from ..base.errors import UsageError
 from ..geodesy.rotation import nearest_rotation
+from ..navigation.noise_model.model import AxisNoise, NoiseModel, load_noise_model
+from ..noise.processes.realisation import simulate_noise
 from ..records import CameraEvents, ImuSamples, Quantity
-from ..stochastic.model import AxisNoise, NoiseModel, load_noise_model
-from ..stochastic.processes import simulate_noise
 from .faults import ImuFaults
 from .flights import Flight
 from .motion import Motion

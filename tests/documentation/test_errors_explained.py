@@ -5,7 +5,7 @@ import ast
 import re
 from pathlib import Path
 
-from insgnss.recognise.plausibility import NAMES
+from insgnss.navigation.recognise.plausibility import NAMES
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "guides" / "errors.md"

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import DataError
-from insgnss.exposures.match import name_events
-from insgnss.formats import read_events
-from insgnss.formats.positions.camera_positions import (
+from insgnss.geodesy.frames import LocalFrame
+from insgnss.gnss.exposures.camera_positions import camera_positions
+from insgnss.io.exposures.match import name_events
+from insgnss.io.formats import read_events
+from insgnss.io.formats.positions.camera_positions import (
     read_camera_positions,
     write_camera_positions,
 )
-from insgnss.geodesy.frames import LocalFrame
-from insgnss.gnss.exposures.camera_positions import camera_positions
 from insgnss.records import CameraEvents, GnssFixes
 
 FRAME = LocalFrame(0.82, 0.11, 450.0)

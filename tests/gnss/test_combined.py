@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.combined import combined
 from insgnss.gnss.engine.rtklib import EngineRun, solve
 from insgnss.gnss.options import SOLUTION_TYPE, EngineOptions
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -15,10 +15,10 @@ from scripted_engine import one_line
 from written_rinex import record
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
+from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
 
 pytestmark = pytest.mark.slow
 

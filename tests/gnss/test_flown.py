@@ -10,13 +10,13 @@ from photographs import photograph
 
 from insgnss import load_flight
 from insgnss.base.errors import InputError
-from insgnss.config.covariance import MODEL
-from insgnss.exposures.naming import ImageMatch
+from insgnss.flight.processing.input_files import read_files
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss import from_flight_file as flown
+from insgnss.gnss.covariance_model import MODEL
 from insgnss.gnss.ppk import PpkInput, PpkResult
 from insgnss.gnss.rinex.camera_events import RoverEvents
-from insgnss.processing.input_files import read_files
+from insgnss.io.exposures.naming import ImageMatch
 from insgnss.records import CameraEvents, Check, GnssFixes
 
 Inputs = list[PpkInput]

@@ -11,9 +11,9 @@ import written_rinex as w
 from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError
-from insgnss.exposures.match import name_events
 from insgnss.gnss.rinex.camera_events import RoverEvents, camera_events, unasked_events
 from insgnss.gnss.rinex.observations import read_observations, without_events
+from insgnss.io.exposures.match import name_events
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 TOW = 4 * 86400 + 43200.0

@@ -9,8 +9,8 @@ from scripted_engine import navigation
 from written_rinex import header2, record
 
 from insgnss.cli import main
-from insgnss.inspection.rinex.survey import survey
-from insgnss.inspection.run import inspect_files
+from insgnss.flight.inspection.rinex.survey import survey
+from insgnss.flight.inspection.run import inspect_files
 
 PLACE = record(f"{4363530.0:14.4f}{499341.7:14.4f}{4610232.8:14.4f}", "APPROX POSITION XYZ")
 ANTENNA = record(f"{'1':20}{'LEIAR10         NONE':20}", "ANT # / TYPE")

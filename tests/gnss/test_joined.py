@@ -9,7 +9,7 @@ from written_rinex import header2, header3
 from insgnss.base.errors import InputError
 from insgnss.cli import build_parser
 from insgnss.cli import ppk as verb
-from insgnss.config.load import load_flight
+from insgnss.flight.config.load import load_flight
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.rinex.joined import joined
 from insgnss.gnss.rinex.observations import read_observations

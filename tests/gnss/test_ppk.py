@@ -17,11 +17,7 @@ from written import image_positions
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.cli import ppk as verb
-from insgnss.config.command_line import names_of
-from insgnss.config.covariance import MODEL
-from insgnss.exposures.naming import ImageMatch
-from insgnss.formats.gnss.gnss_text import read_gnss_text
-from insgnss.formats.gnss.rtklib_pos import read_pos_rows
+from insgnss.flight.config.command_line import names_of
 from insgnss.geodesy.frames import (
     LocalFrame,
     TangentPlane,
@@ -31,11 +27,15 @@ from insgnss.geodesy.frames import (
 )
 from insgnss.gnss import ppk
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
+from insgnss.gnss.covariance_model import MODEL
 from insgnss.gnss.engine.rtklib import EngineRun
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.io.exposures.naming import ImageMatch
+from insgnss.io.formats.gnss.gnss_text import read_gnss_text
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.charts.files import charts_of
 

@@ -8,11 +8,11 @@ import pytest
 from insgnss.base.wording import named, setting, spoken_as
 from insgnss.cli import build_parser, main
 from insgnss.cli import ppk as verb
-from insgnss.config.command_line import names_of
-from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.flight.config.command_line import names_of
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.antenna_files import ANTENNA_FILES
 from insgnss.gnss.ppk import PpkResult
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.records import GnssFixes
 
 WORDS = [

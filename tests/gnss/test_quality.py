@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import DataError, InputError
-from insgnss.formats.gnss.rtklib_pos import read_pos_rows
 from insgnss.gnss.phase.signal_quality import LIGHT, signal_numbers, signals_of
 from insgnss.gnss.quality.solution_quality import (
     coverage_numbers,
@@ -17,7 +16,13 @@ from insgnss.gnss.quality.solution_quality import (
 from insgnss.gnss.rinex.header import RinexHeader
 from insgnss.gnss.rinex.observations import Observations
 from insgnss.gnss.satellites.visible_satellites import Sky, position_dilution
-from insgnss.prepare.fix_covariance.classes import DEGRADED, FLOAT, calibrate, forward_backward
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
+from insgnss.navigation.prepare.fix_covariance.classes import (
+    DEGRADED,
+    FLOAT,
+    calibrate,
+    forward_backward,
+)
 from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6

@@ -8,9 +8,8 @@ from flown import error_of
 from flown import fly as short_flight
 
 from insgnss import load_flight
-from insgnss.align.initial import initial_state
 from insgnss.base.errors import DataError
-from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.phase import _velocity_kernels
 from insgnss.gnss.phase.time_differences import VelocityOptions
@@ -28,7 +27,8 @@ from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import Observations, read_observations
 from insgnss.gnss.satellites.frequencies import HERTZ
 from insgnss.gnss.satellites.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
-from insgnss.processing.pipeline import process
+from insgnss.io.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.navigation.align.initial import initial_state
 from insgnss.records import GnssFixes
 from insgnss.simulation.dataset import write_simulated
 from insgnss.simulation.description import Units, flight_toml, true_tables

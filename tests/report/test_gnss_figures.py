@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.prepare.fix_covariance.classes import VALIDATED
-from insgnss.prepare.fix_covariance.numbers import CLASSES
+from insgnss.navigation.prepare.fix_covariance.classes import VALIDATED
+from insgnss.navigation.prepare.fix_covariance.numbers import CLASSES
 from insgnss.records import GnssFixes
 from insgnss.report.charts import gnss
 from insgnss.report.charts.drawn import draw_sheet

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.orient.mounting import boresight_from_angles
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.report.mood import mood
 from insgnss.report.rules.verdict import (
     MOST_SENTENCES,

@@ -7,10 +7,10 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
+from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.errors import Tracking
 from insgnss.simulation.raw_gnss.scenario import RawGnssOptions

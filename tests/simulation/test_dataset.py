@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 
 from insgnss import load_flight
 from insgnss.base.errors import InputError, UsageError
-from insgnss.formats.events.events import read_events
-from insgnss.formats.gnss.gnss_text import read_gnss_text
-from insgnss.formats.imu.imu_csv import read_imu_csv
+from insgnss.io.formats.events.events import read_events
+from insgnss.io.formats.gnss.gnss_text import read_gnss_text
+from insgnss.io.formats.imu.imu_csv import read_imu_csv
+from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.simulation.dataset import Dataset, write_dataset
-from insgnss.stochastic.model import load_noise_model
 
 TREE = {
     "flight.toml",

@@ -16,19 +16,19 @@ from surveys import block_flight
 
 from insgnss import load_flight
 from insgnss.base.errors import InputError, UsageError
+from insgnss.flight.processing.pipeline import process
 from insgnss.geodesy.rotation import (
     quaternion_from_rotation,
     rpy_from_rotation,
     vector_from_rotation,
 )
-from insgnss.navigation.strapdown import free_inertial
-from insgnss.prepare.increments import body_increments
-from insgnss.processing.pipeline import process
+from insgnss.navigation.filter.strapdown import free_inertial
+from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
+from insgnss.navigation.prepare.increments import body_increments
 from insgnss.simulation.dataset import write_simulated
 from insgnss.simulation.emulate import Emulation, add_recorded_noise, emulate_motion
 from insgnss.simulation.scenario import observe
 from insgnss.simulation.sensors import ImuOptions
-from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 START = 205200.0

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.adjust.adjustment import adjusted
-from insgnss.adjust.groups import control_points
-from insgnss.adjust.normals import problem_of
-from insgnss.adjust.outliers import without_outliers
-from insgnss.adjust.precision import precision_of
-from insgnss.adjust.start import first_values
 from insgnss.base.errors import UsageError
 from insgnss.cli.main import main
-from insgnss.formats.blocks.camera_toml import read_camera_toml
-from insgnss.formats.blocks.ground_points import read_ground_points
-from insgnss.formats.blocks.image_points import read_image_points
-from insgnss.formats.blocks.joined import joined
-from insgnss.formats.blocks.measured_block import of_table
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
+from insgnss.io.formats.blocks.camera_toml import read_camera_toml
+from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.io.formats.blocks.image_points import read_image_points
+from insgnss.io.formats.blocks.joined import joined
+from insgnss.io.formats.blocks.measured_block import of_table
+from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.groups import control_points
+from insgnss.photogrammetry.adjust.normals import problem_of
+from insgnss.photogrammetry.adjust.outliers import without_outliers
+from insgnss.photogrammetry.adjust.precision import precision_of
+from insgnss.photogrammetry.adjust.start import first_values
 from insgnss.records.block import INTERIOR, BrownCamera
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.image_block import IGN8, LEADING, BlockOptions, simulate_block

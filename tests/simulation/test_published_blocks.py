@@ -10,14 +10,14 @@ from draws import lower_factor
 from numpy.testing import assert_allclose
 
 from insgnss.cli.main import main
-from insgnss.formats.blocks.camera_toml import read_camera_toml
-from insgnss.formats.blocks.ground_points import read_ground_points
-from insgnss.formats.blocks.image_points import read_image_points
-from insgnss.formats.orientation.eo_covariance import read_common_errors, read_eo_covariance
-from insgnss.formats.orientation.eo_json import read_eo_json
-from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.rotation import vector_from_rotation
+from insgnss.io.formats.blocks.camera_toml import read_camera_toml
+from insgnss.io.formats.blocks.ground_points import read_ground_points
+from insgnss.io.formats.blocks.image_points import read_image_points
+from insgnss.io.formats.orientation.eo_covariance import read_common_errors, read_eo_covariance
+from insgnss.io.formats.orientation.eo_json import read_eo_json
+from insgnss.io.formats.trajectory.trajectory_csv import read_trajectory_csv
 from insgnss.simulation.plug import plugged
 
 write_survey = plugged("published_blocks.files").write_survey

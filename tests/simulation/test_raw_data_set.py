@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import UsageError
 from insgnss.cli import main
-from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.rinex.navigation_message import TOE, read_navigation
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.io.formats.orientation.eo_json import read_eo_json
 from insgnss.simulation import dataset as writing
 from insgnss.simulation.dataset import Dataset, write_dataset
 from insgnss.simulation.raw_gnss.scenario import SIGNALS, RawGnssOptions

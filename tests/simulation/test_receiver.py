@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from surveys import block_flight
 
 from insgnss.base.errors import UsageError
-from insgnss.formats.gnss.gnss_text import read_gnss_text, write_gnss_text
+from insgnss.io.formats.gnss.gnss_text import read_gnss_text, write_gnss_text
 from insgnss.records.qualities import Quality
 from insgnss.simulation.raw_gnss.receiver import FixEpisode, GnssOptions, simulate_gnss
 from insgnss.simulation.sensors import Rig, antenna_states

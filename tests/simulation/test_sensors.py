@@ -11,10 +11,10 @@ from scipy.stats import chi2
 from surveys import block_flight
 
 from insgnss.base.errors import UsageError
+from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import SimulatedFlight, simulate_flight, true_eo
 from insgnss.simulation.sensors import ImuOptions, Rig, antenna_states, axes_matrix, simulate_imu
-from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 S = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 TOPOCENTRIC = pyproj.Transformer.from_pipeline(

@@ -74,10 +74,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
             f"calibrate imu: latitude {options.latitude} deg is beyond 90; give degrees, north"
             " positive"
         )
-    from ...calibrate.multi_position import calibrate_multi_position
-    from ...formats import read_imu
-    from ...prepare.calibration import write_calibration
-    from ...processing.checks import sentence
+    from ...flight.processing.checks import sentence
+    from ...io.formats import read_imu
+    from ...navigation.prepare.calibration import write_calibration
+    from ...noise.multi_position.calibration import calibrate_multi_position
 
     spec = _imu_spec(options)
     out = options.out or options.imu.parent / "calibration.toml"
@@ -133,7 +133,7 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
         raise UsageError(
             "calibrate imu: --flight says columns, units and quantity; leave the other options out"
         )
-    from ...config.load import load_flight
+    from ...flight.config.load import load_flight
 
     flight = load_flight(options.flight)
     imu = flight.imu

@@ -72,12 +72,12 @@ def _resolved(paths: Sequence[Path]) -> list[Path]:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...mounting_calibration.materialise_files import (
+    from ...photogrammetry.mounting_calibration.materialise_files import (
         TARGET_M,
         MaterialiseOptions,
         calibrate_materialise,
     )
-    from ...mounting_calibration.poses import PoseSigma
+    from ...photogrammetry.mounting_calibration.poses import PoseSigma
 
     files = [p for p in (options.mounted, *options.receiver, options.after) if p is not None]
     twice = next((p for k, p in enumerate(files) if p.resolve() in _resolved(files[:k])), None)

@@ -9,8 +9,8 @@ from ..console import Progress
 from ..verb import show_judged
 
 if TYPE_CHECKING:
-    from ...mounting_calibration.poses import PlaceOptions, PoseSigma
-    from ...mounting_calibration.products import CalibratedMounting
+    from ...photogrammetry.mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ...photogrammetry.mounting_calibration.products import CalibratedMounting
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
@@ -97,14 +97,14 @@ def iso_date(text: str) -> str:
 
 def pose_sigma(options: argparse.Namespace) -> "PoseSigma":
     """Return the standard deviations of poses."""
-    from ...mounting_calibration.poses import PoseSigma
+    from ...photogrammetry.mounting_calibration.poses import PoseSigma
 
     return PoseSigma() if options.pose_sigma is None else PoseSigma(*options.pose_sigma)
 
 
 def places(options: argparse.Namespace) -> "PlaceOptions":
     """Return the CRS of tables."""
-    from ...mounting_calibration.poses import PlaceOptions
+    from ...photogrammetry.mounting_calibration.poses import PlaceOptions
 
     return PlaceOptions(options.crs, options.geoid)
 
@@ -113,7 +113,7 @@ def finished(
     options: argparse.Namespace, progress: Progress, result: "CalibratedMounting", *files: Path
 ) -> int:
     """Write and print a result; return the exit code."""
-    from ...mounting_calibration.products import compared, written
+    from ...photogrammetry.mounting_calibration.products import compared, written
 
     if options.compare is not None:
         result = compared(result, options.compare)

@@ -53,7 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...mounting_calibration.similarity_files import SimilarityOptions, calibrate_similarity
+    from ...photogrammetry.mounting_calibration.similarity_files import (
+        SimilarityOptions,
+        calibrate_similarity,
+    )
 
     given = SimilarityOptions(
         pose_sigma(options),

@@ -34,7 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...mounting_calibration.tripod_files import PIN_M, TripodOptions, calibrate_tripod
+    from ...photogrammetry.mounting_calibration.tripod_files import (
+        PIN_M,
+        TripodOptions,
+        calibrate_tripod,
+    )
 
     given = TripodOptions(
         pose_sigma(options),

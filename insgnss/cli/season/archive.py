@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...season.archive import examine_archive
+    from ...batch.season.archive import examine_archive
 
     result = examine_archive(options.directory, options.remake, progress)
     show_result(options, progress, result)

@@ -8,7 +8,7 @@ from ..console import Progress
 from ..verb import Verb, print_json, report_error
 
 if TYPE_CHECKING:
-    from ...season.work import Outcome
+    from ...batch.season.work import Outcome
 
 EXAMPLE = """  insgnss batch season
   insgnss batch "season/*/flight.toml" --workers 4 --parquet
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...season.run import SeasonRequest, line_of, run_season
+    from ...batch.season.run import SeasonRequest, line_of, run_season
 
     request = SeasonRequest(
         tuple(options.sources),
@@ -127,7 +127,7 @@ class _Lines:
 
 
 def _duration(seconds: float) -> str:
-    from ...season.run import duration
+    from ...batch.season.run import duration
 
     return duration(seconds)
 

@@ -27,17 +27,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.gnss.pos_header import ROOTS
-from ...formats.gnss.rtklib_pos import NED as NED_NEU
-from ...formats.gnss.rtklib_pos import (
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...geodesy.gpstime import WEEK_S
+from ...io.formats.gnss.pos_header import ROOTS
+from ...io.formats.gnss.rtklib_pos import NED as NED_NEU
+from ...io.formats.gnss.rtklib_pos import (
     PosRows,
     covariance_of_roots,
     pos_rows,
     read_pos_rows,
     without_inverse,
 )
-from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from ...geodesy.gpstime import WEEK_S
 from ...records.qualities import Quality
 
 Array = NDArray[np.float64]

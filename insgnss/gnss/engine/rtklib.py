@@ -36,7 +36,7 @@ from ...base.errors import DataError, InputError, OptionError, UsageError
 from ...base.files import atomic_write
 from ...base.output.scratch import refuse_cut_off, scratch_directory
 from ...base.wording import DOCTOR, named
-from ...formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
+from ...io.formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
 from ...records import Check, GnssFixes
 from ..options import (
     ANTENNAS,

@@ -1,7 +1,8 @@
 """Camera events of a file of their own beside those that the rover recorded: whether both hold the
 same pulses at the same time.
 
-The two may differ by a constant alone, which is found by matching (`exposures.clocks`): d = t_file
+The two may differ by a constant alone, which is found by matching (`io.exposures.clocks`): d =
+t_file
 - t_rover, the rover's stamps with its clock taken off. Events of one pulse agree to what a
 converter rounds, below `SAME_S`. A larger constant (time offset) shifts every image along the path,
 18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else shows it.
@@ -9,8 +10,8 @@ converter rounds, below `SAME_S`. A larger constant (time offset) shifts every i
 
 import numpy as np
 
-from ...exposures.clocks import match_clocks
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
+from ...io.exposures.clocks import match_clocks
 from ...records import Array, CameraEvents, Check
 
 NAME = "camera events"

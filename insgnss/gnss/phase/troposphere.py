@@ -46,10 +46,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import DataError, InputError
 from ...base.units import STANDARD_GRAVITY
-from ...config.ppk_options import Air
-from ...config.schema import declared
 from ...geodesy.frames import ecef_to_geodetic
+from ...io.options.schema import declared
 from ...records import GnssFixes
+from ..ppk_options import Air
 from ..satellites.engine_weighting import displacement
 from ..satellites.satellite_geometry import Sky
 

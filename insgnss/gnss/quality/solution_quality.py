@@ -1,6 +1,6 @@
 """What an engine's solution says of itself: numbers, series for figures, a verdict in words.
 
-Epochs by class (`prepare.fix_covariance.classes`), satellites, ratio, age of the base's
+Epochs by class (`navigation.prepare.fix_covariance.classes`), satellites, ratio, age of the base's
 observations, distance to the base, forward against backward; and, with the rover's observations,
 slips, C/N0 and multipath (`phase.signal_quality`). Each cause has a check with a limit and an
 advice; the verdict is that of the share of the rover's epochs that are fixed and confirmed, and
@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...formats.gnss.pos_header import ROOTS
-from ...formats.gnss.rtklib_pos import (
+from ...io.formats.gnss.pos_header import ROOTS
+from ...io.formats.gnss.rtklib_pos import (
     PosRows,
     covariance_of_roots,
     fixes_of_rows,
     without_inverse,
 )
-from ...prepare.fix_covariance.classes import (
+from ...navigation.prepare.fix_covariance.classes import (
     DEGRADED,
     ISOLATED,
     UNSUPPORTED,
@@ -32,7 +32,7 @@ from ...prepare.fix_covariance.classes import (
     Index,
     Separation,
 )
-from ...prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
+from ...navigation.prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
 from ...records import Array, Check, GnssFixes
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals
@@ -78,7 +78,7 @@ def solution_of(rows: PosRows) -> Solution:
     Raises
     ------
     InputError
-        With file and line, as `formats.gnss.rtklib_pos` raises it.
+        With file and line, as `io.formats.gnss.rtklib_pos` raises it.
     """
     columns, roots = rows.columns, ROOTS[rows.header.kind]
     if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
@@ -171,7 +171,7 @@ def solution_numbers(
     solution : Solution
         The combined solution.
     calibrated : GnssFixes
-        Its fixes with the covariances of `prepare.fix_covariance.classes`.
+        Its fixes with the covariances of `navigation.prepare.fix_covariance.classes`.
     kind : ndarray of int, shape (n,)
         Their classes, as indices of `CLASSES`.
     distance_m, height_difference_m : ndarray, shape (n,)

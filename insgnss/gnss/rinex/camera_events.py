@@ -14,10 +14,10 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...base.wording import named, setting
-from ...config.camera_options import RoverEvents
-from ...formats.events.events import numbered
-from ...formats.text.layout import shown
-from ...formats.text.order import note, put_in_order
+from ...io.formats.events.events import numbered
+from ...io.formats.text.layout import shown
+from ...io.formats.text.order import note, put_in_order
+from ...io.options.camera_options import RoverEvents
 from ...records import CameraEvents, Check
 from .observations import EventRecord, Observations
 

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...base.inputs import read_bytes
 from ...base.unpacking import PACKED, check_unpacked, unpack
-from ...formats.text.layout import decode, float_of, shown
-from ...formats.text.text import Source, load
+from ...io.formats.text.layout import decode, float_of, shown
+from ...io.formats.text.text import Source, load
 from ...records import Array
 
 LABEL = 60

@@ -30,8 +30,8 @@ from ...base.errors import InputError
 from ...base.files import lines_of
 from ...base.inputs import read_bytes
 from ...base.unpacking import unpack
-from ...formats.text.layout import float_of, shown
 from ...geodesy.gpstime import WEEK_S, gps_from_calendar
+from ...io.formats.text.layout import float_of, shown
 from .header import load_rinex
 from .navigation_4 import as_rinex_3, rinex_3_text
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...formats.text.layout import decode, shown
-from ...formats.text.order import note
-from ...formats.text.text import Source
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
+from ...io.formats.text.layout import decode, shown
+from ...io.formats.text.order import note
+from ...io.formats.text.text import Source
 from ...records import Array, Check
 from .header import (
     LABEL,

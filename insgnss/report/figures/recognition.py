@@ -53,7 +53,8 @@ class Finding(Protocol):
 def recognition_charts(
     curves: Mapping[str, Array], findings: Sequence[Finding], orientations: Sequence[str]
 ) -> tuple[Chart, ...]:
-    """Return the charts of the curves that `recognise.recognition` lists, as far as they are there.
+    """Return the charts of the curves that `navigation.recognise.recognition` lists, as far as they
+    are there.
 
     Parameters
     ----------

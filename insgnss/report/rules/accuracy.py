@@ -19,7 +19,9 @@ SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
 LEVER_ARM = "antenna lever arm"
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
-NEGLIGIBLE_ARM_M = 0.02  # what a right lever arm may come out off by (`diagnosis.advice`)
+NEGLIGIBLE_ARM_M = (
+    0.02  # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
+)
 EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
 BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file

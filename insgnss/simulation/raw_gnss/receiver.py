@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import UsageError
 from ...geodesy.frames import LocalFrame
+from ...navigation.noise_model.model import AxisNoise, GaussMarkov
+from ...noise.processes.realisation import simulate_noise
 from ...records import GnssFixes
 from ...records.qualities import Quality
-from ...stochastic.model import AxisNoise, GaussMarkov
-from ...stochastic.processes import simulate_noise
 from ..flights import Flight
 from ..motion import Motion
 from ..sensors import Rig, antenna_states

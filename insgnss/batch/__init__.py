@@ -1,0 +1,1 @@
+"""Many flights: a season, its archive, and what an installation can do."""

@@ -1,0 +1,113 @@
+"""All that `insgnss doctor` looks at, in its order."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ...base.errors import InsgnssError
+from .finding import Finding
+from .packages import package_findings
+from .surroundings import engine_finding, grid_findings, kernel_findings, machine_findings
+
+MARKS = {"good": "ok", "note": "note", "unknown": "?", "defect": "WRONG"}
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What was found.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        One a line.
+    """
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def refusal(self) -> InsgnssError | None:
+        """Why insgnss does not work here, with exit code 1; None where it does."""
+        wrong = [f"{f.name}: {f.value}; {f.advice}" for f in self.findings if f.verdict == "defect"]
+        return InsgnssError("; ".join(wrong)) if wrong else None
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        width = max(len(f.name) for f in self.findings)
+        lines, topic = [], ""
+        for f in self.findings:
+            if f.topic != topic:
+                topic = f.topic
+                lines.append(topic)
+            advice = f"; {f.advice}" if f.advice else ""
+            lines.append(f"  {MARKS[f.verdict]:5} {f.name:{width}}  {f.value}{advice}")
+        count = Counter(f.verdict for f in self.findings)
+        result = "does not work here" if self.refusal else "works here"
+        last = (
+            f"insgnss {result}; of {len(self.findings)} lines {count['good']} ok,"
+            f" {count['note']} of notes, {count['unknown']} not known, {count['defect']} wrong"
+        )
+        return "\n".join([*lines, last])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return {
+            "works": self.refusal is None,
+            "findings": [asdict(finding) for finding in self.findings],
+        }
+
+
+def examine(progress: Callable[[str], None], compiling: bool = False) -> Examination:
+    """Look at everything.
+
+    What cannot be loaded is a finding of its own, and the rest is looked at all the same.
+
+    Parameters
+    ----------
+    progress : callable
+        Gets the name of each step.
+    compiling : bool
+        Compile the kernels of `process` and `demo` ahead, rather than the self-test's alone.
+
+    Returns
+    -------
+    Examination
+        All findings.
+    """
+    progress("machine")
+    findings = machine_findings()
+    progress("packages, each imported in another process")
+    findings += package_findings()
+    if compiling:
+        findings += _guarded("kernels", lambda: _compiled(progress))
+    progress("compiled kernels; to compile them for the first time takes up to a minute")
+    findings += _guarded("kernels", _core)
+    progress("grids and engine")
+    findings += _guarded("grids", grid_findings)
+    findings += _guarded("ppk", lambda: [engine_finding()])
+    return Examination(tuple(findings))
+
+
+def _compiled(progress: Callable[[str], None]) -> list[Finding]:
+    """Compile the kernels ahead."""
+    from .compiling import compile_all
+
+    return [compile_all(progress)]
+
+
+def _core() -> list[Finding]:
+    """Look at the kernels and run the self-test."""
+    from ...navigation.filter.kernels.strapdown import run_strapdown
+    from .self_test import self_test
+
+    return [*kernel_findings(run_strapdown), self_test().finding()]
+
+
+def _guarded(topic: str, look: Callable[[], list[Finding]]) -> list[Finding]:
+    """Return what `look` finds, or that it failed, whatever the reason."""
+    try:
+        return look()
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        advice = "see the packages above; pip install --force-reinstall insgnss"
+        return [Finding(topic, "loading", f"fails: {reason}", "defect", advice)]

@@ -1,0 +1,176 @@
+"""Where insgnss runs: the machine, the kernels on disk, the grids of PROJ, the PPK engine."""
+
+import os
+import platform
+import re
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ...base import __version__
+from ...base.caches import KERNELS
+from ...base.errors import InsgnssError
+from ...base.memory import available
+from .finding import Finding
+
+GRIDS = (".tif", ".gtx", ".gsb")
+CPUINFO = Path("/proc/cpuinfo")
+
+
+def machine_findings(cpuinfo: Path = CPUINFO) -> list[Finding]:
+    """Return versions, operating system, processors and memory.
+
+    Parameters
+    ----------
+    cpuinfo : Path
+        Where Linux names its processor.
+
+    Returns
+    -------
+    list of Finding
+        One a line.
+    """
+    return [
+        Finding("machine", "insgnss", f"{__version__} in {Path(__file__).parents[2]}"),
+        _installed_version(),
+        Finding("machine", "Python", f"{platform.python_version()}, {sys.executable}"),
+        Finding("machine", "operating system", platform.platform()),
+        Finding("machine", "processor", f"{_processor(cpuinfo)}, {_processors()} to be used"),
+        _memory(),
+    ]
+
+
+def kernel_findings(kernel: Any) -> list[Finding]:
+    """Return where compiled kernels are kept, and whether that can be written.
+
+    Parameters
+    ----------
+    kernel : dispatcher
+        A function of the core, whose place stands for all.
+
+    Returns
+    -------
+    list of Finding
+        One line.
+    """
+    given = os.environ.get(KERNELS)
+    origin = f" ({KERNELS})" if given else ""
+    path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
+    if path is None:
+        advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS} to a directory that you can write"
+        value = "none: kernels are interpreted, or compiled anew by every command"
+        return [Finding("kernels", "cache", value, "note", advice)]
+    if _writable(Path(path)):
+        return [Finding("kernels", "cache", f"{path}{origin}, writable")]
+    advice = f"set {KERNELS} to a directory that is kept and that you can write"
+    return [Finding("kernels", "cache", f"{path}{origin} cannot be written", "note", advice)]
+
+
+def grid_findings() -> list[Finding]:
+    """Return PROJ's version, its directories with how many grids they hold, and its network.
+
+    Returns
+    -------
+    list of Finding
+        One a line.
+    """
+    from pyproj import proj_version_str
+    from pyproj.datadir import get_data_dir, get_user_data_dir
+    from pyproj.network import is_network_enabled
+
+    own, user = get_data_dir(), get_user_data_dir()
+    directories = dict.fromkeys(Path(name) for name in (user, *own.split(os.pathsep)))
+    counts = {directory: sum(1 for _ in _grids(directory)) for directory in directories}
+    held = ", ".join(f"{count} in {directory}" for directory, count in counts.items())
+    get = (
+        "only heights above sea level and datum shifts need them: `pyproj sync --file NAME` gets"
+        " the one that a message names, `pyproj sync --bbox WEST,SOUTH,EAST,NORTH` all of an area"
+    )
+    network = (
+        "on: PROJ may fetch grids while it runs; PROJ_NETWORK=OFF for results that do not hang on"
+        " it"
+        if is_network_enabled()
+        else "off: only grids on this disk are used"
+    )
+    missing = not any(counts.values())
+    return [
+        Finding("grids", "PROJ", f"{proj_version_str}, data in {own}"),
+        Finding("grids", "geoids and datum shifts", held, "note" if missing else "good", get),
+        Finding("grids", "network", network),
+    ]
+
+
+def engine_finding() -> Finding:
+    """Return the engine that `insgnss ppk` would take.
+
+    Returns
+    -------
+    Finding
+        One line.
+    """
+    from ...gnss.engine.rtklib import MODULE, engine_command
+
+    try:
+        command = engine_command()
+    except InsgnssError as error:
+        advice = f"only `insgnss ppk` and raw observations in flight files need one: {error}"
+        return Finding("ppk", "engine", "none", "note", advice)
+    if command[0] != sys.executable:
+        return Finding("ppk", "engine", f"{command[0]}, whose version its first solution tells")
+    return Finding("ppk", "engine", f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
+
+
+def _installed_version() -> Finding:
+    """Whether what pip knows is what runs."""
+    try:
+        version = metadata.version("insgnss")
+    except metadata.PackageNotFoundError:
+        value, advice = "not installed: it runs from its sources", "pip install . in the sources"
+        return Finding("machine", "installed as", value, "note", advice)
+    if version == __version__:
+        return Finding("machine", "installed as", version)
+    advice = "pip install . again, or unset PYTHONPATH"
+    return Finding("machine", "installed as", f"{version}, but {__version__} runs", "note", advice)
+
+
+def _processor(cpuinfo: Path) -> str:
+    try:
+        match = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text("utf-8"), re.MULTILINE)
+    except OSError:
+        match = None
+    return f"{match[1].strip() if match else platform.processor() or 'unknown'}, " + (
+        platform.machine()
+    )
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _memory() -> Finding:
+    left = available()
+    if left is None:
+        return Finding("machine", "memory", "unknown: the system does not say", "unknown")
+    return Finding("machine", "memory", f"{left / 1e9:.3g} GB may be taken")
+
+
+def _writable(directory: Path) -> bool:
+    """Whether a file can be made there: tried, as permissions do not tell all."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False
+
+
+def _grids(directory: Path) -> Iterator[Path]:
+    try:
+        yield from (file for file in directory.iterdir() if file.suffix.lower() in GRIDS)
+    except OSError:
+        return

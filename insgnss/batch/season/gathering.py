@@ -1,0 +1,208 @@
+"""Which flights a season has: directories, patterns, flight files and tables of flights."""
+
+import csv
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...base.errors import InputError, UsageError
+from ...base.inputs import is_file, opened_text
+from ...base.received.trusted import inside
+
+FLIGHT_FILE = "flight.toml"
+TABLE_COLUMNS = ("flight", "name", "out")
+PATTERN = "*?["
+
+
+@dataclass(frozen=True)
+class SeasonFlight:
+    """A flight of a season, before its flight file is read.
+
+    Parameters
+    ----------
+    file : Path
+        Its flight file, absolute.
+    name : str
+        How lines, table and page call it; of no two flights the same; "" until it has one.
+    out : Path or None
+        Directory of its products in place of the flight file's.
+    """
+
+    file: Path
+    name: str = ""
+    out: Path | None = None
+
+
+def gather(sources: Sequence[str], overview: Path | None = None) -> list[SeasonFlight]:
+    """Return the flights that some words of the command line name.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        Directories, below which every flight.toml counts; patterns such as ``season/*/flight.toml``
+        (``**`` for any depth); flight files; and tables of flights, CSV files with a column
+        ``flight`` and, if wanted, ``name`` and ``out``, paths relative to the table.
+    overview : Path, optional
+        Directory of the season's page, below which ``out`` may lie as below that of the table.
+
+    Returns
+    -------
+    list of SeasonFlight
+        In the order of the words, within a directory by path; none twice.
+
+    Raises
+    ------
+    UsageError
+        A word names no flight.
+    InputError
+        A table lacks a column, or names a flight that is not there or an ``out`` elsewhere.
+    """
+    flights: dict[str, SeasonFlight] = {}
+    for source in sources:
+        for flight in _of_word(source, overview):
+            flights.setdefault(os.path.realpath(flight.file), flight)
+    return _with_names(list(flights.values()))
+
+
+def _of_word(source: str, overview: Path | None) -> list[SeasonFlight]:
+    """Return the flights of one word, whose names may still be empty."""
+    path = Path(source)
+    if path.is_dir():
+        files = _below(path)
+        if not files:
+            raise UsageError(
+                f"{source}: no {FLIGHT_FILE} in this directory or below it; give that of the season"
+            )
+        return [SeasonFlight(file) for file in files]
+    if is_file(path):
+        return (
+            _table(path, overview)
+            if path.suffix.lower() == ".csv"
+            else [SeasonFlight(path.absolute())]
+        )
+    if any(sign in source for sign in PATTERN):
+        return _matching(source)
+    raise UsageError(
+        f"{source}: does not exist; give directories, flight files, patterns or a table of flights"
+    )
+
+
+def _below(directory: Path) -> list[Path]:
+    """Return the flight files in a directory and below, but for those of runs that have died."""
+    files = []
+    for folder, inner, names in os.walk(directory.absolute()):
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
+        if FLIGHT_FILE in names:
+            files.append(Path(folder) / FLIGHT_FILE)
+    return files
+
+
+def _matching(pattern: str) -> list[SeasonFlight]:
+    """Return the flights of a pattern: flight files, or directories that hold them."""
+    import glob
+
+    matches = sorted(glob.glob(pattern, recursive=True))
+    flights = []
+    for match in map(Path, matches):
+        if match.is_dir() and (match / FLIGHT_FILE).is_file():
+            flights.append(SeasonFlight((match / FLIGHT_FILE).absolute()))
+        elif match.is_file() and match.suffix.lower() == ".toml":
+            flights.append(SeasonFlight(match.absolute()))
+    if not flights:
+        count = "nothing" if not matches else f"{len(matches)} files, of which none is a flight"
+        raise UsageError(f"{pattern}: the pattern matches {count}; put it into quotation marks?")
+    return flights
+
+
+def _table(path: Path, overview: Path | None) -> list[SeasonFlight]:
+    """Return the flights of a table."""
+    with opened_text(path, "utf-8-sig", newline="") as stream:
+        rows = csv.reader("\n" if line.lstrip().startswith("#") else line for line in stream)
+        try:
+            return _of_rows(path, list(rows), overview)
+        except (csv.Error, UnicodeDecodeError) as error:
+            raise InputError.at_line(path, None, f"is no CSV file in UTF-8: {error}") from None
+
+
+def _of_rows(path: Path, rows: list[list[str]], overview: Path | None) -> list[SeasonFlight]:
+    first = next((k for k, row in enumerate(rows) if row), 0)  # comments became empty rows
+    head = [word.strip() for word in rows[first]] if rows else []
+    if "flight" not in head:
+        given = ", ".join(head) or "none"
+        names = ", ".join(TABLE_COLUMNS)
+        problem = f"has no column flight (columns: {given}); a table of flights has {names}"
+        raise InputError.at_line(path, first + 1, problem)
+    if odd := [word for word in head if word not in TABLE_COLUMNS]:
+        problem = f"column {odd[0]!r} is unknown; known are {', '.join(TABLE_COLUMNS)}"
+        raise InputError.at_line(path, first + 1, problem)
+    flights = []
+    for number, row in enumerate(rows[first + 1 :], first + 2):
+        if not any(word.strip() for word in row):
+            continue
+        if len(row) != len(head):
+            problem = f"{len(row)} values under {len(head)} columns"
+            raise InputError.at_line(path, number, problem)
+        of = dict(zip(head, (word.strip() for word in row), strict=True))
+        file = path.absolute().parent / of["flight"]
+        file = file / FLIGHT_FILE if file.is_dir() else file
+        if not of["flight"] or not is_file(file):
+            problem = f"flight {of['flight']!r} does not exist; paths are relative to {path.name}"
+            raise InputError.at_line(path, number, problem)
+        out = path.absolute().parent / of["out"] if of.get("out") else None
+        homes = filter(None, (path.absolute().parent, overview))
+        if out is not None and not any(inside(out, home) for home in homes):
+            problem = f"out {of['out']!r} is outside of the directory of {path.name}"
+            advice = f"give a directory above it as --out, or lay {path.name} there"
+            raise InputError.at_line(path, number, f"{problem}; {advice}")
+        flights.append(SeasonFlight(file, of.get("name", ""), out))
+    if not flights:
+        raise InputError.at_line(
+            path, None, "names no flight; give a flight file or a directory a line"
+        )
+    return flights
+
+
+def _with_names(flights: list[SeasonFlight]) -> list[SeasonFlight]:
+    """Give every flight a name: that of the table, else its directory as far as it tells it."""
+    folders = [flight.file.parent for flight in flights]
+    common = Path(os.path.commonpath(folders)) if len(folders) > 1 else folders[0].parent
+    named = []
+    taken: dict[str, Path] = {}
+    for flight, folder in zip(flights, folders, strict=True):
+        own = folder.relative_to(common).as_posix() if folder != common else folder.name
+        if flight.file.name != FLIGHT_FILE:
+            own = f"{own}/{flight.file.stem}" if own != "." else flight.file.stem
+        name = flight.name or own
+        if name in taken:
+            raise UsageError(
+                f"two flights are called {name!r}: {taken[name]} and {flight.file}; give names in a"
+                " table of flights"
+            )
+        taken[name] = flight.file
+        named.append(SeasonFlight(flight.file, name, flight.out))
+    return named
+
+
+def refuse_shared_outputs(outputs: Iterable[tuple[str, Path]]) -> None:
+    """Refuse flights whose products would overwrite each other.
+
+    Parameters
+    ----------
+    outputs : iterable of (str, Path)
+        Name and directory of the products of each flight.
+
+    Raises
+    ------
+    UsageError
+        Two of them have the same directory.
+    """
+    taken: dict[str, str] = {}
+    for name, directory in outputs:
+        key = os.path.normcase(os.path.realpath(directory))
+        if key in taken:
+            raise UsageError(
+                f"{taken[key]} and {name} have the same output directory {directory}; give each its"
+                " own: output.directory, or a column out in a table of flights"
+            )
+        taken[key] = name

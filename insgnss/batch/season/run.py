@@ -1,0 +1,344 @@
+"""A season in its order: gather, forecast, process on workers, judge trends, write the files."""
+
+import os
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...base.ahead import compile_ahead
+from ...base.errors import InsgnssError, UsageError
+from ...base.files import atomic_write
+from ...base.output.staging import together
+from ...base.wording import relative
+from .forecast import PROGRAM_BYTES
+from .gathering import SeasonFlight, gather, refuse_shared_outputs
+from .page import SeasonPage, is_ours
+from .pool import processors, run_alone, run_side_by_side
+from .row import COLUMNS, Row, with_own_names
+from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
+from .trends import Trend, trends
+from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, Tell, not_reached
+
+TABLE, PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
+MIXED = 4  # exit code where flights failed of different kinds
+
+
+@dataclass(frozen=True)
+class SeasonRequest:
+    """What is asked of a season.
+
+    Parameters
+    ----------
+    sources : tuple of str
+        Directories, patterns, flight files, tables of flights.
+    out : Path or None
+        Directory of table and page; None: the one directory that was named, else the working one.
+    scheduler : str or None
+        Address of a Dask scheduler; None: processes of this machine.
+    workers : int or None
+        Most of these processes; None: one a processor, as far as memory allows.
+    again : bool
+        Whether flights are processed although their products are in force.
+    force : bool
+        Whether results of other measurements, and a page of others, are overwritten.
+    parquet : bool
+        Whether season.parquet is written as well.
+    """
+
+    sources: tuple[str, ...]
+    out: Path | None = None
+    scheduler: str | None = None
+    workers: int | None = None
+    again: bool = False
+    force: bool = False
+    parquet: bool = False
+
+    @property
+    def directory(self) -> Path:
+        """Where table and page go."""
+        if self.out is not None:
+            return self.out
+        one = Path(self.sources[0]) if len(self.sources) == 1 else Path(".")
+        return one if one.is_dir() else Path(".")
+
+
+@dataclass(frozen=True)
+class SeasonResult:
+    """What became of a season.
+
+    Parameters
+    ----------
+    rows : tuple of dict
+        Rows of the table, paths relative to it.
+    outcomes : tuple of Outcome
+        Of the flights.
+    trends : tuple of Trend
+        Of the equipments.
+    files : tuple of Path
+        Table and page.
+    seconds : float
+        What it took.
+    """
+
+    rows: tuple[Row, ...]
+    outcomes: tuple[Outcome, ...]
+    trends: tuple[Trend, ...]
+    files: tuple[Path, ...]
+    seconds: float
+
+    @property
+    def headline(self) -> str:
+        """The result in one sentence, without full stop."""
+        return headline(self.outcomes)
+
+    @property
+    def exit_code(self) -> int:
+        """Zero where every flight has a result; else the code of the failures, 4 of several."""
+        codes = {one.exit_code for one in self.outcomes if one.status == FAILED}
+        return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED
+
+    def summary(self) -> str:
+        """Return a few lines for the terminal."""
+        broken = [one for one in self.outcomes if one.status == FAILED]
+        lines = [f"{self.headline}, in {duration(self.seconds)}"]
+        lines += [f"failed: {one.name}: {one.reason}" for one in broken]
+        lines += [f"kept: {o.name}: {o.reason}" for o in self.outcomes if o.is_changed]
+        lines += [trend.sentence() for trend in self.trends if trend.odd]
+        lines += [f"wrote {file}" for file in self.files]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return {
+            "headline": self.headline,
+            "exit_code": self.exit_code,
+            "flights": list(self.rows),
+            "trends": [
+                {
+                    "equipment": t.equipment,
+                    "constant": t.quantity.name,
+                    "unit": t.quantity.unit,
+                    "flights": int(t.days.size),
+                    "finding": t.finding,
+                    "per_day": t.slope,
+                    "per_day_sigma": t.slope_sigma,
+                    "chi_square_per_dof": t.chi_square,
+                    "text": t.sentence(),
+                }
+                for t in self.trends
+            ],
+            "files": [str(file) for file in self.files],
+            "seconds": self.seconds,
+        }
+
+
+def headline(outcomes: Sequence[Outcome]) -> str:
+    """Return how many flights have results, without full stop.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Of all flights.
+    """
+    count = {s: sum(one.status == s for one in outcomes) for s in (DONE, KEPT, FAILED, WAITING)}
+    images = sum(int(one.row.get("images") or 0) for one in outcomes)
+    words = [f"{count[DONE]} processed"]
+    if count[KEPT]:
+        words.append(f"{count[KEPT]} kept, whose inputs, options and version are the same")
+    if count[FAILED]:
+        words.append(f"{count[FAILED]} failed")
+    if count[WAITING]:
+        words.append(f"{count[WAITING]} not reached")
+    return f"{len(outcomes)} flights: {', '.join(words)}; {images} images"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as people say it: 45 s, 12 min, 3.5 h."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def line_of(outcome: Outcome) -> str:
+    """Return the line of a flight: name, status, images, median sigmas, what limits, seconds.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        What became of it.
+    """
+    row = outcome.row
+    seconds = f"{row.get('seconds') or 0.0:.1f} s"
+    if outcome.status == FAILED:
+        return f"{outcome.name}: failed: {outcome.reason} ({seconds})"
+    sigmas = [row.get(f"sigma_{axis}_mm") for axis in "enu"]
+    words = [f"{row['images']} images"]
+    if None not in sigmas:
+        words.append(f"{' / '.join(f'{s:.1f}' for s in sigmas)} mm (E, N, U)")
+    if row.get("sigma_att_u_deg") is not None:
+        words.append(f"heading {row['sigma_att_u_deg']:.3f} deg")
+    why = row.get("reason") or row.get("limits")
+    words.append(str(row["judgement"]) + (f": {why}" if why else ""))
+    return f"{outcome.name}: {outcome.status}, {', '.join(words)} ({seconds})"
+
+
+def run_season(
+    request: SeasonRequest, tell: Tell, progress: Callable[[int, int, int, float], None]
+) -> SeasonResult:
+    """Process the flights of a season, and write its table and its page.
+
+    A run that is interrupted leaves both as well, of what is done by then.
+
+    Parameters
+    ----------
+    request : SeasonRequest
+        What is asked for.
+    tell : callable
+        Is given the outcome of each flight as it ends.
+    progress : callable
+        Is given the numbers of flights that are processed, that are done or kept or failed, and of
+        all, and the seconds so far.
+
+    Returns
+    -------
+    SeasonResult
+        What became of the flights.
+
+    Raises
+    ------
+    UsageError
+        No flight, two with one output directory, a page of others is in the way, Dask is missing or
+        a scheduler cannot be reached.
+    InputError
+        A table of flights is wrong.
+    DataError
+        The scheduler ended, or had no worker for minutes.
+    """
+    start = time.monotonic()
+    if request.parquet:
+        refuse_without_parquet()
+    flights = gather(request.sources, request.out)
+    _refuse_files_of_others(request)
+    tasks = tasks_of(flights, request)
+    ended: dict[str, Outcome] = {}
+
+    def report(outcome: Outcome) -> None:
+        ended[outcome.name] = outcome
+        tell(outcome)
+
+    def tick() -> None:
+        worked = sum(one.status != KEPT for one in ended.values())
+        progress(worked, len(ended), len(tasks), time.monotonic() - start)
+
+    def so_far() -> SeasonResult:
+        outcomes = [ended.get(task.name) or not_reached(task) for task in tasks]
+        return _written(request, outcomes, time.monotonic() - start)
+
+    tick()
+    try:
+        killed = _run(tasks, request, report, tick)
+        run_alone(killed, report, tick)
+    except (KeyboardInterrupt, InsgnssError):
+        if ended:
+            so_far()
+        raise
+    return so_far()
+
+
+def _run(
+    tasks: Sequence[Task], request: SeasonRequest, tell: Tell, tick: Callable[[], None]
+) -> list[Task]:
+    """Run flights side by side; return those whose workers died."""
+    if request.scheduler is not None:
+        from .scheduler import run_on_scheduler
+
+        return run_on_scheduler(tasks, request.scheduler, tell, tick)
+    compile_ahead()  # for all workers
+    return run_side_by_side(tasks, request.workers or processors(), tell, tick)
+
+
+def tasks_of(flights: Sequence[SeasonFlight], request: SeasonRequest) -> list[Task]:
+    """Return a task for each flight, with the forecast of its memory.
+
+    Parameters
+    ----------
+    flights : sequence of SeasonFlight
+        The flights.
+    request : SeasonRequest
+        What is asked for.
+
+    Raises
+    ------
+    UsageError
+        Two flights have the same output directory.
+    """
+    from ...flight.config.load import load_flight
+    from .forecast import forecast_bytes
+
+    tasks, outputs = [], []
+    for flight in flights:
+        needed = PROGRAM_BYTES
+        out = "" if flight.out is None else str(flight.out)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # its worker says them
+                loaded = load_flight(flight.file)
+            needed = forecast_bytes(loaded)
+            outputs.append((flight.name, flight.out or loaded.output.directory))
+        except (InsgnssError, OSError):  # its worker says why
+            pass
+        tasks.append(Task(flight.name, str(flight.file), out, request.again, request.force, needed))
+    refuse_shared_outputs(outputs)
+    return tasks
+
+
+def _refuse_files_of_others(request: SeasonRequest) -> None:
+    """Raise UsageError where index.html or season.csv are there and no season's."""
+    page, table = (request.directory / name for name in (PAGE, TABLE))
+    if request.force:
+        return
+    ours = {page: lambda: is_ours(page), table: lambda: _begins(table, HEAD[:16])}
+    for path, check in ours.items():
+        if path.exists() and not check():
+            raise UsageError(
+                f"batch: {path} is there and not of a season; give another directory with --out, or"
+                " --force"
+            )
+
+
+def _begins(path: Path, text: str) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(len(text)) == text.encode()
+
+
+def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float) -> SeasonResult:
+    """Write table and page; return the result."""
+    directory = request.directory
+    rows = tuple(_relative(row, directory) for row in with_own_names([o.row for o in outcomes]))
+    found_trends = tuple(trends(rows))
+    settings = [("flights", " ".join(request.sources))]
+    settings += [("scheduler", request.scheduler)] if request.scheduler else []
+    page = SeasonPage(rows, found_trends, headline(outcomes), settings)
+    files = [directory / TABLE, directory / PAGE]
+    with together() as staging:
+        into = staging.tree(directory)
+        atomic_write(into / TABLE, csv_text(rows))
+        atomic_write(into / PAGE, page.html())
+        if request.parquet:
+            atomic_write(into / PARQUET, parquet_bytes(rows))
+            files.append(directory / PARQUET)
+    return SeasonResult(rows, tuple(outcomes), found_trends, tuple(files), seconds)
+
+
+def _relative(row: Row, directory: Path) -> Row:
+    """Return a row whose paths are relative to the table, as far as they are on its drive."""
+    out: Row = {column: row.get(column) for column in COLUMNS}
+    if out["reason"]:
+        out["reason"] = str(out["reason"]).replace(f"{directory.resolve()}{os.sep}", "")
+    for column in ("flight", "report"):
+        if out[column]:
+            out[column] = Path(relative(str(out[column]), directory)).as_posix()
+    return out

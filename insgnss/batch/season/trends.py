@@ -1,0 +1,277 @@
+"""Constants of an equipment over a season: do they drift, do they scatter, or is nothing to tell?
+
+A flight k at time t_k gives the value y_k of a constant with a standard deviation s_k. A straight
+line by weighted least squares,
+
+    y_k = a + b (t_k - t_0) + e_k,  w_k = s_k^-2,  b = sum w (t - t_0) y / sum w (t - t_0)^2  (T.1)
+    var b = max(1, X) / sum w (t - t_0)^2,  X = sum w (y - line)^2 / (n - 2)                  (T.2)
+
+with t_0 the weighted mean of the times: errors that the flights do not claim widen var b, and
+flights that claim too much never narrow it. A drift is named where |b| exceeds `SIGNIFICANT` of its
+standard deviations and moves the constant, over the season, by more than what matters (`PHYSICAL`);
+a scatter where X exceeds what chance leaves in one of `SCATTER_CHANCE` seasons (chi-square) and the
+flights differ by more than what matters. With fewer than `FEWEST` flights nothing is said.
+
+The limits are physical because fixes of one base share errors of some millimetres that no flight's
+covariance holds.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Literal
+
+import numpy as np
+
+from ...records import Array
+from .row import LEVER, Row, is_number
+
+FEWEST = 8  # flights
+SIGNIFICANT = 4.0  # standard deviations of the slope
+SCATTER_CHANCE = 1e4
+DAY_S = 86400.0
+MONTH_DAYS = 30.4375
+Finding = Literal["drift", "scatter", "steady", "too few", "one time"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of the season that belongs to an equipment.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    column, sigma : str
+        Columns of the table.
+    factor : float
+        From the column's unit to the one that is shown.
+    unit : str
+        That one.
+    physical : float
+        What matters, in the shown unit.
+    axis : str
+        The end of the name, where it is one of three.
+    """
+
+    name: str
+    column: str
+    sigma: str
+    factor: float
+    unit: str
+    physical: float
+    axis: str = ""
+
+
+QUANTITIES = (
+    *(
+        Quantity(
+            f"antenna lever arm {axis}",
+            f"lever_arm_{axis}_m",
+            f"lever_arm_{axis}_sigma_m",
+            1e3,
+            "mm",
+            5.0,
+            axis,
+        )
+        for axis in LEVER
+    ),
+    Quantity("GNSS time offset", "time_offset_s", "time_offset_sigma_s", 1e3, "ms", 1.0),
+    *(
+        Quantity(
+            f"bore-sight {axis}",
+            f"boresight_{axis}_deg",
+            f"boresight_{axis}_sigma_deg",
+            1.0,
+            "deg",
+            0.02,
+            axis,
+        )
+        for axis in "xyz"
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A constant of an equipment over the season.
+
+    Parameters
+    ----------
+    equipment : str
+        Name of the shared file, "" of flights without one.
+    quantity : Quantity
+        Which constant.
+    days : Array
+        (n,) since the first flight of the season.
+    value, sigma : Array
+        (n,) of the flights, in the quantity's unit.
+    names : tuple of str
+        (n,) the flights.
+    finding : str
+        "drift", "scatter", "steady", "too few" flights, or all at "one time".
+    slope, slope_sigma : float
+        In the unit a day; NaN without a line.
+    level : float
+        Value of the line at the first day.
+    chi_square : float
+        X of (T.2); NaN without a line.
+    """
+
+    equipment: str
+    quantity: Quantity
+    days: Array
+    value: Array
+    sigma: Array
+    names: tuple[str, ...]
+    finding: Finding
+    slope: float = float("nan")
+    slope_sigma: float = float("nan")
+    level: float = float("nan")
+    chi_square: float = float("nan")
+
+    @property
+    def odd(self) -> bool:
+        """Whether something is named."""
+        return self.finding in ("drift", "scatter")
+
+    def sentence(self) -> str:
+        """Return what is said of it, without full stop."""
+        q = self.quantity
+        name = f"{q.name} of {self.equipment or 'the flights without a shared file'}"
+        span = float(np.ptp(self.days)) if self.days.size else 0.0
+        if self.finding == "drift":
+            monthly, sigma = MONTH_DAYS * self.slope, MONTH_DAYS * self.slope_sigma
+            return (
+                f"the {name} drifts by {monthly:+.3g} +- {sigma:.2g} {q.unit} a month,"
+                f" {abs(self.slope) * span:.3g} {q.unit} over {span:.0f} days"
+                f" ({abs(self.slope / self.slope_sigma):.1f} sigma, {self.days.size} flights): look"
+                " for what loosens or ages, and calibrate the mounting anew"
+            )
+        if self.finding == "scatter":
+            worst = int(np.argmax(np.abs(self.residual / self.sigma)))
+            return (
+                f"the {name} differs from flight to flight by more than its sigmas"
+                f" ({self.chi_square:.1f} times in variance, {self.days.size} flights), most at"
+                f" {self.names[worst]} ({self.residual[worst]:+.3g} {q.unit} off the line): what"
+                " was mounted anew, or bent, between flights"
+            )
+        if self.finding == "steady":
+            return f"the {name} shows no drift ({self.days.size} flights)"
+        few = f"{self.days.size} of {FEWEST} flights that a trend needs"
+        why = few if self.finding == "too few" else "all flights at one time"
+        return f"nothing is said of the {name}: {why}"
+
+    @property
+    def residual(self) -> Array:
+        """(n,) values less the line."""
+        return np.asarray(self.value - self.level - self.slope * self.days)
+
+
+def fit(days: Array, value: Array, sigma: Array) -> tuple[float, float, float, float]:
+    """Return slope, its standard deviation, the value at day 0 and X of (T.1) and (T.2).
+
+    Parameters
+    ----------
+    days : (n,) times.
+    value, sigma : (n,) values and their standard deviations.
+    """
+    w = sigma**-2.0
+    mean = float(w @ days / w.sum())
+    t = days - mean
+    spread = float(w @ t**2)
+    slope = float(w @ (t * value) / spread)
+    level = float(w @ value / w.sum())
+    residual = value - level - slope * t
+    chi_square = float(w @ residual**2 / (days.size - 2))
+    return slope, (max(1.0, chi_square) / spread) ** 0.5, level - slope * mean, chi_square
+
+
+def judged(
+    equipment: str,
+    quantity: Quantity,
+    days: Array,
+    value: Array,
+    sigma: Array,
+    names: Sequence[str],
+) -> Trend:
+    """Return the trend of a constant, with its finding.
+
+    Parameters
+    ----------
+    equipment : name of the shared file.
+    quantity : the constant.
+    days : (n,) times.
+    value, sigma : (n,) in the unit of the quantity.
+    names : (n,) flights.
+    """
+    from scipy.stats import chi2
+
+    given = (equipment, quantity, days, value, sigma, tuple(names))
+    if days.size < FEWEST:
+        return Trend(*given, "too few")
+    span = float(np.ptp(days))
+    if span * DAY_S < 1.0:
+        return Trend(*given, "one time")
+    slope, slope_sigma, level, x = fit(days, value, sigma)
+    finding: Finding = "steady"
+    residual = value - level - slope * days
+    limit = float(chi2.isf(1.0 / SCATTER_CHANCE, days.size - 2)) / (days.size - 2)
+    if abs(slope) > SIGNIFICANT * slope_sigma and abs(slope) * span > quantity.physical:
+        finding = "drift"
+    elif x > limit and float(np.abs(residual).max()) > quantity.physical:
+        finding = "scatter"
+    return Trend(*given, finding, slope, slope_sigma, level, x)
+
+
+def trends(rows: Iterable[Row]) -> list[Trend]:
+    """Return the trends of every equipment of a season.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+        Rows of the table; those that lack date or sigma are left out. A flight that failed has them
+        where it was refused because of these constants.
+
+    Returns
+    -------
+    list of Trend
+        By equipment, then in the order of `QUANTITIES`; a bore-sight has one where calibrations
+        gave it.
+    """
+    usable = [row for row in rows if row.get("date_utc")]
+    if not usable:
+        return []
+    first = min(_days(row) for row in usable)
+    out = []
+    for equipment in dict.fromkeys(str(row.get("equipment") or "") for row in usable):
+        own = [row for row in usable if str(row.get("equipment") or "") == equipment]
+        for q in QUANTITIES:
+            with_it = [r for r in own if is_number(r.get(q.column)) and is_number(r.get(q.sigma))]
+            with_it = _calibrations(with_it, q) if q.column.startswith("boresight") else with_it
+            if not with_it:
+                continue
+            with_it.sort(key=_days)
+            days, value, sigma = (
+                np.array([of(row) for row in with_it], dtype=np.float64)
+                for of in (
+                    lambda row: _days(row) - first,
+                    lambda row, q=q: q.factor * row[q.column],
+                    lambda row, q=q: q.factor * row[q.sigma],
+                )
+            )
+            names = [str(row["name"]) for row in with_it]
+            out.append(judged(equipment, q, days, value, sigma, names))
+    return out
+
+
+def _calibrations(rows: Sequence[Row], quantity: Quantity) -> list[Row]:
+    """Return the first flight of each calibration: a value that many share is one measurement."""
+    first: dict[tuple[Any, Any], Row] = {}
+    for row in sorted(rows, key=_days):
+        first.setdefault((row[quantity.column], row[quantity.sigma]), row)
+    return list(first.values())
+
+
+def _days(row: Row) -> float:
+    return datetime.fromisoformat(str(row["date_utc"])).timestamp() / DAY_S

@@ -1,0 +1,1 @@
+"""The flight file, the main job, first contact, exports, and the textbook twin."""

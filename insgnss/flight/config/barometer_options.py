@@ -1,0 +1,87 @@
+"""Table [barometer] of the flight file: heights of a barometer, and how they are weighted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...io.options.schema import BY_HEADER, check, option, take_record
+
+if TYPE_CHECKING:
+    from ...base.tables import Columns
+    from ...records import BarometerHeights
+
+
+def _unit_keys() -> tuple[str, ...]:
+    from ...io.formats.barometer import UNIT_COLUMNS
+
+    return tuple(UNIT_COLUMNS)
+
+
+@dataclass(frozen=True)
+class BarometerInput:
+    """Table [barometer]; without it none is used.
+
+    In Python `file` may be heights of a barometer, or an array or table of them, instead of a file.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor heights.
+    """
+
+    file: "Path | BarometerHeights" = option(
+        ...,
+        "heights or pressures of a barometer: text, or the log of ArduPilot or PX4; its level and "
+        "scale do not matter",
+        kind="file",
+    )
+    columns: "Columns" = option(
+        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "pressure: Pa, hPa, mbar, kPa; length (of heights): m, cm, mm; time as imu.units",
+        kind="gnss_units",
+        members=_unit_keys,
+        usual="by header, else Pa, m and s",
+        of_file=True,
+    )
+    variable: str | None = option(
+        None, "message or topic of a log", usual="its first barometer", of_file=True
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    sigma_m: float = option(
+        0.5,
+        "standard deviation of its white error, once a second: gusts, the air of the propellers",
+        unit="m",
+        low=0.01,
+        high=100.0,
+    )
+    bias_sigma_m: float = option(
+        10.0,
+        "a-priori standard deviation of its bias, when its level has been taken from the fixes",
+        unit="m",
+        low=0.1,
+        high=1000.0,
+    )
+    bias_walk: float = option(
+        0.1,
+        "random walk of the bias: weather, temperature, speed through the air",
+        unit="m/sqrt(s)",
+        low=0.0,
+        high=10.0,
+    )
+    scale_sigma: float = option(
+        0.05,
+        "a-priori standard deviation of its scale factor: air that is 14 K warmer than the standard"
+        " atmosphere makes 5 %",
+        low=1e-6,
+        high=0.5,
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "barometer")
+        take_record(self, "file", "barometer_heights")

@@ -1,0 +1,366 @@
+"""The block file (block.toml): what `insgnss adjust` reads, estimates and writes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ...base.errors import InputError, OptionError, near
+from ...base.inputs import is_file
+from ...base.received.trusted import at_home
+from ...io.options.schema import check, option, options_of
+from .block_tables.aerial_control import AerialControlTable
+from .block_tables.vehicle import VehicleTable
+from .flight_file import resolved
+
+if TYPE_CHECKING:
+    from ...base.tables import Columns
+
+PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+"""Those of `records.block.INTERIOR`, which asks for numpy."""
+CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
+DIRECTORY = "adjusted"
+Mode = Literal["iso", "indirect", "fast_at", "direct"]
+
+
+@dataclass(frozen=True)
+class ImagesInput:
+    """Table [images]: what was measured in the images, and the images as their program has them."""
+
+    file: Path | None = option(
+        None,
+        "image observations: a table (image_points.md), or a project of a photogrammetry program",
+        kind="existing",
+        form="file or directory",
+        cli="--images",
+        metavar="FILE",
+        cli_meaning="image observations: a table, or a project of a photogrammetry program",
+    )
+    format: str = option(
+        "auto",
+        "format of the file, such as metashape, colmap, opensfm, bingo; auto: as its name and first"
+        " bytes say",
+        cli="--images-format",
+        metavar="NAME",
+    )
+    sigma_px: float | None = option(
+        None,
+        "standard deviation of image coordinates that have none of their own",
+        unit="px",
+        low=1e-6,
+        high=1000.0,
+        usual="that of the file, or 1",
+        cli="--sigma-px",
+        metavar="PX",
+    )
+    columns: "Columns" = option(
+        None,
+        'of a table: list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual="by header or order",
+    )
+    skip: tuple[str, ...] = option(
+        (), "names of images that are left out", cli="--skip-images", metavar="NAME"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "images")
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """Table [camera]: the camera of all images, where the project has none or a worse one."""
+
+    file: Path | None = option(
+        None,
+        "camera (camera_toml.md) of all images",
+        usual="those of the project",
+        cli="--camera",
+        metavar="FILE",
+    )
+    free: tuple[str, ...] | None = option(
+        None,
+        f"parameters of interior orientation that are estimated, of {' '.join(PARAMETERS)}",
+        kind="texts",
+        usual="those of the camera's file; of a project f, cx, cy and what is not zero",
+        cli="--free",
+        metavar="NAME",
+    )
+    weighed: bool = option(
+        False,
+        "the standard deviations of the camera's file are observations of what is estimated of it;"
+        " not those of an adjustment of the same images",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "camera")
+        if self.weighed and self.file is None:
+            raise OptionError("camera.weighed", "has no meaning without camera.file; give both")
+        for name in self.free or ():
+            if name not in PARAMETERS:
+                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, PARAMETERS)}")
+
+
+@dataclass(frozen=True)
+class GroundTableInput:
+    """Table [ground]: points with known coordinates."""
+
+    file: Path | None = option(
+        None,
+        "ground control and check points: a table (ground_points.md), or a file of a program",
+        usual="those of the project",
+        cli="--ground",
+        metavar="FILE",
+    )
+    crs: str | None = option(
+        None,
+        "their projected CRS, such as EPSG:2056+5728 (with heights); without it they stand in the "
+        "tangent plane of aerial_control.file",
+        usual="that of the file, or the tangent plane",
+        cli="--crs",
+        metavar="CRS",
+    )
+    geoid: Path | None = option(
+        None, "grid of geoid heights, for heights above sea level", cli="--geoid", metavar="GRID"
+    )
+    columns: "Columns" = option(
+        None, "of a table, as images.columns", kind="columns", usual="by header or order"
+    )
+    check: tuple[str, ...] = option(
+        (),
+        "names of points that are check points, whatever the file says",
+        cli="--check",
+        metavar="NAME",
+    )
+    skip: tuple[str, ...] = option((), "names of points that are left out")
+
+    def __post_init__(self) -> None:
+        check(self, "ground")
+        if self.geoid is not None and self.crs is None:
+            raise OptionError("ground.geoid", "has no meaning without ground.crs; give both")
+
+
+@dataclass(frozen=True)
+class AdjustmentTable:
+    """Table [adjustment]: what takes part, how observations are weighed and judged."""
+
+    mode: Mode = option(
+        "iso",
+        '"iso": integrated sensor orientation, all observations; "indirect": without aerial '
+        'control; "fast_at": image observations of ground points alone, with aerial control and a '
+        'camera that is held; "direct": poses and camera are held, points are intersected, and '
+        "ground control is compared as check points are",
+        cli="--mode",
+    )
+    reweight: tuple[str, ...] = option(
+        ("image observations",),
+        "groups of observations whose variances are multiplied by their components: image "
+        "observations (not in mode fast_at, which has few), ground control, aerial control, "
+        "kinematic ground control, target sizes; of the others a component that contradicts them "
+        "is reported",
+    )
+    limit_w: float = option(
+        4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
+    )
+    keep_all: bool = option(False, "no observation is rejected, whatever its residual")
+    accept: tuple[str, ...] = option(
+        (),
+        "observations whose contradiction is accepted, of image observations, ground control, "
+        "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
+        "five times what their standard deviations allow no orientation is written otherwise",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "adjustment")
+        groups = (
+            *("image observations", "ground control", "aerial control"),
+            *("kinematic ground control", "target sizes"),
+        )
+        for name in self.reweight:
+            if name not in groups:
+                raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")
+        for name in self.accept:
+            if name not in (*groups, "check points"):
+                problem = f"{name!r}: {near(name, (*groups, 'check points'))}"
+                raise OptionError("adjustment.accept", problem)
+
+
+@dataclass(frozen=True)
+class PlanTable:
+    """Table [plan]: what `insgnss adjust --plan` supposes of a block that is not measured yet."""
+
+    tie_points: float = option(52.0, "tie points for each image", low=1.0, high=1e5)
+    matched: float = option(
+        0.6, "share of the images that see a tie point in which it is measured", low=0.05, high=1.0
+    )
+    ground_m: float | None = option(
+        None,
+        "height of the ground in the tangent plane",
+        unit="m",
+        usual="that of the ground points",
+        cli="--ground-height",
+        metavar="M",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "plan")
+
+
+@dataclass(frozen=True)
+class BlockOutput:
+    """Table [output]: where the products go, and what else is written."""
+
+    directory: Path = option(
+        Path(DIRECTORY),
+        "directory of the products, in or below that of the block file (elsewhere: `--out`), made"
+        " where it is missing",
+        kind="directory",
+        form="directory",
+        usual=f'"{DIRECTORY}"',
+    )
+    formats: tuple[str, ...] = option(
+        ("eo_local_plane",),
+        "exports of the adjusted orientation, as output.formats of a flight",
+        kind="formats",
+        form="list of texts",
+    )
+    cameras: tuple[str, ...] = option(
+        CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
+    )
+    pose_covariance: bool = option(
+        False,
+        "write the covariance of all poses together, poses_covariance.npz (288 bytes by the square "
+        "of the number of images), which `insgnss calibrate mounting` takes beside poses.csv",
+        cli="--pose-covariance",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "output")
+        for name in self.cameras:
+            if name not in CAMERA_FORMATS:
+                raise OptionError("output.cameras", f"{name!r}: {near(name, CAMERA_FORMATS)}")
+
+
+@dataclass(frozen=True)
+class BlockFile:
+    """A block file, complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    """
+
+    path: Path = field(kw_only=True)
+    name: str = option("", "name of the block", usual="name of the directory")
+    images: ImagesInput = field(default_factory=ImagesInput)
+    camera: CameraTable = field(default_factory=CameraTable)
+    aerial_control: AerialControlTable = field(default_factory=AerialControlTable)
+    ground: GroundTableInput = field(default_factory=GroundTableInput)
+    vehicle: VehicleTable = field(default_factory=VehicleTable)
+    adjustment: AdjustmentTable = field(default_factory=AdjustmentTable)
+    plan: PlanTable = field(default_factory=PlanTable)
+    output: BlockOutput = field(default_factory=BlockOutput)
+
+    def __post_init__(self) -> None:
+        check(self, "")
+        self._check_mode()
+
+    def _check_mode(self) -> None:
+        """Refuse options that the mode has no use for."""
+        mode, control = self.adjustment.mode, self.aerial_control
+        if mode == "indirect" and (control.control != "Ap/Aa" or control.lines):
+            raise OptionError(
+                "aerial_control.control",
+                'has no meaning in mode "indirect", which takes no aerial control; leave one out',
+            )
+        if mode in ("fast_at", "direct"):
+            if control.file is None:
+                raise OptionError(
+                    "adjustment.mode", f'"{mode}" needs aerial control; give its eo.json'
+                )
+            if self.camera.free:
+                raise OptionError(
+                    "camera.free", f'the camera is held in mode "{mode}"; leave it out'
+                )
+            lines = {control.control, *control.of_lines.values()}
+            usable = ("Ap/Aa", "Ap/Ra", "Rp/Ra") if mode == "fast_at" else ("Ap/Aa",)
+            if odd := lines.difference(usable):
+                raise OptionError(
+                    "aerial_control.control",
+                    f'"{min(odd)}" does not orient images in mode "{mode}"; it takes'
+                    f" {', '.join(usable)}",
+                )
+
+    def resolved(self) -> dict[str, Any]:
+        """Every value with its default filled in, as plain JSON types."""
+        return resolved(self)
+
+
+BLOCK_TABLES: Mapping[str, tuple[type, ...]] = {
+    "": (BlockFile,),
+    "images": (ImagesInput,),
+    "camera": (CameraTable,),
+    "aerial_control": (AerialControlTable,),
+    "ground": (GroundTableInput,),
+    "vehicle": (VehicleTable,),
+    "adjustment": (AdjustmentTable,),
+    "plan": (PlanTable,),
+    "output": (BlockOutput,),
+}
+"""The dataclasses whose options are the keys of each table."""
+
+
+@at_home
+def load_block(path: str | Path) -> BlockFile:
+    """Read and check a block file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the directory that holds its `block.toml`.
+
+    Returns
+    -------
+    BlockFile
+        Complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a file it names is wrong.
+    """
+    from ...base.tables import read_toml
+    from .load import made
+    from .values import take
+
+    path = Path(path)
+    if path.is_dir():
+        path = path / "block.toml"
+    if not is_file(path):
+        raise InputError.at_line(
+            path, None, "does not exist; give a block file, or eo.json with --images and --ground"
+        )
+    keys = {
+        name: tuple(item.name for item in options_of(name, classes))
+        for name, classes in BLOCK_TABLES.items()
+    }
+    keys[""] += tuple(name for name in BLOCK_TABLES if name)
+    root = read_toml(path, keys)
+    root.check_keys()
+    control = root.table("aerial_control")
+    if not control.resolve(str(control.text("file", "."))).exists():
+        problem = f"{control.text('file')} does not exist; run insgnss process on the flight first"
+        raise control.error("file", problem)
+    tables: dict[str, Any] = {}
+    for name, (kind,) in ((n, classes) for n, classes in BLOCK_TABLES.items() if n):
+        table = root.table(name)
+        tables[name] = made(table, kind, take(table, [kind]))
+    output = tables["output"]
+    directory = root.resolve(str(output.directory))
+    if directory.exists() and not directory.is_dir():
+        raise root.table("output").error("directory", f"{directory} is a file")
+    tables["output"] = replace(output, directory=directory)
+    own = take(root, [BlockFile])
+    own["name"] = own["name"] or path.absolute().parent.name
+    return BlockFile(path=path, **own, **tables)

@@ -1,0 +1,155 @@
+"""Table [aerial_control] of the block file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ....base.errors import OptionError
+from ....io.options.schema import Triple, check, option
+
+ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
+CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
+"""A absolute, R relative, p position, a attitude."""
+
+
+@dataclass(frozen=True)
+class AerialControlTable:
+    """Table [aerial_control]: poses of the images by GNSS and IMU, and what stands between."""
+
+    file: Path | None = option(
+        None, "eo.json of a processed flight; without it the block has no aerial control"
+    )
+    covariance: Literal["auto", "strip", "chain", "image"] = option(
+        "auto",
+        'which covariances weigh the poses: "strip": of whole flight lines, eo_covariance.npz '
+        'beside the file; "chain": of neighbours, which makes what is common to a line too small; '
+        '"image": of each image alone; "auto": the first of these that is there',
+    )
+    control: ControlKind = option(
+        "Ap/Aa",
+        "what is observed of the poses, absolute (A) or relative to the neighbour in the flight "
+        "line (R): position (p) and attitude (a). Relative attitudes ask for no bore-sight, "
+        "relative positions for no datum of the fixes",
+        cli="--control",
+    )
+    lines: tuple[str, ...] = option(
+        (),
+        "flight lines with another control: name of one of its images and the control, such as "
+        '"IMG_0010 Rp/Ra"',
+    )
+    relative_weights: Literal["smoothed", "independent", "gyro"] = option(
+        "smoothed",
+        'what weighs relative control: "smoothed": the covariance of all poses of the line; '
+        '"independent": each pair as of independent images (paper 003, equation 5); "gyro": the '
+        "same for positions, and for attitudes noise and drift of the gyroscopes (equation 6)",
+        cli="--relative-weights",
+    )
+    gap_s: float = option(
+        10.0,
+        "longest time between two images of which one is observed relative to the other",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+    )
+    gyro_noise_deg_rts: float = option(
+        0.005,
+        "white noise of the gyroscopes, omega_RW of equation 6 of paper 003",
+        unit="deg/sqrt(s)",
+        low=1e-9,
+        high=10.0,
+    )
+    gyro_drift_degps: float = option(
+        0.003,
+        "drift that is left of the gyroscopes, omega_b of equation 6",
+        unit="deg/s",
+        low=0.0,
+        high=10.0,
+    )
+    gyro_vertical: float = option(
+        1.5, "by which the drift about the vertical is larger, k of paper 003", low=0.01, high=100.0
+    )
+    datum_sigma_m: float = option(
+        5.0,
+        "standard deviation of the position of one image of each line of relative positions",
+        unit="m",
+        low=1e-3,
+        high=1e6,
+    )
+    datum_sigma_deg: float = option(
+        2.0,
+        "the same of the attitude of one image of each line of relative attitudes",
+        unit="deg",
+        low=1e-3,
+        high=180.0,
+    )
+    boresight_sigma_deg: float = option(
+        1.0,
+        "standard deviation of what is left of the bore-sight about each axis, which is estimated; "
+        "0: it is as the flight file has it",
+        unit="deg",
+        low=0.0,
+        high=180.0,
+        cli="--boresight-sigma",
+        metavar="DEG",
+    )
+    lever_arm_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of what is left of the lever arm, camera x, y, z, which is estimated",
+        unit="m",
+        kind="sigmas",
+        usual="it is as the flight file has it",
+    )
+    time_offset_sigma_s: float = option(
+        0.0,
+        "standard deviation of the delay of the exposures behind their stamps, which is estimated; "
+        "0: there is none",
+        unit="s",
+        low=0.0,
+        high=10.0,
+        cli="--delay-sigma",
+        metavar="S",
+    )
+    shift_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of a shift of each flight line, east, north, up, which is estimated",
+        unit="m",
+        kind="sigmas",
+        usual="none",
+    )
+    drift_sigma_mps: Triple | None = option(
+        None,
+        "standard deviations of a drift of each flight line, which is estimated",
+        unit="m/s",
+        kind="sigmas",
+        usual="none",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "aerial_control")
+        for text in self.lines:
+            name, _, control = text.rpartition(" ")
+            if not name.strip() or control not in CONTROLS:
+                raise OptionError(
+                    "aerial_control.lines",
+                    f"{text!r}: name of an image and one of {' '.join(CONTROLS)}, such as"
+                    ' "IMG_0010 Rp/Ra"',
+                )
+
+        relative = {"Ap/Ra", "Rp/Ra", "Rp"} & {self.control, *self.of_lines.values()}
+        if self.relative_weights != "smoothed" and not relative:
+            raise OptionError(
+                "aerial_control.relative_weights",
+                "has no meaning without relative control; ask for it by aerial_control.control,"
+                ' such as "Ap/Ra"',
+            )
+
+    @property
+    def of_lines(self) -> dict[str, str]:
+        """Control of the flight lines that have another one, by the name of an image."""
+        pairs = (text.rpartition(" ") for text in self.lines)
+        return {name.strip(): control for name, _, control in pairs}
+
+    @property
+    def absolute_attitudes(self) -> bool:
+        """Whether any line observes attitudes that the bore-sight turns."""
+        return "Ap/Aa" in (self.control, *self.of_lines.values())

@@ -1,0 +1,125 @@
+"""Table [vehicle] of the block file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....base.errors import OptionError
+from ....io.options.schema import Triple, check, option
+
+if TYPE_CHECKING:
+    from ....base.tables import Columns
+
+
+@dataclass(frozen=True)
+class VehicleTable:
+    """Table [vehicle]: a vehicle on the ground whose target the images see: kinematic control."""
+
+    file: Path | None = option(
+        None,
+        "where the vehicle was: `eo.json` of a run of `process` with the exposures of the images "
+        "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
+        "positions of the target (target_positions.md)",
+        cli="--vehicle",
+        metavar="FILE",
+        cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
+    )
+    target: str = option(
+        "K_",
+        "how the image observations call the target: a prefix before the name of the image "
+        "(K_IMG_0010), or one name in all images, which are divided by images then",
+    )
+    target_m: Triple | None = option(
+        None,
+        "the target from the point of the trajectory (of eo.json: from its camera), forward, "
+        "right, down in the axes of the vehicle",
+        unit="m",
+        kind="lever",
+        usual="zero of eo.json and of a table",
+    )
+    target_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of what is left of target_m, which is estimated",
+        unit="m",
+        kind="sigmas",
+        usual="it is as stated",
+    )
+    time_offset_s: float = option(
+        0.0, "seconds that are added to the stamps of the vehicle", unit="s", low=-1e6, high=1e6
+    )
+    time_offset_sigma_s: float = option(
+        0.0,
+        "standard deviation of the delay of the vehicle's clock, which is estimated; 0: it is as "
+        "stated",
+        unit="s",
+        low=0.0,
+        high=10.0,
+    )
+    shift_sigma_m: Triple | None = option(
+        None,
+        "standard deviations of a shift of all positions of the vehicle, east, north, up, which is "
+        "estimated",
+        unit="m",
+        kind="sigmas",
+        usual="none",
+    )
+    correlated_share: float = option(
+        0.75,
+        "of trajectory.csv and a table: share of the variances that lasts, with correlation_time_s"
+        "; the rest is white. eo.json has its own covariance",
+        low=0.0,
+        high=1.0,
+    )
+    correlation_time_s: float = option(
+        300.0, "correlation time of the share that lasts", unit="s", low=0.01, high=1e6
+    )
+    longest_gap_s: float = option(
+        1.0,
+        "longest time between two rows of the file within which it is interpolated; exposures in a "
+        "longer one have no target",
+        unit="s",
+        low=0.001,
+        high=100.0,
+    )
+    sizes: Path | None = option(
+        None,
+        "apparent sizes of the target (target_sizes.md), with size_m",
+        kind="existing",
+        form="file",
+    )
+    size_m: float | None = option(
+        None, "diameter of the target", unit="m", positive=True, usual="not known"
+    )
+    size_sigma_m: float = option(
+        0.0,
+        "standard deviation of size_m, whose rest is estimated then; 0: it is as stated",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
+    skip: tuple[str, ...] = option((), "names of images whose target is left out")
+    crs: str | None = option(
+        None, "of a table: its CRS, as ground.crs", usual="the tangent plane of the images"
+    )
+    geoid: Path | None = option(None, "of a table: as ground.geoid")
+    columns: "Columns" = option(
+        None, "of a table, as images.columns", kind="columns", usual="by header or order"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "vehicle")
+        if (self.sizes is None) != (self.size_m is None):
+            missing, other = ("size_m", "sizes") if self.size_m is None else ("sizes", "size_m")
+            raise OptionError(
+                f"vehicle.{other}", f"has no meaning without vehicle.{missing}; give both"
+            )
+        if self.geoid is not None and self.crs is None:
+            raise OptionError("vehicle.geoid", "has no meaning without vehicle.crs; give both")
+        if not self.target.strip():
+            raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")
+        if self.file is None:
+            for name in ("target_m", "target_sigma_m", "shift_sigma_m", "sizes"):
+                if getattr(self, name) is not None:
+                    raise OptionError(
+                        f"vehicle.{name}", "has no meaning without vehicle.file; give both"
+                    )

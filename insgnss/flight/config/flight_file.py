@@ -1,0 +1,506 @@
+"""The flight file: one TOML per data set, at its root, that says what the files are and how the
+sensors are mounted.
+
+Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
+`gnss_options`, `ppk_options`, `camera_options`, `barometer_options` and `filter_options`, and
+`TABLES` has them all. Paths are relative to the file. Only `imu.file` and `gnss.file` (or what
+replaces it) have no default. data_specs/flight_file.md is rendered from here.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...base.errors import OptionError, near
+from ...base.inputs import Identity
+from ...gnss.covariance_model import CovarianceModel
+from ...gnss.ppk_options import Air, RawGnss
+from ...io.options.camera_options import (
+    OF_FURTHER,
+    CameraInput,
+    CameraMounting,
+    ImageMatch,
+    Matrix,
+    RoverEvents,
+    angle_sets,
+)
+from ...io.options.schema import (
+    Declared,
+    Triple,
+    Words,
+    are_numbers,
+    check,
+    is_place,
+    no_texts,
+    option,
+    refuse_unread,
+    register,
+    swapped,
+)
+from .barometer_options import BarometerInput
+from .filter_options import FilterOptions, InitialAttitude
+from .gnss_options import GnssInput
+from .imu_options import ImuInput
+from .keys.changes import with_changes
+
+if TYPE_CHECKING:
+    from ...io.formats.orientation.mounting_file import MountingFile
+    from ...records import Array
+    from ...records.cameras.mounting import Mounting
+
+
+def _checks() -> Words:
+    from ...navigation.recognise.plausibility import NAMES
+
+    return NAMES
+
+
+def _no_formats(item: Declared, value: Any) -> str:
+    """Exports that a flight file may ask for."""
+    from ...io.formats import EXPORTS
+
+    if problem := no_texts(item, value):
+        return problem
+    for name in value:
+        if name not in EXPORTS:
+            return f"{name!r} is unknown; {near(name, tuple(EXPORTS))}"
+        if value.count(name) > 1:
+            return f"{name!r} occurs twice"
+        form = EXPORTS[name]
+        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
+        if form.several or needs:
+            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
+            return f"{name!r} {why}; leave it to insgnss export"
+    return ""
+
+
+register("formats", _no_formats)
+
+ROLLOVER = 1024  # weeks that the signal of GPS can count
+
+
+@dataclass(frozen=True)
+class MountingTable:
+    """Table [mounting], of which `records.cameras.mounting.Mounting` is made."""
+
+    antenna_m: Triple = option(
+        (0.0, 0.0, 0.0),
+        "position of the antenna, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
+    )
+    imu_m: Triple = option(
+        (0.0, 0.0, 0.0),
+        "position of the IMU, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
+    )
+    antenna_sigma_m: float = option(
+        0.005,
+        "standard deviation of each component of the lever arm from the IMU to the antenna: what a "
+        "caliper gives, carried as states, so that every covariance holds it; 0: exact, "
+        "never estimated but where filter.lever_arm asks for it",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
+    camera_from_body: Matrix | None = option(
+        None, "T_b'^c", kind="matrix", form="3 rows of 3 numbers", usual="diag(-1, -1, 1)"
+    )
+    boresight: Matrix | None = option(
+        None, "B_b^b'", kind="matrix", form="3 rows of 3 numbers", usual="identity"
+    )
+    boresight_deg: tuple[str, Triple] | None = option(
+        None,
+        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] }"
+        " (`records.cameras.mounting`)",
+        kind="angles",
+        unit="deg",
+        members=angle_sets,
+    )
+    file: Path | None = option(
+        None,
+        "calibrated mounting (mounting_file.md), as `insgnss calibrate` and `insgnss adjust` write "
+        "it: its keys of [mounting], and camera.time_offset_s, which then must not stand here",
+        kind="file",
+    )
+    max_age_days: float = option(
+        365.0,
+        "of mounting.file: a flight farther from the date of its data is told to have the mounting "
+        "calibrated anew, since screws, dampers and lenses are touched within a season; nothing is "
+        "refused",
+        unit="d",
+        low=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class MountingSource:
+    """A file that the mounting of a flight was taken from.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    keys : tuple of str
+        What was taken.
+    max_age_days : float
+        Days between flight and calibration above which the report tells of them.
+    made : MountingFile
+        What the file holds.
+    """
+
+    file: Path
+    keys: tuple[str, ...]
+    max_age_days: float
+    made: "MountingFile"
+
+
+@dataclass(frozen=True)
+class TangentPlane:
+    """Origin of the tangent plane, of table [tangent_plane]."""
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+
+    def __post_init__(self) -> None:
+        coordinates = (self.lat_deg, self.lon_deg, self.height_m)
+        if not is_place(*coordinates):
+            problem = f"is no latitude, longitude, ellipsoidal height; {swapped(*coordinates[:2])}"
+            raise OptionError("tangent_plane.origin", problem, list(coordinates))
+
+    @property
+    def origin(self) -> "Array":
+        """(3,) latitude rad, longitude rad, ellipsoidal height m."""
+        import numpy as np
+
+        return np.array([math.radians(self.lat_deg), math.radians(self.lon_deg), self.height_m])
+
+
+@dataclass(frozen=True)
+class TangentPlaneTable:
+    """Table [tangent_plane], of which `TangentPlane` is made."""
+
+    origin: Triple = option(
+        ...,
+        "origin of the tangent plane; without the table by the first fix, at height 0",
+        kind="origin",
+        cli="--origin",
+        metavar="LAT,LON,H",
+        cli_meaning="origin of the tangent plane, deg, deg, ellipsoidal m",
+        cli_default="the first fix, at height 0",
+    )
+
+
+@dataclass(frozen=True)
+class Output:
+    """Table [output]; `trajectory_hz` is None where every IMU sample is asked for."""
+
+    directory: Path = option(
+        Path("02_Processed/GPS-INS"),
+        "in or below the directory of the flight file (elsewhere: `--out`), made where it is not"
+        " there; with gnss.rover the solution goes into `GPS-PPK` beside it, below",
+        kind="directory",
+        form="directory",
+    )
+    formats: tuple[str, ...] = option(
+        ("eo_local_plane", "metashape"), "exports beside eo.json", kind="formats"
+    )
+    trajectory_hz: float | None = option(
+        10.0,
+        "rate of trajectory.csv and the SBET; a row within a quarter of its step of a fix stands"
+        ' at the fix; "imu" for every sample',
+        kind="rate",
+        form='number or "imu"',
+        unit="Hz",
+        low=1e-3,
+        high=1e4,
+    )
+    crs: str | None = option(
+        None,
+        'projected CRS for the formats that carry one: "EPSG:2056", "EPSG:25832+7837" (with '
+        "heights), WKT or a file of it; all others keep their frame",
+    )
+    geoid: Path | None = option(
+        None,
+        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are"
+        " those above the ellipsoid of WGS84",
+    )
+    ground_m: float | None = option(
+        None,
+        "height of the ground in a projected CRS: heights above it are scaled as the projection "
+        "scales the plan; not needed with control points",
+        unit="m",
+        low=-500.0,
+        high=9000.0,
+    )
+    rename: tuple[str, ...] = option(
+        (),
+        "other names of the images in the exports, not in eo.json, rules one after the other:"
+        ' "safe" (letters, digits and . _ - alone), "basename" (without folders), "OLD=NEW", or the'
+        " path of a CSV table old,new; the table of both names goes beside each export",
+        kind="texts",
+    )
+    strip_covariance: bool = option(
+        True,
+        "write eo_covariance.npz, the covariance of all poses of each flight line, for an"
+        " adjustment of the images",
+    )
+
+    def __post_init__(self) -> None:
+        from ...io.formats import EXPORTS
+
+        check(self, "output")
+        of_sea = [name for name in self.formats if EXPORTS[name].heights == "sea level"]
+        if of_sea and self.geoid is None:
+            problem = "has heights above sea level; give output.geoid, a grid of geoid heights"
+            raise OptionError("output.formats", f"{of_sea[0]!r} {problem}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight:
+    """A flight file, read, checked and complete; `load_flight` reads one, `with_` changes it.
+
+    Parameters
+    ----------
+    path : Path
+        The file; names in its directory are shown relative to it.
+    include : Path or None
+        The file whose keys it took over.
+    gps_week : int or None
+        The GPS week, where the files carry only the time of week.
+    start_tow, end_tow : float or None
+        Data outside are cut away, s; None: nothing is.
+    accept : tuple of str
+        Checks whose contradiction does not stop `process`.
+    filter : FilterOptions
+        States and constraints of the filter.
+    barometer : BarometerInput or None
+        Table of that name; None: there is none.
+    mounting_files : tuple of MountingSource
+        The files that `mounting` and the camera's delay were taken from, the last taken last.
+    included : tuple of Path
+        The files whose keys it took over, the nearest first.
+    read : mapping
+        What the files were from which it was loaded (`base.inputs.reading`).
+    name : str
+        Of the data set, in titles and reports.
+    imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
+        Tables of that name; the camera is None where there is none.
+    mounting : Mounting
+        Lever arms and bore-sight, of the first camera of a rig.
+    tangent_plane : TangentPlane or None
+        Table of that name, of which Python may give latitude and longitude, deg, and ellipsoidal
+        height, m; None: its origin is at the first fix.
+    output : Output
+        Table of that name.
+    initial : InitialAttitude or None
+        Attitude at the first fix; None: it is found in the motion.
+
+    Raises
+    ------
+    UsageError
+        For a value that cannot be.
+    """
+
+    path: Path
+    name: str = option(
+        ...,
+        "name of the data set, in titles and reports",
+        kind="name",
+        form="text",
+        usual="the directory's name",
+    )
+    include: Path | None = option(
+        None,
+        "file of keys that several flights share, such as `wing3.toml` of an equipment, below",
+        kind="file",
+    )
+    gps_week: int | None = option(
+        None, "GPS week, where files carry only the time of week; not modulo 1024", low=0, high=9999
+    )
+    start_tow: float | None = option(
+        None, "data before this time of week are cut away", unit="s", low=0.0
+    )
+    end_tow: float | None = option(
+        None, "data after this time of week are cut away", unit="s", low=0.0
+    )
+    accept: tuple[str, ...] = option(
+        (),
+        "names of checks, below, whose contradiction does not stop `process`",
+        kind="names",
+        choices=_checks,
+    )
+    imu: ImuInput = field(kw_only=True)
+    gnss: GnssInput = field(kw_only=True)
+    camera: CameraInput | None = field(kw_only=True)
+    mounting: "Mounting" = field(kw_only=True)
+    tangent_plane: TangentPlane | None = field(kw_only=True)
+    output: Output = field(kw_only=True)
+    initial: InitialAttitude | None = field(kw_only=True)
+    filter: FilterOptions = field(default_factory=FilterOptions)
+    barometer: BarometerInput | None = None
+    mounting_files: tuple[MountingSource, ...] = ()
+    included: tuple[Path, ...] = ()
+    read: dict[str, Identity] = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        plane: Any = self.tangent_plane
+        if plane is not None and not isinstance(plane, TangentPlane):
+            if not are_numbers(plane, 3):
+                problem = "must be latitude (deg), longitude (deg), ellipsoidal height (m)"
+                raise OptionError("tangent_plane", problem, plane)
+            object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
+        check(self, "")
+        refuse_week(self.gps_week)
+
+    def with_(self, **changes: Any) -> "Flight":
+        """Return the flight with other values.
+
+        An example is ``flight.with_(imu__noise=model, filter__robust=True)``.
+
+        Parameters
+        ----------
+        **changes : Any
+            Value by field of this record; two underscores go into a table. Where a file may stand,
+            a record may, or an array or table as `insgnss.estimate` takes it: `ImuSamples` for
+            imu.file, `GnssFixes` for gnss.file, `CameraEvents` for camera.events, a `NoiseModel`
+            for imu.noise.
+
+        Returns
+        -------
+        Flight
+            The new flight; the old one stays as it is.
+
+        Raises
+        ------
+        UsageError
+            There is no such field (the message names the nearest), a value cannot be, or it says
+            how to read a file where a record stands in its place.
+        InputError
+            An array or a table is not what a record can be made of.
+        """
+        return changed(self, changes)
+
+    def __repr__(self) -> str:
+        """Return name and file in one line."""
+        return f"<Flight {self.name}, {self.path}>"
+
+    @property
+    def mountings(self) -> "tuple[Mounting, ...]":
+        """The mountings of all cameras, that of a flight without a camera alone."""
+        return (self.mounting,) if self.camera is None else self.camera.mountings(self.mounting)
+
+    def resolved(self) -> dict[str, Any]:
+        """Every value with its default filled in, as plain JSON types."""
+        return resolved(self)
+
+
+def refuse_week(week: int | None) -> None:
+    """Raise UsageError for a week before there were drones, or one that is still to come.
+
+    0 is none, as `insgnss.estimate` has it for records without a week.
+
+    Parameters
+    ----------
+    week : int or None
+        GPS week.
+    """
+    if week is None:
+        return
+    from ...geodesy.gpstime import gps_from_calendar
+
+    today, _ = gps_from_calendar(datetime.now(UTC))
+    if week < ROLLOVER:
+        problem = (
+            f"counts modulo {ROLLOVER}: since then it has begun again twice, in 1999 and 2019; add"
+            f" {ROLLOVER} or {2 * ROLLOVER} to {week} ({_sunday(week + ROLLOVER)} or"
+            f" {_sunday(week + 2 * ROLLOVER)})"
+        )
+        raise OptionError("gps_week", problem, week)
+    if week > today + 1:
+        problem = f"is the week from {_sunday(week)}, still to come: by this computer it is {today}"
+        raise OptionError("gps_week", problem, week)
+
+
+def _sunday(week: int) -> str:
+    """Return the date of the Sunday with which a GPS week begins."""
+    from ...geodesy.gpstime import calendar_from_gps
+
+    return f"{calendar_from_gps(week, 0.0, 'gpst'):%Y-%m-%d}"
+
+
+def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = ()) -> Flight:
+    """Return a flight with other values, as `Flight.with_` does.
+
+    Parameters
+    ----------
+    flight : Flight
+        It stays as it is.
+    changes : dict
+        Value by field; two underscores go into a table.
+    keywords : iterable of str
+        Words of the function that takes them, which the caller may have meant.
+
+    Returns
+    -------
+    Flight
+        The new flight.
+    """
+    new = with_changes(flight, changes, keywords)
+    for name in ("imu", "gnss", "camera", "barometer"):
+        inner = {key.split("__")[1]: changes[key] for key in changes if key.startswith(f"{name}__")}
+        if inner:
+            refuse_unread(getattr(new, name), name, inner)
+    return new
+
+
+def resolved(file: Any) -> dict[str, Any]:
+    """Every value of a `Flight`, or of another file of options, as plain JSON types.
+
+    Defaults are filled in. Paths are relative to the file where they lie below its directory.
+    """
+    base = file.path.parent
+    return {f.name: _plain(getattr(file, f.name), base) for f in fields(file) if f.compare}
+
+
+def _plain(value: Any, base: Path) -> Any:
+    """Return `value` in JSON types; an object that replaces a file is described as such."""
+    from ...navigation.noise_model.noise_model import NoiseModel
+    from ...records import Rows
+
+    if isinstance(value, Rows | NoiseModel):
+        return f"given as object: {value!r}"
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
+    if isinstance(value, Path):
+        return (value.relative_to(base) if value.is_relative_to(base) else value).as_posix()
+    if isinstance(value, Mapping):
+        return {key: _plain(item, base) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(item, base) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+TABLES: Mapping[str, tuple[type, ...]] = {
+    "": (Flight,),
+    "imu": (ImuInput,),
+    "imu.further": (ImuInput,),
+    "gnss": (GnssInput, RawGnss),
+    "gnss.atmosphere": (Air,),
+    "gnss.covariance": (CovarianceModel,),
+    "camera": (CameraInput, ImageMatch, RoverEvents),
+    OF_FURTHER: (CameraInput, ImageMatch),
+    f"{OF_FURTHER}.mounting": (CameraMounting,),
+    "barometer": (BarometerInput,),
+    "mounting": (MountingTable,),
+    "tangent_plane": (TangentPlaneTable,),
+    "output": (Output,),
+    "initial": (InitialAttitude,),
+    "filter": (FilterOptions,),
+}
+"""The dataclasses whose options are the keys of each table."""

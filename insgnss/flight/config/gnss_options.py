@@ -1,0 +1,188 @@
+"""Table [gnss] of the flight file: the positions of the antenna, how they are read and weighted.
+
+Raw observations in their place, and how they are solved, stand in `ppk_options`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ...base.errors import InputError
+from ...gnss.covariance_model import MODEL, CovarianceModel
+from ...gnss.ppk_options import RawGnss
+from ...io.options.schema import BY_HEADER, Triple, check, option, take_record
+from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
+
+if TYPE_CHECKING:
+    from ...base.tables import Columns
+    from ...records import GnssFixes
+
+QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
+"""Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
+
+
+def _unit_keys() -> tuple[str, ...]:
+    from ...io.formats.gnss.gnss_text import UNIT_KEYS
+
+    return UNIT_KEYS
+
+
+@dataclass(frozen=True)
+class GnssInput:
+    """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK.
+
+    In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has
+    none; what else says how to read a file is then not looked at, and `Flight.with_` refuses it.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor fixes, or something else stands in its place as well.
+    """
+
+    file: "Path | GnssFixes | None" = option(
+        ...,
+        "antenna positions; or gnss.stationary, or gnss.rover, base and navigation",
+        kind="file",
+    )
+    stationary: Triple | None = option(
+        None,
+        "position of a sensor that stands there throughout, instead of gnss.file; a fix a second,"
+        " gnss.sigma_m 0.1 by default",
+        kind="place",
+    )
+    columns: "Columns" = option(
+        None,
+        'list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual=BY_HEADER,
+        of_file=True,
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "angle (of latitude and longitude), course: deg, rad; length (heights, standard "
+        "deviations): m, cm, mm; velocity: m/s, cm/s, mm/s, km/h, kn; time as imu.units; quality "
+        "(codes of a column `q`): rtklib, nmea",
+        kind="gnss_units",
+        members=_unit_keys,
+        usual="by header, else SI and deg",
+        of_file=True,
+    )
+    undulation_m: float | None = option(
+        None,
+        "height of the geoid above the ellipsoid, where the file has heights above the geoid",
+        unit="m",
+        low=-200.0,
+        high=200.0,
+        of_file=True,
+    )
+    sigma_m: Triple | None = option(
+        None,
+        "standard deviations north, east, down, where the file has none",
+        kind="sigmas",
+        unit="m",
+        of_file=True,
+    )
+    sigma_velocity_mps: Triple | None = option(
+        None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    time_sigma_s: float = option(
+        2e-4,
+        "standard deviation of what the stamps of the fixes lack: what an IMU on the receiver's "
+        "PPS has, carried as a state, so that every covariance holds it; 0: exact",
+        unit="s",
+        low=0.0,
+        high=1.0,
+    )
+    datum: str | None = option(
+        None,
+        "geographic CRS of the positions, which is that of the base's coordinates: EPSG:4937"
+        " (ETRS89), EPSG:9989 (ITRF2020), ...; exports into output.crs start from it",
+        usual="WGS 84",
+    )
+    epoch: float | None = option(
+        None,
+        "epoch of the positions, decimal year, where gnss.datum moves (ITRF)",
+        low=1980.0,
+        high=2100.0,
+    )
+    variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
+    repeat_column: str | None = option(
+        None,
+        "column whose change marks a new fix, where the file repeats the last one",
+        of_file=True,
+    )
+    gate_sigma: float = option(
+        5.0,
+        "innovations beyond this many standard deviations are rejected and counted",
+        low=2.0,
+        high=30.0,
+    )
+    quality_sigma_m: Mapping[str, Triple] = option(
+        lambda: dict(QUALITY_SIGMA_M),
+        "least standard deviations north, east, down of fixes of a quality, where the file has "
+        "the quality and has smaller ones; none by default with gnss.rover, where gnss.covariance "
+        "has floors",
+        kind="quality_sigmas",
+        unit="m",
+        members=lambda: QUALITIES,
+        usual="float, sbas, dgps [0.3, 0.3, 0.6], single [1, 1, 2]",
+    )
+    calibrate_covariance: bool = option(
+        True,
+        "of an RTKLIB `.pos` that holds quality, satellites and base (`ref pos` of its header): "
+        "fixed epochs that others do not confirm are taken as float, and all get covariances that "
+        "cover their errors, as those of PPK; false: as the file has them",
+        of_file=True,
+    )
+    gm_sigma: float | Literal["auto", "off"] = option(
+        "auto",
+        "time-correlated (Gauss-Markov) error, in standard deviations of each fix; auto: estimated "
+        "where the innovations show it, and assumed of float and code solutions (a minute, ten "
+        "minutes)",
+        kind="gm_sigma",
+        low=1e-2,
+        high=100.0,
+        choices=("auto", "off"),
+    )
+    correlation_time_s: float = option(
+        60.0, "correlation time of this error", unit="s", low=0.1, high=1e5
+    )
+    white_scale: float = option(
+        1.0,
+        "white error, in standard deviations of each fix",
+        low=1e-2,
+        high=100.0,
+    )
+    covariance: CovarianceModel = option(
+        lambda: MODEL,
+        "changes to the numbers that calibrate covariances, of PPK and of a ready `.pos` with "
+        "gnss.calibrate_covariance; refused where the file does not hold what that needs",
+        kind="covariance",
+        form="table, below",
+        usual="as measured",
+        cli="--covariance",
+        metavar="FILE",
+        cli_meaning=(
+            "TOML file of changes to the covariance model, the keys of gnss.covariance at its top"
+            " (data_specs/flight_file.md)"
+        ),
+        of_file=True,
+    )
+    raw: RawGnss | None = None
+
+    def __post_init__(self) -> None:
+        check(self, "gnss")
+        of_array = (self.sigma_m, self.sigma_velocity_mps)  # a record has its own
+        sigmas = () if hasattr(self.file, "cov_ned") else of_array
+        take_record(self, "file", "gnss_fixes", *sigmas)
+        if self.file is None or isinstance(self.file, Path):
+            return
+        others = (name for name in ("raw", "stationary") if getattr(self, name) is not None)
+        if other := next(others, ""):
+            conflict = f"gnss.{other} as well; set gnss__{other}=None"
+            raise InputError(f"gnss.file is given as an object, and {conflict}")

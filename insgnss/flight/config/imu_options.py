@@ -1,0 +1,178 @@
+"""Table [imu] of the flight file: the samples of an IMU, how they are read, and its noise."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...base.errors import InputError, near
+from ...io.options.schema import (
+    BY_HEADER,
+    Declared,
+    Triple,
+    Words,
+    check,
+    no_text,
+    option,
+    other_class,
+    register,
+    take_record,
+)
+
+if TYPE_CHECKING:
+    from ...base.tables import Columns
+    from ...navigation.noise_model.noise_model import NoiseModel
+    from ...records import Array, ImuSamples, Quantity
+
+
+def _quantities() -> Words:
+    from ...records import QUANTITIES
+
+    return QUANTITIES
+
+
+def _imu_unit_keys() -> tuple[str, ...]:
+    from ...io.formats.imu.imu_csv import UNIT_KEYS
+
+    return UNIT_KEYS
+
+
+def _no_axes(item: Declared, value: Any) -> str:
+    from ...navigation.prepare.axes import parse_axes
+
+    if problem := no_text(item, value):
+        return problem
+    try:
+        parse_axes(value)
+    except InputError as refusal:
+        return str(refusal).partition(": ")[2]
+    return ""
+
+
+def neither_model_nor_file(noise: str, remark: str = "") -> str:
+    """What is wrong with a text that should name a noise model."""
+    from ...navigation.noise_model.model import shipped_models
+
+    advice = near(noise, shipped_models())
+    return f"{noise!r} is neither a shipped model nor a file{remark}; {advice}"
+
+
+def _name_or_path(value: Any) -> Any:
+    """A text that names a file and no shipped model as a path, all else as it is."""
+    from ...navigation.noise_model.model import shipped_models
+
+    named = isinstance(value, str) and value not in shipped_models() and Path(value).is_file()
+    return Path(value) if named else value
+
+
+def _no_noise(item: Declared, value: Any) -> str:
+    from ...navigation.noise_model.model import shipped_models
+
+    if not isinstance(value, str):
+        return other_class(item.type, value)
+    return "" if value in shipped_models() else neither_model_nor_file(value)
+
+
+register("axes", _no_axes)
+register("noise", _no_noise, _name_or_path)
+
+
+@dataclass(frozen=True)
+class ImuInput:
+    """Table [imu]; `noise` is the name of a shipped model or the path of a file.
+
+    `units` has the keys gyro, accel and time as far as they are given, and is None without any.
+    In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and
+    `noise` a noise model; columns, units, variable and rate_hz, which say how to read a file, are
+    then not looked at, and `Flight.with_` refuses them.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor samples.
+    """
+
+    file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
+    accel_file: Path | None = option(
+        None,
+        "text file of the accelerometers, where `file` has the gyros alone, on the same clock; "
+        "`columns` and `units` are of both",
+        of_file=True,
+    )
+    columns: "Columns" = option(
+        None,
+        'list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual=BY_HEADER,
+        of_file=True,
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
+        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
+        'one count means ("0.05 deg/s")',
+        kind="imu_units",
+        members=_imu_unit_keys,
+        usual="by header (imu_csv.md), else SI",
+        of_file=True,
+    )
+    quantity: "Quantity" = option(
+        "mean_rate",
+        "what a sample is: the mean rate or the increment over the interval that ends at the stamp,"
+        " or the rate at the stamp",
+        kind="choice",
+        choices=_quantities,
+        of_file=True,
+    )
+    axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
+    noise: "str | Path | NoiseModel" = option(
+        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
+    rate_hz: float | None = option(
+        None,
+        "samples a second, counted from 0, where the file has no time",
+        unit="Hz",
+        low=1.0,
+        high=1e5,
+        of_file=True,
+    )
+    accel_sign: float = option(
+        1.0,
+        "-1 where the accelerometers give the reverse of the specific force",
+        kind="sign",
+        form="1 or -1",
+    )
+    calibration: Path | None = option(
+        None,
+        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`,"
+        " imu_calibration.md)",
+    )
+    lever_m: Triple = option(
+        (0.0, 0.0, 0.0),
+        "from the first IMU to this one, in body axes",
+        unit="m",
+        only="imu.further",
+    )
+    further: "tuple[ImuInput, ...]" = option(
+        (),
+        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of"
+        " [imu], and `lever_m`",
+        kind="tables",
+        form="tables",
+        only="imu",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "imu")
+        take_record(self, "file", "imu_samples", self.quantity)
+
+    @property
+    def C_b_imu(self) -> "Array":
+        """(3, 3), IMU axes to body forward-right-down."""
+        from ...navigation.prepare.axes import parse_axes
+
+        return parse_axes(self.axes)

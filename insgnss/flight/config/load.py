@@ -1,0 +1,407 @@
+"""Reading a flight file: TOML in, `Flight` out.
+
+An unknown key, a value of the wrong type, unit or range, and a file that is missing or empty are
+errors that name file, line, key and the way out. What an option by itself may be stands in the
+schema, how it is read in `values`; here stands what options have to do with each other.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...base.errors import InputError, OptionError, UsageError
+from ...base.inputs import is_file, reading
+from ...base.received.trusted import at_home
+from ...base.tables import Table, read_toml
+from ...gnss.covariance_model import CovarianceModel
+from ...gnss.ppk_options import OF_POSITIONS, RawGnss
+from ...io.formats.orientation.mounting_file import DELAY, read_mounting_file
+from ...io.options.camera_options import CameraInput, ImageMatch, RoverEvents
+from ...io.options.schema import declared, options_of
+from ...records.cameras.mounting import (
+    PAPER_CAMERA_FROM_BODY,
+    ROTATION_TOLERANCE,
+    Mounting,
+    boresight_from_angles,
+)
+from .barometer_options import BarometerInput
+from .filter_options import FilterOptions, InitialAttitude
+from .flight_file import (
+    TABLES,
+    Flight,
+    MountingSource,
+    MountingTable,
+    Output,
+    TangentPlane,
+    TangentPlaneTable,
+)
+from .gnss_options import QUALITY_SIGMA_M, GnssInput
+from .imu_options import ImuInput
+from .keys.include import with_included
+from .values import covariance_of, take
+
+Made = TypeVar("Made")
+
+
+@cache
+def known_keys() -> dict[str, tuple[str, ...]]:
+    """The keys of every table of a flight file, the sub-tables among them."""
+    keys = {name: tuple(item.name for item in options_of(name, TABLES[name])) for name in TABLES}
+    for name in TABLES:
+        for item in options_of(name, TABLES[name]):
+            if item.option.members is not None:
+                keys[f"{name}.{item.name}"] = item.option.members()
+    tables = tuple(name for name in TABLES if name and "." not in name)
+    return keys | {"": (*keys[""], *tables)}
+
+
+@at_home
+def load_flight(path: str | Path) -> Flight:
+    """Read and check a flight file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the directory that holds its `flight.toml`.
+
+    Returns
+    -------
+    Flight
+        Complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a file it names is wrong.
+    """
+    path = Path(path)
+    with reading() as files:
+        flight = _loaded(path / "flight.toml" if path.is_dir() else path)
+        return replace(flight, read=dict(files))
+
+
+def _loaded(path: Path) -> Flight:
+    root, included = with_included(read_toml(path, known_keys()), known_keys())
+    root.check_keys()
+    values = take(root, [Flight])
+    start, end = values["start_tow"], values["end_tow"]
+    if start is not None and end is not None and end <= start:
+        raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
+    present = {name: root.table(name) for name in TABLES if name in root.data}
+    camera, plane = present.get("camera"), present.get("tangent_plane")
+    initial = present.get("initial")
+    barometer = present.get("barometer")
+    imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
+    tables = {
+        "imu": imu,
+        "gnss": gnss,
+        "camera": _camera(camera, gnss.raw is not None) if camera else None,
+        "mounting": mounting_of(root.table("mounting")),
+        "tangent_plane": _tangent_plane(plane) if plane else None,
+        "output": _output(root.table("output")),
+        "initial": InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
+        "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
+        "barometer": BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
+    }
+    flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
+    return _calibrated(flight, root)
+
+
+def read_covariance(path: Path) -> CovarianceModel:
+    """The covariance model with the changes of a file, which is the table gnss.covariance itself.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    if not is_file(path):
+        problem = "does not exist; give a TOML file of the fields of the covariance model"
+        raise InputError.at_line(path, None, problem)
+    start = "gnss.covariance"
+    keys = {
+        name.removeprefix(start).removeprefix("."): words
+        for name, words in known_keys().items()
+        if name.startswith(start)
+    }
+    root = read_toml(path, keys)
+    if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
+        problem = (
+            f"{headed}: this file is the table gnss.covariance itself; its keys stand at the top, "
+            "and [scale] and [floor_m] below them"
+        )
+        raise InputError.at_line(path, root.lines[headed], problem)
+    root.check_keys()
+    return covariance_of(root)
+
+
+def made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
+    """The dataclass of a table; what it refuses at construction is told at the line of the key."""
+    try:
+        return kind(**values)
+    except OptionError as refusal:
+        key = refusal.key.rpartition(".")[2] if table.name else refusal.key
+        raise table.error(key, refusal.problem) from None
+
+
+def _imu(table: Table) -> ImuInput:
+    further = tuple(
+        made(other, ImuInput, take(other, [ImuInput])) for other in table.tables("further")
+    )
+    values = take(table, [ImuInput], without=["further"])
+    return made(table, ImuInput, values | {"further": further})
+
+
+def _gnss(table: Table) -> GnssInput:
+    raw = _raw(table)
+    stands = "stationary" in table.data
+    if stands and "file" in table.data:
+        raise table.error("stationary", "gnss.file is given as well; keep one of them")
+    values = take(table, [GnssInput], without=["file"] if stands or raw else [])
+    floors = values["quality_sigma_m"] if "quality_sigma_m" in table.data else {}
+    values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
+    if "covariance" in table.data and stands:
+        problem = (
+            "is of positions by PPK, but gnss.stationary is given; leave it out, or give "
+            "gnss.sigma_m"
+        )
+        raise table.error("covariance", problem)
+    if "covariance" in table.data and not values["calibrate_covariance"]:
+        problem = "is of the calibration that gnss.calibrate_covariance = false switches off"
+        raise table.error("covariance", f"{problem}; keep one of them")
+    if values["datum"] is not None or values["epoch"] is not None:
+        from ...geodesy.projection import source_crs
+
+        try:
+            source_crs(values["datum"], values["epoch"])
+        except UsageError as error:
+            key = "epoch" if values["datum"] is None else "datum"
+            raise table.error(key, str(error)) from None
+    return GnssInput(**({"file": None} | values), raw=raw)
+
+
+def _raw(table: Table) -> RawGnss | None:
+    """The raw observations of a table [gnss], None where none are given."""
+    raw_options, needed = declared(RawGnss), ("rover", "base", "navigation")
+    given = [name for name in raw_options if name in table.data]
+    if not given:
+        return None
+    for other in ("file", "stationary"):
+        if other in table.data:
+            raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
+    if missing := [key for key in needed if key not in table.data]:
+        problem = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
+        raise table.error(given[0], problem)
+    if odd := [key for key in OF_POSITIONS if key in table.data]:
+        problem = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
+        raise table.error(odd[0], problem)
+    values = take(table, [RawGnss])
+    if values["base_position"] is not None and values["base_point"] is None:
+        problem = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
+        raise table.error("base_position", problem)
+    if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
+        problem = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
+        raise table.error("atmosphere", f"{problem}; keep one of them")
+    return RawGnss(**values)
+
+
+def _camera(table: Table, raw: bool) -> CameraInput:
+    """The exposures; raw : whether there is a rover's RINEX, which may hold the events."""
+    of_rover = [name for name in declared(RoverEvents) if name in table.data]
+    if of_rover and (not raw or "events" in table.data):
+        other = "gnss.rover is missing, give camera.events"
+        if "events" in table.data:
+            other = "camera.events is given as well, keep one"
+        problem = f"looks at the record lines of the rover's RINEX; {other}"
+        raise table.error(of_rover[0], problem)
+    own = "events" in table.data or not raw
+    if "columns" in table.data and not own:
+        problem = (
+            "is of camera.events, which is missing; events of the rover's RINEX have no columns"
+        )
+        raise table.error("columns", problem)
+    further = tuple(_further_camera(other) for other in table.tables("further"))
+    values = take(table, [CameraInput], without=["further"] if own else ["further", "events"])
+    match = _image_match(table)
+    rover_events = RoverEvents(**take(table, [RoverEvents]))
+    values = {"events": None} | values | {"match": match, "rover_events": rover_events}
+    return made(table, CameraInput, values | {"further": further})
+
+
+def _further_camera(table: Table) -> CameraInput:
+    """A further camera of a rig; without events of its own it has the trigger of the first one."""
+    own = "events" in table.data
+    for key in () if own else ("columns", "time_scale"):
+        if key in table.data:
+            problem = "is of camera.further.events, which is missing: the trigger of the first"
+            raise table.error(key, f"{problem} camera exposes this one")
+    values = take(table, [CameraInput], without=[] if own else ["events"])
+    return made(table, CameraInput, {"events": None} | values | {"match": _image_match(table)})
+
+
+def _image_match(table: Table) -> ImageMatch:
+    """Which images there are, of a table of a camera."""
+    match = ImageMatch(**take(table, [ImageMatch]))
+    of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
+    if of_images and match.images is None:
+        problem = "give the directory of the images or a list of their names"
+        where = f"{table.name}.images"
+        raise table.error(of_images[0], f"is of {where}, which is missing; {problem}")
+    return match
+
+
+def mounting_of(table: Table) -> Mounting:
+    """The mounting of a table [mounting]."""
+    of_file = ("file", "max_age_days")
+    given = take(table, [MountingTable], without=of_file)
+    given = {key: value for key, value in given.items() if value is not None}
+    angles = given.pop("boresight_deg", None)
+    try:
+        if angles:
+            turn = given.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
+            angle_set, degrees = angles
+            given["boresight"] = boresight_from_angles(angle_set, degrees, turn)
+        return Mounting(**given)
+    except InputError as refusal:
+        key, _, problem = str(refusal).partition(": ")
+        raise table.error(key, problem) from None
+
+
+def _tangent_plane(table: Table) -> TangentPlane:
+    return TangentPlane(*take(table, [TangentPlaneTable])["origin"])
+
+
+def _output(table: Table) -> Output:
+    values = take(table, [Output])
+    directory = table.resolve(values["directory"])  # of the flight, whatever file says it
+    if directory.exists() and not directory.is_dir():
+        raise table.error("directory", f"{directory} is a file, a directory is expected")
+    rules = ((rule, table.resolve(rule, "rename")) for rule in values["rename"])
+    rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
+    output = made(table, Output, values | {"directory": directory, "rename": rename})
+    if output.crs is None:
+        if output.ground_m is not None:
+            problem = (
+                "scales heights in a projected CRS only; give output.crs as well, or leave it out"
+            )
+            raise table.error("ground_m", problem)
+        return output
+    from ...geodesy.projection import MapProjection
+
+    try:
+        MapProjection(output.crs, output.geoid, any_unit=True)
+    except UsageError as error:
+        raise table.error("crs", str(error)) from None
+    return output
+
+
+def remounted(flight: Flight, path: Path, max_age_days: float | None = None) -> Flight:
+    """Return a flight whose mounting is that of a file, as far as the file names it.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    path : Path
+        The file: a table [mounting] with keys of that of a flight file, and [camera] with
+        time_offset_s; others of its keys stay as the flight file has them. The delay is not taken
+        where the flight has no camera.
+    max_age_days : float, optional
+        As `mounting.max_age_days`; by default as the flight file has it.
+
+    Returns
+    -------
+    Flight
+        The flight otherwise.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, a key or a value in it is wrong, or its bore-sight was found
+        with another `camera_from_body` than the flight file's.
+    """
+    made, root = read_mounting_file(path, flight.mounting.camera_from_body)
+    values = made.values()
+    delay = values.pop(DELAY, None)
+    turn, own = made.camera_from_body, flight.mounting.camera_from_body
+    assumed = own if turn is None or made.set_in_body or "boresight" not in values else turn
+    if (apart := float(np.abs(assumed - own).max())) > ROTATION_TOLERANCE:
+        problem = (
+            f"the bore-sight was found with it; that of the flight file differs by {apart:.2g}"
+            f" (limit {ROTATION_TOLERANCE:g}): give the same mounting.camera_from_body"
+        )
+        raise root.table("calibration").error("camera_from_body", problem)
+    camera = flight.camera
+    if camera is not None and delay is not None:
+        camera = replace(camera, time_offset_s=delay)
+    keys = (*values, *([DELAY] if camera is not None and delay is not None else []))
+    if max_age_days is None:
+        age = declared(MountingTable)["max_age_days"].default
+        max_age_days = flight.mounting_files[-1].max_age_days if flight.mounting_files else age
+    return replace(
+        flight,
+        mounting=replace(flight.mounting, **values),
+        camera=camera,
+        mounting_files=(*flight.mounting_files, MountingSource(path, keys, max_age_days, made)),
+    )
+
+
+def with_engine(flight: Flight, engine: str) -> Flight:
+    """Return a flight that another engine solves, which may be the path of a program.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    engine : str
+        As `gnss.engine`, or the path of an rnx2rtkp: whoever types it trusts it.
+
+    Returns
+    -------
+    Flight
+        The flight otherwise.
+
+    Raises
+    ------
+    UsageError
+        The flight has no raw observations.
+    """
+    raw = flight.gnss.raw
+    if raw is None:
+        raise UsageError(
+            f"--engine {engine} solves gnss.rover, which {flight.path} has not; leave it out"
+        )
+    return replace(flight, gnss=replace(flight.gnss, raw=replace(raw, engine=engine)))
+
+
+def _calibrated(flight: Flight, root: Table) -> Flight:
+    """The flight with the mounting of `mounting.file`, where there is one."""
+    table = root.table("mounting")
+    values = take(table, [MountingTable])
+    if (path := values["file"]) is None:
+        if "max_age_days" in table.data:
+            raise table.error("max_age_days", "is of mounting.file, which is missing")
+        return flight
+    files = [flight.path, *flight.included]
+
+    def nearer(one: Table, key: str, other: Table, name: str) -> bool:
+        return files.index(one.source(key).path) < files.index(other.source(name).path)
+
+    new = remounted(flight, path, values["max_age_days"])
+    source = new.mounting_files[-1]
+    for key in source.keys:
+        here = root.table("camera") if key == DELAY else table
+        for name in (key, "boresight_deg") if key == "boresight" else (key,):
+            # a file that a flight names itself goes before what it includes
+            if name in here.data and not nearer(table, "file", here, name):
+                problem = (
+                    f"{source.file.name} (mounting.file) gives {key} as well; delete this line to "
+                    "take the calibrated value, or the one there to keep this"
+                )
+                raise here.error(name, problem)
+    return new

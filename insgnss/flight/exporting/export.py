@@ -1,0 +1,356 @@
+"""One export: into the frame that the format carries, then to its writer.
+
+`process` and `insgnss export` both come here, so that a format, a frame and a refusal are the same
+in either.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError, near
+from ...base.files import atomic_writes
+from ...base.output.staging import together
+from ...base.units import METRE
+from ...geodesy.projection import MapProjection, undulation
+from ...io.formats.exports import EXPORTS, Export
+from ...io.formats.orientation.exported import UnfitName, check_names
+from ...navigation.noise_model.model import NoiseModel, load_noise_model
+from ...navigation.orient.frame import in_frame
+from ...navigation.orient.relative import gyro_figures, relative_control
+from ...records import Array, ExteriorOrientation, FramedOrientation
+from ...records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
+from ...records.relative import RelativeControl
+from .rename import names_file, other_names, renamed, write_names
+from .replacing import remove_stale
+
+OF_IMAGES = ("image_tags",)
+"""Formats that are the images themselves, called as their files are."""
+ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
+# a transformation that moves nothing, of the accuracy to which PROJ takes a continent's datum for
+# WGS 84 (ETRS89, JGD2011): the base's coordinates are of that datum as a rule
+NULL_M, SAME_M = 1e-3, 1.0
+
+
+@dataclass(frozen=True)
+class Target:
+    """The frame that is asked for.
+
+    Parameters
+    ----------
+    crs : projected CRS as `MapProjection` takes it.
+    geoid : grid of geoid heights.
+    frame : one of `records.framed.KINDS` where no CRS is named; None for the format's own.
+    ground_m : height of the ground, from which heights in a projected CRS are scaled.
+    """
+
+    crs: str | None = None
+    geoid: Path | None = None
+    frame: str | None = None
+    ground_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.crs is not None and self.frame not in (None, PROJECTED):
+            raise UsageError(f"frame {self.frame!r} has no CRS to choose; leave one of them out")
+        if self.crs is None and self.geoid is not None and self.frame == PROJECTED:
+            raise UsageError("a projected frame needs its CRS, such as EPSG:2056")
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written, and what its reader must know: one sentence each.
+
+    `helpers` are files by which the program reads it.
+    """
+
+    file: Path
+    frame: str
+    notes: tuple[str, ...]
+    files: tuple[Path, ...] = ()
+    helpers: tuple[Path, ...] = ()
+
+
+def known_format(name: str) -> Export:
+    """The registered format of that name; UsageError that names the nearest."""
+    if name not in EXPORTS:
+        raise UsageError(f"export: format {name!r} is unknown; {near(name, EXPORTS)}")
+    return EXPORTS[name]
+
+
+def export(
+    eo: ExteriorOrientation,
+    name: str,
+    path: Path,
+    target: Target | None = None,
+    rename: Sequence[str | Path] = (),
+    **options: Any,
+) -> Exported:
+    """Write `eo` as format `name` to `path`, a directory where the format has several files.
+
+    Scripts and descriptions by which the program reads it go beside it, where the format has some;
+    those of an earlier export to `path` that do not belong to this one are removed.
+
+    Parameters
+    ----------
+    rename : rules of `renamed`, by which images are called otherwise in the export; the table of
+        both names goes beside it.
+    options : of the format. Raises UsageError for an unknown format, an option that it does not
+        take, a frame that it cannot carry and heights that it needs and does not get; InputError
+        where a CRS does not reach the flight.
+    """
+    known_format(name)
+    with together() as staging:
+        eo, names = renamed(eo, rename if name not in OF_IMAGES else ())
+        with _remedy():
+            done = _export(eo, name, path, target or Target(), options)
+        remove_stale(path, staging)
+        if not names:
+            return done
+        table = names_file(path)
+        write_names(names, table)
+    old, new = next(iter(names.items()))
+    note = (
+        f"{len(names)} of {len(eo.images)} images are called otherwise here, such as {new!r} for"
+        f" {old!r}: {table.name} has all; rename their files alike for the program"
+    )
+    return replace(done, notes=(note, *done.notes), files=(done.file, table))
+
+
+@contextmanager
+def _remedy() -> Iterator[None]:
+    """Say of a name that does not fit how to export all the same."""
+    try:
+        yield
+    except UnfitName as error:
+        raise InputError(
+            f"{error} itself, or in the export alone: --rename, output.rename"
+        ) from None
+
+
+def refuse_names(images: Sequence[str], names: Sequence[str], rename: Sequence[str | Path]) -> None:
+    """Refuse names of images that one of the formats `names` cannot hold, before any work.
+
+    Raises
+    ------
+    InputError
+        The first such name; UsageError for a rule that is none.
+    """
+    separators = {EXPORTS[name].separator for name in names} - {""}
+    for separator in sorted(separators):
+        with _remedy():
+            check_names(other_names(images, rename), None if separator == " " else separator)
+
+
+def _export(
+    eo: ExteriorOrientation,
+    name: str,
+    path: Path,
+    target: Target,
+    options: dict[str, Any],
+) -> Exported:
+    form = EXPORTS[name]
+    if not eo.images:
+        raise InputError(
+            f"export: {name}: there are no images; process a flight with camera events"
+        )
+    if doubles := [image for image, n in Counter(eo.images).items() if n > 1]:
+        raise InputError(
+            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give"
+            " every image a name of its own"
+        )
+    if unknown := [key for key in options if key not in form.options]:
+        takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
+        raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
+    if eo.rig is not None and (single := [key for key in options if key in form.of_one_camera]):
+        raise UsageError(
+            f"export: {name}: {single[0]} is that of one camera, the orientation has"
+            f" {', '.join(eo.rig.names)}; export each by itself (--camera NAME,"
+            " eo.of_camera(NAME) in Python)"
+        )
+    if form.frames == ():
+        if target != Target():
+            raise UsageError(
+                f"export: {name} is the master in its own frame; leave CRS, geoid, frame and"
+                " ground out"
+            )
+        control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
+        form.write(eo, path, relative=control)
+        return Exported(path, "tangent plane", ())
+    kind = _kind(name, form, target)
+    projection = (
+        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch, form.any_unit)
+        if kind == PROJECTED
+        else None
+    )
+    above_ground = bool(form.without_geoid) and options.get("altitude", "absolute") != "absolute"
+    if "sea level" in (form.heights, options.get("heights")) and not above_ground:
+        options = options | {"undulation_m": _undulation(eo, name, target)}
+    elif projection is None and target.geoid is not None:
+        raise UsageError(
+            f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the"
+            " geoid out or name a CRS"
+        )
+    framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
+    if form.relative:
+        own = form.write(_relative(name, framed, eo, options), path)
+    else:
+        own = form.write(framed, path, **options)
+    beside = form.helpers(framed, path)
+    if beside:
+        atomic_writes(beside)
+    notes = [
+        *(own or ()),
+        *_on_frame(form, projection, framed, eo, target),
+        *([] if "length_unit" in options else _on_units(projection)),
+        *_notes(form, projection, framed),
+    ]
+    return Exported(path, framed.frame.name, tuple(notes), helpers=tuple(beside))
+
+
+def _on_frame(
+    form: Export,
+    projection: MapProjection | None,
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    target: Target,
+) -> list[str]:
+    """What to know of a frame that nobody named, and of a CRS that is made for another place."""
+    if projection is not None:
+        return on_area(projection, *framed.geodetic[:, :2].T)
+    notes = []
+    if form.frames[0] == PROJECTED and target.frame is None:
+        notes.append(
+            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)"
+        )
+    if eo.datum is not None:
+        in_epoch = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+        notes.append(f"coordinates are of the datum of the positions, {eo.datum}{in_epoch}")
+    return notes
+
+
+def on_area(projection: MapProjection, lat: Array, lon: Array) -> list[str]:
+    """What to know of a CRS that is made for another area than that of n images.
+
+    Parameters
+    ----------
+    projection : the CRS.
+    lat, lon : (n,) geodetic latitude and longitude, rad.
+    """
+    outside = projection.outside(lat, lon)
+    if not outside:
+        return []
+    return [
+        f"{projection.name} is made for: {projection.horizontal.area_of_use.name}; {outside} of"
+        f" {lat.size} images lie outside: is it the right CRS?"
+    ]
+
+
+def _on_units(projection: MapProjection | None) -> list[str]:
+    """What to know of a CRS that counts in feet."""
+    if projection is None or projection.units == (METRE, METRE):
+        return []
+    plan, height = (unit.plural for unit in projection.units)
+    units = plan if plan == height else f"{plan}, heights in {height}"
+    return [
+        f"{projection.name} counts in {units}; standard deviations of positions are in the same"
+        " unit"
+    ]
+
+
+def _relative(
+    name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]
+) -> RelativeControl:
+    """Relative control by the options noise, form and gap_s.
+
+    noise is a noise model's name, path, or itself.
+    """
+    noise = options.pop("noise", None)
+    if noise is None:
+        raise UsageError(
+            f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set"
+            " noise=navchip"
+        )
+    return relative_of(framed, eo, noise, **options)
+
+
+def relative_of(
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    noise: str | os.PathLike[str] | NoiseModel,
+    **how: Any,
+) -> RelativeControl:
+    """Relative control of `eo` in its frame, weighed by the gyroscopes of a noise model besides;
+    how : of `relative_control`.
+    """
+    model = load_noise_model(noise)
+    length = float(eo.time[-1] - eo.time[0])
+    wandering = [
+        [gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length]
+        for axis in model.gyro
+    ]
+    most = max(map(len, wandering))
+    figures = gyro_figures(
+        np.array([axis.white_noise for axis in model.gyro]),
+        np.array([own + [0.0] * (most - len(own)) for own in wandering]),
+    )
+    return relative_control(framed, figures, **how)
+
+
+def _kind(name: str, form: Export, target: Target) -> str:
+    own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
+    kind = PROJECTED if target.crs is not None else target.frame or own
+    if kind not in KINDS:
+        raise UsageError(f"export: frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
+    if kind not in form.frames:
+        raise UsageError(
+            f"export: {name} cannot carry a frame of kind {kind}; it carries"
+            f" {', '.join(form.frames)}"
+        )
+    if kind == PROJECTED and target.crs is None:
+        raise UsageError(f"export: {name} needs a projected CRS; name it, such as EPSG:2056")
+    return kind
+
+
+def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
+    """Height (n,) m of the geoid above the ellipsoid at the images."""
+    if target.geoid is None:
+        raise UsageError(
+            f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid"
+            f" GRID, output.geoid){EXPORTS[name].without_geoid}"
+        )
+    return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
+
+
+def _notes(
+    form: Export, projection: MapProjection | None, framed: FramedOrientation
+) -> tuple[str, ...]:
+    if projection is None:
+        return ()
+    notes = []
+    operation, accuracy = projection.operation()
+    costs_nothing = 0.0 <= accuracy <= SAME_M and projection.shift_m(*framed.geodetic.T) < NULL_M
+    if (accuracy < 0.0 or accuracy > ACCURATE_M) and not costs_nothing:
+        how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
+        notes.append(
+            f"{projection.name}: its datum was reached by {operation}, of {how}; control points in"
+            " that CRS may be off by as much; name the datum of the base's coordinates (gnss.datum)"
+        )
+    if projection.northing_first and not form.crs_order:
+        notes.append(
+            f"{projection.name} counts northing before easting; the file has easting first: check"
+            " the order when importing"
+        )
+    if not projection.crs.is_compound and projection.geoid is None:
+        notes.append(f"heights are {projection.heights}, not above sea level")
+    if framed.frame.scaled_from_m is None:
+        notes.append(
+            "heights are not scaled by that of the projection, as tools with control points expect"
+            " it; --ground (ground_m in Python) scales them"
+        )
+    return tuple(notes)

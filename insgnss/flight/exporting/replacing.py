@@ -1,0 +1,103 @@
+"""What an export replaces: scripts beside the one before, tables of a run, files of others."""
+
+import re
+from pathlib import Path
+
+from ...base.errors import UsageError
+from ...base.output.staging import Staging
+from ...base.received.nesting import read_object
+
+BESIDE = {
+    "_import.py": b"Written by insgnss",
+    "_format.xml": b"insgnss",
+    "_SysCoRTL.xml": b"eTC_RTL",
+    "_names.csv": b"old,new",
+    "_gps_ins_offset.txt": b"insgnss",
+}
+"""Ends of the names of files beside an export, and what the first lines of ours have."""
+HEAD_BYTES = 600
+DOCUMENTS = ("report.json", "adjust.json")
+"""Documents of runs that list their exports, each with its frame."""
+
+
+def remove_stale(path: Path, staging: Staging) -> None:
+    """Remove what belongs to an earlier export to the same path and not to this one.
+
+    A script that names the CRS of the table before would have degrees read as metres.
+
+    Parameters
+    ----------
+    path : Path
+        The export.
+    staging : Staging
+        The open one, in which the export and what belongs to it stand; that stays.
+    """
+    goal = staging.destination(path)
+    for end, mark in BESIDE.items():
+        beside = goal.with_name(f"{goal.stem}{end}")
+        if beside.is_file():
+            with beside.open("rb") as stream:
+                own = mark in stream.read(HEAD_BYTES)
+            if own:
+                staging.remove(beside)
+
+
+def refuse_replacing(staging: Staging, out: Path, named: bool, frame: str) -> None:
+    """Refuse to replace a run's own table in another frame, and what `--out` names, by another one.
+
+    Files that would stay as they are are replaced by any export.
+
+    Parameters
+    ----------
+    staging : Staging
+        The open one, with all files of the export.
+    out : Path
+        The export.
+    named : bool
+        Whether the user named it.
+    frame : str
+        The frame of the export.
+
+    Raises
+    ------
+    UsageError
+        What is in the way, with both frames where these differ.
+    """
+    changed = [goal for _, goal in staging.changed()]
+    if not changed:
+        return
+    before = frame_of_run(out)
+    if before is not None and before != frame:
+        code = re.sub(r"[^A-Za-z0-9+]+", "", frame.split()[0])
+        other = out.with_name(f"{out.stem}_{code}{out.suffix}")
+        raise UsageError(
+            f"export: {out} is the run's own, in {before}, and this export is in {frame}; give"
+            f" --out {other}, or --force"
+        )
+    if named:
+        raise UsageError(
+            f"export: {changed[0]} is there and differs from this export (other inputs, options or"
+            " frame, or a file of others); give another --out, or --force"
+        )
+
+
+def frame_of_run(out: Path) -> str | None:
+    """Return the frame in which a run wrote a file of this name beside its documents.
+
+    Parameters
+    ----------
+    out : Path
+        The file, or the directory of a format that has several.
+
+    Returns
+    -------
+    str or None
+        The frame's name; None where no run says that it wrote such a file.
+    """
+    for name in DOCUMENTS:
+        try:
+            exports = read_object(out.parent / name, is_replaced=True)["exports"]
+            return next(row["frame"] for row in exports if row["file"] == out.name)
+        except (KeyError, TypeError, StopIteration):
+            continue
+    return None

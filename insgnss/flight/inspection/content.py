@@ -1,0 +1,571 @@
+"""The keys of the flight file of an inspected recording, each with the evidence for it.
+
+Recognised values are written where their confidence exceeds `SURE`, else as comments with the
+reason. Numbers that a file's own header gives a unit for are not given another one unless the data
+contradict it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...navigation.prepare.gaps import nominal_interval
+from ...navigation.recognise.streams import classes_apart
+from ...records import Check, GnssFixes, ImuSamples
+from ..config.flight_file import ROLLOVER
+from .alone import Alone
+from .draft import Draft
+from .mounting_drawing import drawn_in_letters
+from .noise import draft_noise
+from .rinex.result import draft_raw_gnss
+from .sensing import Sensing
+from .sources import Source
+
+if TYPE_CHECKING:
+    from ...navigation.recognise.recognition import Recognition
+    from .rinex.survey import Survey
+
+SURE = 0.9
+KNOWN_S = 0.005  # a latency known to this needs no state
+LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
+SAME = 0.02  # of a factor
+UPRIGHT = 0.85  # of |f|, along the axis that is vertical
+SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
+REMARKS = (
+    "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
+    "Keys that are commented out are not settled by the data: check these by hand.",
+)
+NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
+NEEDS_POSITION = (
+    "a static recording needs a position to become a flight: set gnss.stationary = [latitude,"
+    " longitude, height] in a flight file; as it is, insgnss tune makes a noise model of it"
+)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes in words with the evidence.
+
+    `sure` is set where at least the vertical is certain, so that they are better than the default.
+    """
+
+    words: str
+    why: str
+    sure: bool
+
+
+def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
+    """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
+    rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
+    gyro, accel = (
+        recognition.gyro_factor * rate,
+        recognition.accel_factor * recognition.accel_sign * rate,
+    )
+    return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
+
+
+def draft_flight(
+    name: str,
+    sources: tuple[Source, ...],
+    raw: ImuSamples,
+    gnss: GnssFixes | None,
+    sensing: Sensing,
+    recognition: "Recognition | None",
+    axes: Axes,
+    week: tuple[int, str] | None,
+    alone: Alone,
+    event_clock: tuple[str, str, bool],
+    rinex: "Survey | None" = None,
+) -> tuple[Draft | None, str]:
+    """Draft the flight file.
+
+    Parameters
+    ----------
+    name : str
+    sources : tuple of Source
+    raw : ImuSamples
+        As the file has them.
+    gnss : GnssFixes or None
+    sensing : Sensing
+    recognition : Recognition or None
+    axes : Axes
+    week : tuple of int, str, or None
+        The GPS week with its origin, where no file gives it.
+    alone : Alone
+        What was found without a receiver.
+    event_clock : tuple of str, str, bool
+        Whose clock stamps the exposures, why, and whether that is sure (`clock_of_events`).
+    rinex : Survey, optional
+        RINEX files, which stand for fixes where there are none.
+
+    Returns
+    -------
+    tuple of Draft or None, str
+        The draft, or None and what is missing for one.
+    """
+    by_role = {source.role: source for source in sources}
+    site = by_role["imu"].site
+    raw_gnss = rinex is not None and not rinex.missing and site is None and gnss is None
+    if rinex is not None and rinex.missing and site is None and gnss is None:
+        return None, f"no fixes of a receiver, and the RINEX files lack {rinex.missing}"
+    if gnss is None and site is None and not raw_gnss:
+        return None, _missing(by_role["imu"], sensing, alone)
+    draft = Draft(remarks=REMARKS)
+    draft.add("", "name", name)
+    if week is not None:
+        draft.add("", "gps_week", week[0], week[1], week[0] >= ROLLOVER)
+    _imu(draft, by_role["imu"], raw, sensing, recognition, axes, alone.units)
+    if raw_gnss:
+        assert rinex is not None
+        draft_raw_gnss(draft, rinex)
+    elif gnss is None:
+        assert site is not None
+        draft.add(
+            "gnss",
+            "stationary",
+            list(site),
+            "latitude deg, longitude deg, height m of the site in the file's header; the sensor"
+            " is stationary",
+        )
+    else:
+        _gnss(draft, by_role["gnss"], gnss, recognition)
+    if "events" in by_role:
+        draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
+        if "time_scale" in (keys := by_role["events"].keys):  # not stated, so not known
+            why = by_role["events"].why["time_scale"]
+            draft.add("camera", "time_scale", keys["time_scale"], why, False)
+        draft.add("camera", "clock", *event_clock)
+    elif of_rover := _events_of_rover(rinex if raw_gnss else None):
+        words = f"{of_rover} camera events are in the rover's file; name their images"
+        draft.add("camera", "images", "photos", words, False)
+    _mounting(draft, "events" in by_role or bool(_events_of_rover(rinex if raw_gnss else None)))
+    if gnss is not None or raw_gnss:
+        _filter(draft, recognition)
+    draft.add("output", "directory", "results")
+    return draft, ""
+
+
+def _events_of_rover(rinex: "Survey | None") -> int:
+    """How many camera events the rover's RINEX has."""
+    return 0 if rinex is None or rinex.rover is None else rinex.rover.events
+
+
+def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
+    """Name what samples without a position lack to become a flight."""
+    open_questions = (
+        [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
+    )
+    open_questions += ["no unit of the gyros"] if alone.gyro_counts is not None else []
+    more = f"; the file has {' and '.join(open_questions)}" if open_questions else ""
+    return (NEEDS_POSITION if sensing.is_static else NEEDS_FIXES) + more
+
+
+def _imu(
+    draft: Draft,
+    source: Source,
+    raw: ImuSamples,
+    sensing: Sensing,
+    recognition: "Recognition | None",
+    axes: Axes,
+    units: dict[str, str],
+) -> None:
+    rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
+    draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
+    if "accel_file" in source.keys:
+        draft.add("imu", "accel_file", source.keys["accel_file"], source.what)
+    for key in ("variable", "rate_hz"):
+        if key in source.keys:
+            draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
+    if "columns" in source.keys:
+        draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
+    _units(draft, source, raw, recognition, units)
+    draft.add("imu", "axes", axes.words, axes.why, axes.sure)
+    draft_noise(draft, sensing)
+
+
+def _units(
+    draft: Draft,
+    source: Source,
+    raw: ImuSamples,
+    recognition: "Recognition | None",
+    alone: dict[str, str],
+) -> None:
+    """Quantity, units and sign of the force."""
+    header = _header_units_of_kind(
+        source, raw.quantity if recognition is None else recognition.quantity
+    )
+    units = header | source.keys.get("units", {})
+    why = [source.why["units"]] if "units" in source.why else []
+    why += [f"the header gives {' and '.join(header.values())}"] if header else []
+    if recognition is None:
+        if raw.quantity != "mean_rate":
+            draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
+        if units | alone:
+            draft.add(
+                "imu",
+                "units",
+                units | alone,
+                "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]),
+            )
+        return
+    for key, name in SENSORS.items():
+        why.append(_evidence(recognition.finding(name)))
+        unit = _unit_of_numbers(source, recognition, key)
+        if unit is not None:
+            units[key] = unit
+    finding = recognition.finding("quantity")
+    draft.add(
+        "imu",
+        "quantity",
+        recognition.quantity,
+        _evidence(finding),
+        finding.confidence > SURE or recognition.quantity == "mean_rate",
+    )
+    if units:
+        draft.add("imu", "units", units, "; ".join(why))
+    sign = recognition.finding("force sign")
+    if recognition.accel_sign < 0 and not recognition.exchanges:
+        mirrored = (
+            "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
+            " check them"
+        )
+        draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
+
+
+def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
+    """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
+    from ...io.formats.text.headers import factor_of
+
+    kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
+    return {
+        key: unit
+        for key, unit in (source.header_units or {}).items()
+        if factor_of(unit, (kinds[key],)) is not None
+    }
+
+
+def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> str | None:
+    """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
+    from ...io.formats import UNITS
+    from ...io.formats.text.headers import factor_of, kinds_like
+
+    factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+    if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
+        return None
+    header_unit = source.header_units.get(key)
+    kind = f"{key} increment" if recognition.quantity == "increments" else key
+    if header_unit is not None:
+        if abs(factor - 1.0) < SAME and key in _header_units_of_kind(source, recognition.quantity):
+            return None
+        factor *= factor_of(header_unit, kinds_like(key)) or 1.0
+    unit, base = next(
+        ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0)
+    )
+    return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
+
+
+def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
+    """Check the units that the file gives against the data.
+
+    A contradiction is a note where the draft can follow the data.
+    """
+    checks = []
+    for key, name in SENSORS.items():
+        finding = recognition.finding(name)
+        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+        if (
+            source.header_units == {}
+            or key not in (source.header_units or SENSORS)
+            or finding.confidence <= SURE
+            or abs(factor - 1.0) < SAME
+        ):
+            continue
+        unit_source = (
+            "its format"
+            if source.header_units is None
+            else f"{source.header_units[key]}, as its header says"
+        )
+        finding_text, expected = (
+            f"{factor:.4g} times what the file says: {finding.evidence}",
+            f"the {key} values in the unit of {unit_source}",
+        )
+        if source.header_units is None:
+            checks.append(
+                Check(
+                    f"unit of {key}",
+                    finding_text,
+                    expected,
+                    "contradiction",
+                    "the file is not what its format says; convert it",
+                )
+            )
+        else:
+            checks.append(
+                Check(
+                    f"unit of {key}", finding_text, expected, "note", "the draft follows the data"
+                )
+            )
+    return checks
+
+
+def counts(source: Source, recognition: "Recognition") -> list[Check]:
+    """Return a contradiction for each sensor whose numbers are in no known unit.
+
+    The flight file must give what one count is worth.
+    """
+    checks = []
+    for key, name in SENSORS.items():
+        finding = recognition.finding(name)
+        counts_likely = (
+            key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
+        ) or "may be counts" in finding.evidence
+        if finding.confidence == 0.0 and counts_likely:
+            worth = (
+                f" (gravity makes it about {recognition.accel_factor:.4g})"
+                if key == "accel"
+                else ""
+            )
+            advice = (
+                f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives"
+                " it, and whether they are increments"
+            )
+            checks.append(
+                Check(
+                    f"unit of {key}",
+                    finding.evidence,
+                    "a unit that is known, or the value of a count",
+                    "contradiction",
+                    advice,
+                )
+            )
+    return checks
+
+
+def assumed_rate(source: Source) -> list[Check]:
+    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
+    if "rate_hz" not in source.keys:
+        return []
+    advice = (
+        "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
+        " in imu.columns"
+    )
+    finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
+    return [
+        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
+    ]
+
+
+def strangers(recognition: "Recognition") -> list[Check]:
+    """Check that samples and fixes are of one recording, latitude and longitude in their order."""
+    from ...navigation.recognise.recognition import EXCHANGED_ADVICE
+
+    if recognition.exchanged:
+        return [
+            Check(
+                "GNSS position",
+                recognition.finding("force sign").evidence,
+                "latitude and longitude in their order",
+                "contradiction",
+                EXCHANGED_ADVICE,
+            )
+        ]
+    clock = recognition.finding("time offset")
+    if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
+        return []
+    advice = (
+        "if it moved, check that samples and fixes are of one recording; no time offset is better"
+        " than all others"
+    )
+    return [
+        Check(
+            "common motion",
+            clock.evidence,
+            "one time offset that explains the motion",
+            "note",
+            advice,
+        )
+    ]
+
+
+def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
+    """Return the findings with the units of the file's header, where the data agree with it."""
+    findings = {finding.name: finding for finding in recognition.findings}
+    for key, name in SENSORS.items():
+        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+        header_unit, finding = (source.header_units or {}).get(key), findings[name]
+        if (
+            header_unit is not None
+            and finding.confidence > 0.0
+            and abs(factor - 1.0) < SAME
+            and header_unit != finding.value
+        ):
+            evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
+            findings[name] = replace(finding, value=header_unit, evidence=evidence)
+    return replace(recognition, findings=tuple(findings.values()))
+
+
+def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
+    """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
+
+    With the vertical alone forward is chosen freely.
+
+    Parameters
+    ----------
+    source : Source
+    imu : ImuSamples
+        In m/s^2 of specific force.
+    recognition : Recognition or None
+
+    Returns
+    -------
+    Axes
+    """
+    if recognition is not None and recognition.axes is not None:
+        finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")
+        unsure = (
+            ""
+            if finding.confidence > SURE
+            else "; the likeliest, but NOT SURE: check which way it was mounted"
+        )
+        return Axes(recognition.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
+    if source.axes:
+        return Axes(source.axes, "by the convention of the format", True)
+    up = np.median(imu.accel, axis=0)
+    words, axis = vertical_axes(up)
+    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
+        np.median(np.linalg.norm(imu.accel, axis=1))
+    )
+    why = (
+        f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
+        " KNOWN: the data do not show it"
+    )
+    return Axes(words, why, steady)
+
+
+def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
+    """Choose axes by the specific force at rest (3,): the vertical is certain, forward is free.
+
+    Returns
+    -------
+    tuple of str
+        The axes in words, and the IMU axis that is vertical.
+    """
+    from ...navigation.prepare.axes import DIRECTIONS
+
+    axis = int(np.argmax(np.abs(mean_force)))
+    words = ["", "", ""]
+    words[axis] = "up" if mean_force[axis] > 0.0 else "down"
+    first, second = [k for k in range(3) if k != axis]
+    words[first], words[second] = "forward", "right"
+    right_handed = (
+        np.linalg.det(
+            np.column_stack(
+                [np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words]
+            )
+        )
+        > 0.0
+    )
+    if not right_handed:
+        words[second] = "left"
+    return " ".join(words), "xyz"[axis]
+
+
+def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
+    step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
+    rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
+    draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
+    for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
+        if key in source.keys:
+            draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
+    if apart := classes_apart(gnss):
+        floors = {quality.name.lower(): sigma for quality, (_, sigma, _) in apart.items()}
+        why = "; ".join(finding for finding, _, _ in apart.values())
+        draft.add("gnss", "quality_sigma_m", floors, f"{why}: what they are worth")
+    if source.free_height:
+        why = (
+            "heights may be above the geoid; the geoid's height above the ellipsoid would then go"
+            " here"
+        )
+        draft.add("gnss", "undulation_m", 0.0, source.why.get("undulation_m", why), sure=False)
+    if recognition is None or not np.isfinite(recognition.time_offset_sigma_s):
+        why = (
+            "the data do not determine the latency"
+            if recognition is None
+            else _evidence(recognition.finding("time offset"))
+        )
+        draft.add("gnss", "time_offset_s", 0.0, why, sure=False)
+        return
+    scale = recognition.finding("time scale")
+    why = _evidence(recognition.finding("time offset")) + (
+        f"; time scale {scale.value}: {scale.evidence}" if recognition.time_scale != "same" else ""
+    )
+    significant = abs(recognition.time_offset_s) > 2.0 * recognition.time_offset_sigma_s
+    draft.add(
+        "gnss",
+        "time_offset_s",
+        round(recognition.time_offset_s, 4),
+        why if significant else f"{why}; that is none within its sigma",
+        significant,
+    )
+
+
+def _mounting(draft: Draft, camera: bool) -> None:
+    turn, unknown = [[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0.0, 0.0, 0.0]
+    draft.add(
+        "mounting",
+        "antenna_m",
+        unknown,
+        "lever arms are not in the files: measure them, in m from the camera in camera axes",
+        drawing=drawn_in_letters(turn, unknown, unknown),
+    )
+    if camera:
+        draft.add("mounting", "imu_m", unknown)
+        draft.add(
+            "mounting",
+            "camera_from_body",
+            turn,
+            "as in the published data sets; check it for this drone",
+            False,
+        )
+
+
+def _filter(draft: Draft, recognition: "Recognition | None") -> None:
+    sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
+    if not sigma < KNOWN_S:
+        latency = (
+            f"the latency is known to {1e3 * sigma:.0f} ms only"
+            if np.isfinite(sigma)
+            else "the latency is not known"
+        )
+        draft.add("filter", "time_offset", True, f"{latency}; the filter estimates what remains")
+    if draft.noise is not None and draft.noise.gyro[0].scale_factor:
+        draft.add(
+            "filter",
+            "scale_factor",
+            True,
+            "a sensor without a calibration of its own: beside a turn of 360 deg 1 % is 3.6 deg",
+        )
+        draft.add("filter", "misalignment", True)
+    draft.add(
+        "filter",
+        "lever_arm",
+        True,
+        "the lever arm is not known; the filter estimates it where the flight lets it",
+    )
+    draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
+    draft.add(
+        "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
+    )
+
+
+def left_out(source: Source) -> str:
+    """Name the columns of a source's table that nothing takes; empty where all are taken."""
+    columns = source.columns_left_out
+    return f"; columns left out: {', '.join(columns)}" if columns else ""
+
+
+def _evidence(finding: Any) -> str:
+    return (
+        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+    )

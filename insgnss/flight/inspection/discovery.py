@@ -1,0 +1,264 @@
+"""Auto-detection of inputs: which files are samples, fixes and exposures.
+
+A file is judged by what it holds (`formats` recognises the logs, `tables.roles` the columns of
+tables), never by its name alone; what is left out is reported with the reason. The sources say how
+a flight file names the inputs.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...base.advance import through
+from ...base.errors import InputError, InsgnssError
+from ...base.inputs import check_input, is_file, opened
+from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
+from .tables.grids import tables_of_file
+from .tables.tabular import VARIABLES, sources_of_table
+
+NO_RECORDINGS = {
+    *(
+        ".toml",
+        ".md",
+        ".yaml",
+        ".yml",
+        ".json",
+        ".xml",
+        ".ini",
+        ".cfg",
+        ".py",
+        ".m",
+        ".r",
+        ".html",
+        ".pdf",
+        ".gz",
+        ".zip",
+    ),
+    *(
+        ".png",
+        ".jpg",
+        ".jpeg",
+        ".tif",
+        ".tiff",
+        ".svg",
+        ".dng",
+        ".mp4",
+        ".sbet",
+        ".smrmsg",
+        ".out",
+        ".kml",
+        ".rdata",
+        ".rda",
+    ),
+}
+RAW_OBSERVATIONS = {".obs", ".rnx", ".crx", ".nav", ".rtcm3", ".ubx"}
+OWN_PRODUCTS = {
+    "trajectory.csv",
+    "eo_local-plane.txt",
+    "eo_covariance.npz",
+    "eo_images.npz",
+    "metashape.csv",
+}
+LEFT_OUT_FOLDERS = {"truth"}
+FLIGHT_LOGS = {"ardupilot": "ArduPilot", "ulog": "PX4"}
+LOG_TABLES: dict[Role, tuple[str, ...]] = {
+    "imu": ("IMU", "sensor_combined", "vehicle_imu"),
+    "gnss": ("GPS", "vehicle_gps_position", "sensor_gps"),
+    "events": ("CAM", "camera_capture", "camera_trigger"),
+}
+LOG_SIGMA = "stands in where the log gives no standard deviations: those of a single-point receiver"
+FIX_LOGS = {"nmea": "receiver log of NMEA sentences", "rtklib_pos": "positions of RTKLIB"}
+SCALE_OPEN = (
+    "the file does not say of which scale its dates are: utc, gpst (18 s apart), or local time such"
+    " as utc+02:00; inspected as UTC, choose it"
+)
+DEEPEST, MOST_FILES = 6, 3000
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """All candidates, and the files that are none with the reason."""
+
+    sources: tuple[Source, ...]
+    left_out: tuple[tuple[Path, str], ...]
+
+    def of(self, role: Role) -> tuple[Source, ...]:
+        """Return the candidates for a role."""
+        return tuple(source for source in self.sources if source.role == role)
+
+
+def discover(paths: Sequence[Path]) -> Discovery:
+    """Look into the files and directories.
+
+    Raises
+    ------
+    InputError
+        Where a path does not exist, or a file that was named cannot be read.
+    """
+    sources: list[Source] = []
+    left_out: list[tuple[Path, str]] = []
+    for path in paths:
+        if not path.exists():
+            raise InputError.at_line(
+                path,
+                None,
+                "does not exist; give a flight file, a directory or the files of a recording",
+            )
+        files = [path] if is_file(path) else list(_walk(path))
+        for file in through(files):
+            try:
+                file_sources = sources_of(file)
+            except InsgnssError as error:
+                if path.is_file():
+                    raise
+                left_out.append((file, str(error)))
+                continue
+            sources += file_sources
+            if not file_sources:
+                left_out.append((file, _why_not(file)))
+    return Discovery(tuple(sources), tuple(left_out))
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    """Files below `root` that may be recordings, in order of name."""
+    todo = [(root, 0)]
+    count = 0
+    while todo:
+        folder, depth = todo.pop(0)
+        for entry in sorted(folder.iterdir()):
+            if entry.name.startswith("."):
+                continue
+            if entry.is_dir():
+                if depth < DEEPEST and entry.name.lower() not in LEFT_OUT_FOLDERS:
+                    todo.append((entry, depth + 1))
+            elif entry.is_file() and entry.suffix.lower() not in NO_RECORDINGS:
+                count += 1
+                if count > MOST_FILES:
+                    raise InputError.at_line(
+                        root,
+                        None,
+                        f"holds more than {MOST_FILES} files; name the files of the recording",
+                    )
+                yield entry
+
+
+def _why_not(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix in RAW_OBSERVATIONS or (
+        len(suffix) == 4 and suffix[1:3].isdigit() and suffix[3] in "onghp"
+    ):
+        return "raw observations; give antenna positions that an engine made of them"
+    if path.name.lower() in OWN_PRODUCTS:
+        return "a product of insgnss"
+    return "neither samples of an IMU nor fixes nor exposures"
+
+
+def sources_of(path: Path) -> list[Source]:
+    """Return what a file holds.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
+    check_input(path)
+    if path.stat().st_size == 0:
+        raise InputError.at_line(path, None, "is empty; copy the recording again")
+    if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
+        return []
+    log_sources = _known_log(path)
+    if log_sources is not None:
+        return log_sources
+    sources = [s for table in tables_of_file(path) for s in sources_of_table(path, table)]
+    return sources or _dated_events(path)
+
+
+def _dated_events(path: Path) -> list[Source]:
+    """Exposures by dates beside the names of images; without names any log with dates could be."""
+    from ...io.formats import sniff_events
+    from ...io.formats.events.dated import read_dated_events
+    from ...io.formats.events.events import UNNAMED
+
+    if path.suffix.lower() in VARIABLES or sniff_events(path) != "event_dates":
+        return []
+    try:
+        events = read_dated_events(path, time_scale="utc")
+    except InsgnssError:  # dates of something else
+        return []
+    if any(check.name == UNNAMED for check in events.notes):
+        return []
+    keys = {"time_scale": events.time_scale} if events.time_scale else {}
+    why = {"time_scale": SCALE_OPEN} if keys else {}
+    words = f"exposures with their dates, {len(events.images)} of them"
+    return [Source("events", path, words, keys, why)]
+
+
+def _known_log(path: Path) -> list[Source] | None:
+    """Sources of a file whose format says what it holds; None for tables."""
+    from ...io.formats import sniff_events, sniff_gnss, sniff_imu
+
+    with opened(path) as stream:
+        if b"RINEX VERSION" in stream.read(256):
+            return []
+    imu, gnss, events = sniff_imu(path), sniff_gnss(path), sniff_events(path)
+    if imu in FLIGHT_LOGS:
+        return _flight_log(path, imu)
+    if imu == "psins":
+        return [_psins(path)]
+    if imu == "aimu":
+        return [Source("imu", path, "IMU log of $AIMU sentences")]
+    if events == "events_pos" and path.stem.lower().endswith("_events"):
+        return [Source("events", path, "exposures at the time marks of a rover, by RTKLIB")]
+    if gnss in FIX_LOGS:
+        return [_fix_log(path, gnss)]
+    return (
+        [Source("events", path, "exposures of a DJI or Autel drone")] if events == "mrk" else None
+    )
+
+
+def _psins(path: Path) -> Source:
+    """A log of increments whose header gives the site and the axes."""
+    from ...io.formats.imu.psins import read_psins_header
+
+    header = read_psins_header(path)
+    site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
+    keys, why = {"quantity": "increments"}, {"quantity": "by the format"}
+    return Source("imu", path, "IMU log of PSINS", keys, why, axes=header.axes, site=site)
+
+
+def _fix_log(path: Path, form: str) -> Source:
+    """A receiver's log; standard deviations stand in where it has none."""
+    from ...io.formats import describe
+
+    if form != "nmea":
+        return Source("gnss", path, FIX_LOGS[form])
+    keys = {"sigma_velocity_mps": SINGLE_POINT["sigma_velocity_mps"]}
+    why = {
+        "sigma_velocity_mps": (
+            "RMC gives a velocity without standard deviations: those of a usual receiver"
+        )
+    }
+    if not any(table.name.endswith("GST") for table in describe(path)):
+        keys["sigma_m"], why["sigma_m"] = SINGLE_POINT["sigma_m"], NO_SIGMA
+    return Source("gnss", path, FIX_LOGS[form], keys, why)
+
+
+def _flight_log(path: Path, form: str) -> list[Source]:
+    """The log of an autopilot: samples and fixes, and exposures where it holds any."""
+    from ...io.formats import describe
+
+    names = {table.name.partition("[")[0] for table in describe(path) if table.rows}
+    keys = {key: list(value) for key, value in SINGLE_POINT.items()}
+    why = {"sigma_m": LOG_SIGMA, "sigma_velocity_mps": LOG_SIGMA}
+    sources = [
+        Source("imu", path, f"samples of a log of {FLIGHT_LOGS[form]}"),
+        Source("gnss", path, f"fixes of a log of {FLIGHT_LOGS[form]}", keys, why),
+        Source("events", path, f"exposures of a log of {FLIGHT_LOGS[form]}"),
+    ]
+    return [
+        source
+        for source in sources
+        if any(name.startswith(LOG_TABLES[source.role]) for name in names)
+    ]

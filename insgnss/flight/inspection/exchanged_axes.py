@@ -1,0 +1,71 @@
+"""Samples of left-handed axes, read with two axes exchanged so that they are right-handed."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ...io.formats.imu.exchanged_columns import exchanged_columns
+from ...navigation.prepare.axes import parse_axes
+from ...records import Check, ImuSamples
+from .sources import Source
+
+if TYPE_CHECKING:
+    from ...navigation.recognise.recognition import Recognition
+
+USUAL_AXES = "forward right down"
+
+
+def right_handed(
+    source: Source, imu: ImuSamples, recognition: "Recognition"
+) -> "tuple[Source, ImuSamples, Recognition]":
+    """Exchange the two axes that make left-handed readings right-handed.
+
+    Parameters
+    ----------
+    source : Source
+        The samples as the flight file would name them.
+    imu : ImuSamples
+        As the file has them.
+    recognition : Recognition
+        With the exchanges that explain the motion; of them the one that shows the usual axes is
+        taken, else the first.
+
+    Returns
+    -------
+    tuple of Source, ImuSamples, Recognition
+        With the exchange, and a note that says so; as they were, with a contradiction, where the
+        format does not let the flight file name its columns.
+    """
+    from ...navigation.recognise.handedness import exchanged, of_axes
+
+    usual = parse_axes(source.axes or USUAL_AXES)
+    exchange = of_axes(recognition.exchanges, usual) or recognition.exchanges[0]
+    keys, (a, b) = source.keys, exchange.words
+    columns = exchanged_columns(
+        source.path,
+        exchange.pair,
+        keys.get("columns"),
+        keys.get("rate_hz"),
+        keys.get("accel_file"),
+    )
+    finding = (
+        f"left-handed: {a} and {b} are exchanged in gyro and accelerometer alike, or one of their"
+        f" signs is reversed in both; with {a} and {b} exchanged"
+        f" {exchange.recognition.finding('gyro triad').evidence}"
+    )
+    if columns is None:
+        advice = f"exchange {a} and {b} of gyro and accelerometer in the file"
+        check = Check("IMU columns", finding, "right-handed axes", "contradiction", advice)
+        return source, replace(imu, notes=(*imu.notes, check)), recognition
+    check = Check(
+        "IMU columns",
+        finding,
+        "right-handed axes",
+        "note",
+        "the draft exchanges them in imu.columns: see how the sensor's axes are printed on it",
+    )
+    imu = exchanged(imu, exchange.pair)
+    return (
+        replace(source, keys=keys | {"columns": columns}, why=source.why | {"columns": finding}),
+        replace(imu, notes=(*imu.notes, check)),
+        exchange.recognition,
+    )

@@ -1,0 +1,143 @@
+"""The inspection of a directory with RINEX and no IMU: what there is, and the PPK it allows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....base.errors import DataError, InsgnssError
+from ....base.wording import command_line
+from ....geodesy.frames import ecef_to_geodetic
+from ..draft import Draft, write_draft
+from .survey import SYSTEMS, Receiver, Survey
+
+REMARKS = (
+    "Drafted by insgnss inspect from RINEX: table [gnss] is for `insgnss process` once an IMU is"
+    " there; `insgnss ppk` solves the positions, and those of the camera, without one.",
+)
+POSITION_WHY = (
+    "of the base's header, which is approximate as a rule: give the station's coordinates, and"
+    " what they are of"
+)
+
+
+@dataclass(frozen=True)
+class RinexInspection:
+    """RINEX files of a recording without IMU, and the draft of its PPK."""
+
+    name: str
+    survey: Survey
+    written: tuple[Path, ...] = ()
+
+    @property
+    def missing(self) -> str:
+        """What PPK lacks."""
+        return self.survey.missing
+
+    @property
+    def refusal(self) -> InsgnssError | None:
+        """What keeps the files from a solution."""
+        return DataError(f"no PPK: {self.missing}") if self.missing else None
+
+    def write(self, path: Path, force: bool = False) -> "RinexInspection":
+        """Write the draft; return the inspection with the files written."""
+        draft = Draft(remarks=REMARKS)
+        draft.add("", "name", self.name)
+        draft.add("imu", "file", "imu.csv", "no samples of an IMU are among the files", False)
+        draft_raw_gnss(draft, self.survey)
+        draft.add("output", "directory", "results")
+        return replace(self, written=tuple(write_draft(draft, path, force)))
+
+    def command(self) -> str:
+        """Return the command line that solves the positions."""
+        s = self.survey
+        assert s.rover is not None
+        assert s.base is not None
+        words = ["insgnss", "ppk", *map(str, s.rover.files), "--base", *map(str, s.base.files)]
+        words += ["--navigation", *map(str, s.navigation)]
+        return command_line(words)
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        s = self.survey
+        lines = [self.name]
+        for receiver in s.receivers:
+            role = "rover" if receiver is s.rover else "base" if receiver is s.base else "other"
+            names = ", ".join(file.name for file in receiver.files[:4])
+            more = f" and {len(receiver.files) - 4} more" if len(receiver.files) > 4 else ""
+            lines.append(f"  {role:<10}  {names}{more} ({receiver.header.marker or 'no marker'})")
+            lines.append(f"  {'':<10}  {receiver.words}")
+        if s.navigation:
+            named = ", ".join(f"{SYSTEMS.get(k, k)} {n}" for k, n in s.messages.items())
+            files = ", ".join(file.name for file in s.navigation)
+            lines.append(f"  navigation  {files}: satellites {named}")
+        lines += [f"left out  {path}: {why[:120]}" for path, why in s.left_out[:8]]
+        if self.missing:
+            return "\n".join([*lines, "", f"no PPK: {self.missing}"])
+        lines += ["", f"the rover is {s.rover.files[0].name}: {s.why}"] if s.rover else []
+        lines += [f"wrote {path}" for path in self.written]
+        return "\n".join([*lines, f"next: {self.command()}"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the inspection for JSON output."""
+        s = self.survey
+        return {
+            "name": self.name,
+            "receivers": [_document(one, s) for one in s.receivers],
+            "why": s.why,
+            "navigation": [str(path) for path in s.navigation],
+            "messages": s.messages,
+            "left_out": {str(path): why for path, why in s.left_out},
+            "missing": self.missing,
+            "command": "" if self.missing else self.command(),
+            "written": [str(path) for path in self.written],
+        }
+
+
+def _document(receiver: Receiver, survey: Survey) -> Mapping[str, Any]:
+    role = "rover" if receiver is survey.rover else "base" if receiver is survey.base else "other"
+    return {
+        "role": role,
+        "files": [str(path) for path in receiver.files],
+        "marker": receiver.header.marker,
+        "receiver": receiver.header.receiver,
+        "antenna": receiver.header.antenna,
+        "antenna_delta_m": receiver.header.antenna_delta_m.tolist(),
+        "rinex": receiver.header.version,
+        "interval_s": receiver.interval_s,
+        "epochs": receiver.epochs,
+        "gaps": receiver.gaps,
+        "events": receiver.events,
+        "minutes": (receiver.last_s - receiver.first_s) / 60.0,
+        "satellites": receiver.satellites,
+        "bands": receiver.bands,
+    }
+
+
+def draft_raw_gnss(draft: Draft, survey: Survey) -> None:
+    """Add the keys of table [gnss] by which the flight is solved from RINEX.
+
+    Parameters
+    ----------
+    draft : Draft
+        Gets the keys.
+    survey : Survey
+        With rover, base and navigation files.
+    """
+    rover, base = survey.rover, survey.base
+    assert rover is not None
+    assert base is not None
+    draft.add("gnss", "rover", _files(rover), f"{survey.why}: {rover.words}")
+    draft.add("gnss", "base", _files(base), base.words)
+    draft.add("gnss", "navigation", list(survey.navigation))
+    if base.header.approx_position_m is not None:
+        lat, lon, height = ecef_to_geodetic(base.header.approx_position_m)
+        plan = [round(float(np.degrees(x)), 9) for x in (lat, lon)]
+        draft.add("gnss", "base_position", [*plan, round(float(height), 4)], POSITION_WHY, False)
+        draft.add("gnss", "base_point", "marker", "or apc, arp", False)
+
+
+def _files(receiver: Receiver) -> Path | list[Path]:
+    return receiver.files[0] if len(receiver.files) == 1 else list(receiver.files)

@@ -1,0 +1,288 @@
+"""Which RINEX files there are, what they hold, and which receiver flew.
+
+Files are taken by their first line, packed ones as well. Observation files of one marker, antenna
+and version are one receiver's. The rover is the receiver that the files tell from the others, by
+the first of these that distinguishes: camera events (flag 5), which only a rover has; a marker
+type of the header (GEODETIC stands, NON_GEODETIC moves); epochs that come oftener; a time that
+lies within that of the others. Of several bases the one that covers most of the rover's time is
+taken.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InsgnssError
+from ....geodesy.gpstime import WEEK_S
+from ....gnss.engine.preflight import interval
+from ....gnss.rinex.header import RinexHeader, load_rinex
+from ....gnss.rinex.navigation_message import Navigation, read_navigation
+from ....gnss.rinex.observations import Observations, read_observations
+
+NAME = re.compile(r"\.(obs|rnx|crx|nav|\d\d[odnghplq])(\.(gz|z|bz2|zip))?$", re.IGNORECASE)
+DEEPEST, MOST_FILES = 6, 500
+OFTENER = 1.5  # times the rate of another receiver, to be the one that flew
+WITHIN = 0.9  # share of another's time
+GAP_INTERVALS = 1.5
+SYSTEMS = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "S": "SBAS"}
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """What the observation files of one receiver hold.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        In order of time.
+    header : RinexHeader
+        Of the first.
+    first_s, last_s : float
+        Of its epochs, s since 1980-01-06, GPST.
+    interval_s : float
+        Between epochs, the median.
+    epochs, gaps, events : int
+        Epochs, intervals longer than 1.5 of the usual, camera events (flag 5).
+    satellites : dict of str to int
+        Satellites by letter of the system.
+    bands : dict of str to tuple of str
+        Bands with a phase by system.
+    """
+
+    files: tuple[Path, ...]
+    header: RinexHeader
+    first_s: float
+    last_s: float
+    interval_s: float
+    epochs: int
+    gaps: int
+    events: int
+    satellites: dict[str, int]
+    bands: dict[str, tuple[str, ...]]
+
+    @property
+    def gps_week(self) -> int:
+        """GPS week of the first epoch."""
+        return int(self.first_s // WEEK_S)
+
+    @property
+    def words(self) -> str:
+        """What it holds, in one line."""
+        systems = ", ".join(
+            f"{SYSTEMS.get(k, k)} {count} (bands {' '.join(self.bands[k]) or 'none'})"
+            for k, count in self.satellites.items()
+        )
+        antenna = " ".join(self.header.antenna.split()) or "not named"
+        up = float(self.header.antenna_delta_m[0])
+        return (
+            f"{self.epochs} epochs every {self.interval_s:g} s over"
+            f" {(self.last_s - self.first_s) / 60.0:.1f} min, {self.gaps} gaps, {systems};"
+            f" antenna {antenna}, {up:.4f} m above its marker; {self.events} camera events"
+        )
+
+
+@dataclass(frozen=True)
+class Survey:
+    """RINEX files of a recording.
+
+    Parameters
+    ----------
+    receivers : tuple of Receiver
+        All of them.
+    rover, base : Receiver, optional
+        The one that flew, and the one it is solved against, as far as the files tell.
+    why : str
+        What tells the rover from the others, or why nothing does.
+    navigation : tuple of Path
+        Files of broadcast messages.
+    messages : dict of str to int
+        Satellites with messages by letter of the system.
+    left_out : tuple
+        Files that could not be read, with the reason.
+    """
+
+    receivers: tuple[Receiver, ...]
+    rover: Receiver | None
+    base: Receiver | None
+    why: str
+    navigation: tuple[Path, ...]
+    messages: dict[str, int]
+    left_out: tuple[tuple[Path, str], ...]
+
+    @property
+    def missing(self) -> str:
+        """What PPK lacks, empty where nothing is."""
+        if not self.receivers:
+            return "observations of rover and base"
+        if self.rover is None or self.base is None:
+            return self.why
+        return "" if self.navigation else "a navigation file (broadcast ephemerides) of that day"
+
+
+def survey(paths: Sequence[Path]) -> Survey:
+    """Look for RINEX files in directories, and among the files that are named.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and directories.
+
+    Returns
+    -------
+    Survey
+        Without receivers where there is no RINEX.
+    """
+    read: list[Observations] = []
+    navigation: list[Path] = []
+    broadcast: list[Navigation] = []
+    left_out: list[tuple[Path, str]] = []
+    for path in _candidates(paths):
+        try:
+            kind = kind_of(path)
+            if kind == "O":
+                read.append(read_observations(path))
+            elif kind:
+                broadcast.append(read_navigation(path))
+                navigation.append(path)
+        except InsgnssError as error:
+            left_out.append((path, str(error)))
+    receivers = tuple(_receiver(group) for group in _groups(read))
+    rover, base, why = rover_and_base(receivers)
+    satellites = {str(code) for one in broadcast for code in one.satellite}
+    messages = Counter(sorted(code[0] for code in satellites))
+    return Survey(receivers, rover, base, why, tuple(navigation), dict(messages), tuple(left_out))
+
+
+def _candidates(paths: Sequence[Path]) -> list[Path]:
+    """The files with names of RINEX below the paths, in order of name."""
+    files: list[Path] = []
+    for path in paths:
+        if path.is_file():
+            files.append(path)
+            continue
+        files += sorted(
+            file
+            for file in path.rglob("*")
+            if len(file.relative_to(path).parts) <= DEEPEST and file.is_file()
+        )
+    return [file for file in files if NAME.search(file.name)][:MOST_FILES]
+
+
+def kind_of(path: Path) -> str:
+    """Return the letter of a RINEX file's kind, O for observations; empty for other files."""
+    head = bytes(load_rinex(path)[0][:200]).decode("latin-1").splitlines()
+    first = head[0] if head else ""
+    if "RINEX VERSION / TYPE" not in first[60:]:
+        return ""
+    return first[20:21].upper()
+
+
+def _groups(read: list[Observations]) -> list[list[Observations]]:
+    """Observations by receiver, each in order of time."""
+    by_receiver: dict[tuple[str, ...], list[Observations]] = {}
+    for one in sorted(read, key=lambda o: (o.gps_week, float(o.time[0]))):
+        header = one.header
+        approximate = header.approx_position_m
+        key = (
+            header.marker or header.path,
+            header.antenna,
+            str(header.version),
+            "" if approximate is None else str(np.round(approximate / 1e3).tolist()),
+        )
+        by_receiver.setdefault(key, []).append(one)
+    return list(by_receiver.values())
+
+
+def _receiver(group: list[Observations]) -> Receiver:
+    first, last = group[0], group[-1]
+    time = np.concatenate([one.gps_week * WEEK_S + one.time for one in group])
+    usual = interval(first)
+    names = sorted({str(code) for one in group for code in np.unique(one.satellite)})
+    letters = dict.fromkeys(name[0] for name in names)
+    return Receiver(
+        tuple(Path(one.header.path) for one in group),
+        first.header,
+        float(first.gps_week * WEEK_S + first.time[0]),
+        float(last.gps_week * WEEK_S + last.time[-1]),
+        usual,
+        time.size,
+        int((np.diff(time) > GAP_INTERVALS * usual).sum()),
+        sum(one.events.size for one in group),
+        {letter: sum(name[0] == letter for name in names) for letter in letters},
+        {letter: _bands(first, letter) for letter in letters},
+    )
+
+
+def _bands(observations: Observations, letter: str) -> tuple[str, ...]:
+    """Bands in which some satellite of a system has a phase."""
+    rows = np.char.startswith(observations.satellite, letter)
+    phases = [(k, name) for k, name in enumerate(observations.signals) if name[0] == "L"]
+    there = {name[1] for k, name in phases if np.isfinite(observations.values[rows, k]).any()}
+    return tuple(sorted(there))
+
+
+def rover_and_base(
+    receivers: Sequence[Receiver],
+) -> tuple[Receiver | None, Receiver | None, str]:
+    """Return the receiver that flew, the base for it, and what tells them apart.
+
+    Parameters
+    ----------
+    receivers : sequence of Receiver
+        All that were found.
+    """
+    if len(receivers) < 2:
+        return (
+            None,
+            None,
+            "observations of one receiver alone; give those of a base as well (its hourly files,"
+            " or a station of the reference network)",
+        )
+    rules: tuple[tuple[str, Callable[[Receiver], bool]], ...] = (
+        ("only its file has camera events", lambda one: one.events > 0),
+        ("its header calls the marker NON_GEODETIC", lambda one: _marker_moves(one.header)),
+        (
+            "its epochs come oftener than those of the others",
+            lambda one: all(
+                one.interval_s * OFTENER < other.interval_s
+                for other in receivers
+                if other is not one
+            ),
+        ),
+        (
+            "its time lies within that of the others",
+            lambda one: all(_within(one, other) for other in receivers if other is not one),
+        ),
+    )
+    for why, moves in rules:
+        moving = [one for one in receivers if moves(one)]
+        if len(moving) == 1:
+            rover = moving[0]
+            others = [one for one in receivers if one is not rover]
+            base = max(others, key=lambda other: _common(rover, other))
+            if _common(rover, base) <= 0.0:
+                return rover, None, "no other receiver observed at the rover's time"
+            return rover, base, why
+    names = ", ".join(one.files[0].name for one in receivers)
+    return None, None, f"nothing in {names} tells which receiver flew; name the rover yourself"
+
+
+def _marker_moves(header: RinexHeader) -> bool:
+    kind = " ".join(header.records.get("MARKER TYPE", ())).strip().upper()
+    return kind.startswith(("NON_GEODETIC", "AIRBORNE", "GROUND_CRAFT", "HUMAN"))
+
+
+def _common(one: Receiver, other: Receiver) -> float:
+    """Seconds that both observed."""
+    return min(one.last_s, other.last_s) - max(one.first_s, other.first_s)
+
+
+def _within(one: Receiver, other: Receiver) -> bool:
+    longer = other.last_s - other.first_s
+    return one.last_s - one.first_s < WITHIN * longer and _common(one, other) > WITHIN * (
+        one.last_s - one.first_s
+    )

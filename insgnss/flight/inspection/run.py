@@ -1,0 +1,421 @@
+"""Inspection of files: find, read and recognise them, and draft the flight file.
+
+    discovery   which files are samples, fixes, exposures; which columns they have (tables)
+    recognise   units, axes, sign of force and clock, from the motion that both sensors saw
+    sensing     stationarity, white noise, gravity, Earth rate: class and noise model of the sensor
+    content     the flight file with the evidence beside each key (draft writes it)
+
+Where there is no receiver the inspection still shows what the samples are, and drafts what they
+allow.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...navigation.prepare.clock import NO_WEEK
+from ...records import CameraEvents, GnssFixes, ImuSamples
+from ..processing.progress import Progress, quiet
+from .discovery import Discovery, discover
+from .event_clock import clock_of_events
+from .exchanged_axes import right_handed
+from .result import InspectionData
+from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .tables.halves import of_two_halves
+from .text import document, summary
+
+if TYPE_CHECKING:
+    from ...navigation.recognise.recognition import Recognition
+    from ...navigation.recognise.turns import Forces
+    from ...report.charts.chart import Chart
+    from ...report.verb_page import VerbPage
+    from .rinex.result import RinexInspection
+    from .rinex.survey import Survey
+
+DATA_KEYS = (
+    "accel_file",
+    "columns",
+    "variable",
+    "units",
+    "quantity",
+    "rate_hz",
+    "repeat_column",
+    "sigma_m",
+    "undulation_m",
+    "time_scale",
+)
+MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
+LARGEST, SPARSEST = (
+    1e12,
+    20.0,
+)  # a reading, in any unit; times that the stamps span what the samples fill
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection(InspectionData):
+    """What was found, with its draft, picture and texts."""
+
+    def write(self, path: Path, force: bool = False) -> "Inspection":
+        """Write the draft and the files beside it; return the inspection with the files written."""
+        from .draft import write_draft
+
+        assert self.draft is not None
+        drafted = replace(self.draft, picture=self.picture(), page="".join(self.page().html()))
+        return replace(self, written=tuple(write_draft(drafted, path, force)))
+
+    def charts(self) -> "tuple[Chart, ...]":
+        """Return what was recognised as charts; none without a receiver."""
+        from ...navigation.recognise.axes import axes_words
+        from ...report.figures.recognition import recognition_charts
+
+        recognition = self.recognition
+        if recognition is None:
+            return ()
+        poses = recognition.curves.get("orientation", ())
+        words = [axes_words(C) for C in poses]
+        return recognition_charts(recognition.curves, recognition.findings, words)
+
+    def picture(self) -> bytes | None:
+        """Return a PNG of what was recognised; None without a receiver."""
+        from ...report.charts.drawn import draw_sheet
+        from ...report.figures.recognition import answers_in_words
+
+        if self.recognition is None:
+            return None
+        charts = self.charts()
+        beside = [chart for chart in charts if chart.name != "motion"]
+        columns = [list(c) for c in ([x for x in charts if x not in beside], beside) if c]
+        title = f"{self.name}: what the IMU felt and what GNSS saw"
+        return draw_sheet(columns, title, answers_in_words(self.recognition.findings))
+
+    def page(self) -> "VerbPage":
+        """Return the page: what was recognised and why, charts, checks."""
+        from .page import inspection_page
+
+        return inspection_page(self, self.charts())
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        return summary(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the inspection for JSON output."""
+        return document(self)
+
+
+def inspect_files(
+    paths: Sequence[Path], progress: Progress = quiet
+) -> "Inspection | RinexInspection":
+    """Inspect files and directories that no flight file describes.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    progress : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    Inspection or RinexInspection
+        The latter where there is RINEX and no IMU.
+
+    Raises
+    ------
+    InputError
+        Where nothing, or not one recording, is found, and where a file cannot be read.
+    """
+    from .content import in_units_of_file
+    from .rinex.result import RinexInspection
+    from .rinex.survey import survey
+
+    progress("looking")
+    discovery = discover(paths)
+    sensed = bool(discovery.of("imu") or discovery.of("gyro") or discovery.of("accel"))
+    rinex = None if sensed and discovery.of("gnss") else survey(paths)
+    if rinex is not None and not (rinex.receivers or rinex.navigation):
+        rinex = None
+    if rinex is not None and not sensed:
+        return RinexInspection(_name(paths), rinex)
+    imu_source, gnss_source, events_source = _choose(discovery, paths)
+    if gnss_source is not None:
+        imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
+    progress("reading")
+    imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
+        imu_source = ticks
+        imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    clock = clock_of_events((imu_source, gnss_source, events_source), imu, gnss, events)
+    imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
+    if known_week is not None and rinex is not None and rinex.rover is not None:
+        known_week = rinex.rover.gps_week, f"of the epochs of {rinex.rover.files[0].name}"
+    sources = tuple(
+        source for source in (imu_source, gnss_source, events_source) if source is not None
+    )
+    progress("recognising")
+    recognition, unrecognised = recognised(imu, gnss)
+    if recognition is not None and recognition.exchanges:
+        imu_source, imu, recognition = right_handed(imu_source, imu, recognition)
+        others = [source for source in sources if source.role != "imu"]
+        sources = (imu_source, *others)
+    if recognition is not None:
+        recognition = in_units_of_file(imu_source, recognition)
+    progress("measuring noise")
+    return _inspection(
+        _name(paths),
+        sources,
+        discovery,
+        imu,
+        gnss,
+        events,
+        recognition,
+        unrecognised,
+        known_week,
+        clock,
+        rinex,
+    )
+
+
+def _choose(
+    discovery: Discovery, paths: Sequence[Path]
+) -> tuple[Source, Source | None, Source | None]:
+    """The one source of samples, and the one of fixes and exposures that belong to it."""
+    where = ", ".join(map(str, paths))
+    samples = discovery.of("imu")
+    if not samples:
+        halves = of_two_halves(discovery.of("gyro"), discovery.of("accel"))
+        samples = () if halves is None else (halves,)
+    if not samples:
+        there = _listed(discovery) or "no files that could be a recording"
+        raise InputError(
+            f"{where}: no samples of an IMU found; there are {there}; name its file, or say its"
+            " columns in a flight file"
+        )
+    if len(samples) > 1:
+        names = ", ".join(source.title for source in samples[:MOST_LISTED])
+        more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
+        raise InputError(
+            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of"
+            " them ([[imu.further]] joins others)"
+        )
+    imu = samples[0]
+    return (
+        imu,
+        _belonging(discovery, "gnss", imu, where),
+        _belonging(discovery, "events", imu, where),
+    )
+
+
+def _listed(discovery: Discovery) -> str:
+    """The files found; those that could not be read first, with the reason."""
+    damaged = [
+        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:REASON_LENGTH]})"
+        for path, why in discovery.left_out
+        if str(path) in why
+    ]
+    others = [path.name for path, why in discovery.left_out if str(path) not in why]
+    names = [
+        *damaged,
+        *(f"{source.path.name} ({source.what})" for source in discovery.sources),
+        *others,
+    ]
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return "; ".join(names[:MOST_LISTED]) + more
+
+
+def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:
+    """The one source of a role; of several the one in the IMU's file."""
+    candidates = discovery.of(role)
+    if role == "events":  # any column that increases could be one of exposures, but for its times
+        candidates = tuple(source for source in candidates if overlap(source.span, imu.span) >= 0.0)
+    if len(candidates) > 1:
+        inside = tuple(source for source in candidates if source.path == imu.path)
+        candidates = inside or candidates
+    if len(candidates) > 1:
+        kind = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
+        names = ", ".join(source.title for source in candidates[:MOST_LISTED])
+        raise InputError(
+            f"{where}: {len(candidates)} {kind}: {names}; name the files of one flight"
+        )
+    return candidates[0] if candidates else None
+
+
+def _spec(source: Source) -> dict[str, Any]:
+    """Options of the reader."""
+    spec = {key: value for key, value in source.keys.items() if key in DATA_KEYS}
+    if "sigma_velocity_mps" in source.keys:
+        spec["sigma_velocity"] = source.keys["sigma_velocity_mps"]
+    return spec
+
+
+def _read(
+    imu: Source, gnss: Source | None, events: Source | None
+) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
+    from ...io.formats import read_events, read_gnss, read_imu
+
+    samples = read_imu(imu.path, **_spec(imu))
+    fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
+    return samples, fixes, None if events is None else read_events(events.path, **_spec(events))
+
+
+def _one_week(
+    source: Source, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
+) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
+    """The records in seconds of one week; and the week with its origin where no file gives it."""
+    from ...navigation.prepare.clock import common_week
+    from ...records.observations import in_week
+
+    weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
+    week, guess = (weeks[0], None) if weeks else _week_by_date(source.path)
+    if gnss is None:
+        return (
+            (imu if imu.gps_week is not None else replace(imu, gps_week=week)),
+            None,
+            events,
+            guess,
+        )
+    week = common_week(imu, gnss, week)
+    events = None if events is None else in_week(events, week)
+    return in_week(imu, week), in_week(gnss, week), events, guess
+
+
+def _week_by_date(path: Path) -> tuple[int, tuple[int, str]]:
+    """GPS week by a date in the file, else `NO_WEEK`; the week for the draft, with its origin."""
+    from .tables.grids import date_in
+
+    date, origin = date_in(path), f"the date in {path.name}"
+    in_file = date is not None
+    if date is None:
+        date = np.datetime64(int(path.stat().st_mtime), "s").astype("datetime64[D]")
+        origin = f"the date of the file {path.name}, as no file gives the week; correct it"
+    week = int((date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int) // 7)
+    return week if in_file else NO_WEEK, (week, f"of {date}, {origin}")
+
+
+def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
+    """Recognise the samples; None and the reason where that cannot be done."""
+    from ...navigation.prepare.gaps import nominal_interval
+    from ...navigation.recognise.handedness import with_exchanges
+    from ...navigation.recognise.recognition import recognise
+
+    if gnss is None:
+        return None, "no fixes of a receiver"
+    absurd = max(float(np.abs(imu.gyro).max()), float(np.abs(imu.accel).max()))
+    if absurd > LARGEST:
+        return None, f"a reading of {absurd:.3g}, which is none of a sensor"
+    span, kept = float(imu.time[-1] - imu.time[0]), imu.time.size * nominal_interval(imu.time)
+    if span > SPARSEST * kept:
+        return (
+            None,
+            f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps",
+        )
+    if imu.gps_week == NO_WEEK:  # no real week, so it must not give the leap seconds
+        imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
+    return with_exchanges(recognise(imu, gnss), imu, gnss, recognise), ""
+
+
+def _name(paths: Sequence[Path]) -> str:
+    """Name of the directory or of the one file given.
+
+    Of several files it is that of the directory which holds the first.
+    """
+    first = paths[0].absolute()
+    return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
+
+
+def _forces(recognition: "Recognition | None") -> "Forces | None":
+    """What the forces show of the records as recognised; None where they show no clock."""
+    from ...navigation.recognise.turns import Forces
+
+    if recognition is None or not recognition.finding("time offset").confidence:
+        return None
+    names = ("gyro unit", "gyro triad", "time offset")
+    sure = min(recognition.finding(name).confidence for name in names)
+    aligned = recognition.finding("gyro triad").value == "aligned"
+    clock = recognition.finding("time offset").confidence
+    return Forces(0.0, clock, sure if aligned else 0.0)
+
+
+def _inspection(
+    name: str,
+    sources: tuple[Source, ...],
+    discovery: Discovery,
+    imu: ImuSamples,
+    gnss: GnssFixes | None,
+    events: CameraEvents | None,
+    recognition: "Recognition | None",
+    unrecognised: str,
+    week: tuple[int, str] | None,
+    clock: tuple[str, str, bool],
+    rinex: "Survey | None" = None,
+) -> Inspection:
+    from ...navigation.prepare.axes import parse_axes
+    from ...navigation.prepare.fix_covariance.quality import with_floors
+    from ...navigation.recognise.plausibility import check_recording
+    from ...navigation.recognise.streams import classes_apart
+    from .alone import Alone, by_gravity, rest_findings
+    from .content import (
+        assumed_rate,
+        draft_flight,
+        in_si,
+        likely_axes,
+        strangers,
+        unit_contradictions,
+    )
+    from .content import counts as in_counts
+    from .sensing import sense
+
+    raw, alone = imu, Alone(imu, {}, ())
+    if recognition is None:
+        alone = by_gravity(imu, sources[0].header_units == {})
+    imu = alone.imu if recognition is None else in_si(raw, recognition)
+    time_offset = 0.0 if recognition is None else recognition.time_offset_s
+    stamped = None if gnss is None else replace(gnss, time=gnss.time + time_offset)
+    sensing = sense(imu, stamped)
+    axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
+    findings = (
+        (*alone.findings, *rest_findings(sensing, counts is not None))
+        if recognition is None
+        else recognition.findings
+    )
+    checks = list(raw.notes)
+    if stamped is not None:
+        apart = classes_apart(stamped)
+        stamped = with_floors(stamped, {q: tuple(sigma) for q, (_, sigma, _) in apart.items()})
+        checks += [
+            *stamped.notes,
+            *check_recording(
+                imu, parse_axes(axes.words), stamped, events, None, _forces(recognition)
+            ),
+        ]
+        checks += assumed_rate(sources[0])
+    if recognition is not None:
+        checks += [
+            *unit_contradictions(sources[0], recognition),
+            *in_counts(sources[0], recognition),
+            *strangers(recognition),
+        ]
+    draft, missing = draft_flight(
+        name, sources, raw, gnss, sensing, recognition, axes, week, alone, clock, rinex
+    )
+    if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
+        missing += f"; not taken: {damaged[0]}"
+    return Inspection(
+        name,
+        sources,
+        discovery.left_out,
+        imu,
+        stamped,
+        events,
+        sensing,
+        counts,
+        recognition,
+        unrecognised,
+        findings,
+        tuple(checks),
+        draft,
+        missing,
+    )

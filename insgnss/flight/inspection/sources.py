@@ -1,0 +1,120 @@
+"""One input of a flight as its flight file will name it, and which inputs run on one clock."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...records import GnssFixes, ImuSamples
+
+Role = Literal["imu", "gnss", "events", "gyro", "accel"]  # the last two: half an IMU
+
+SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
+NO_SIGMA = (
+    "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02,"
+    " 0.02, 0.04"
+)
+STEP_REASON = "the clock's usual step is"
+SAME_LENGTH = 0.1
+OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input as the flight file will name it: keys of its table, each with the reason.
+
+    Parameters
+    ----------
+    role : str
+    path : Path
+    what : str
+        A short description.
+    keys, why : dict
+        Keys of the flight file's table, and the reason of each.
+    span : tuple of float, s, or None
+        First and last stamp on the file's own clock, where a table gives them.
+    other_clocks : tuple of Source
+        The same source stamped by another of its clocks.
+    header_units : dict of str to str, or None
+        Of gyro and accel, as far as the file gives them; None where the format fixes them.
+    free_height : bool
+        Whether nothing in the file gives what the heights are above.
+    axes : str
+        Of the format's convention.
+    site : tuple of float, or None
+        Latitude deg, longitude deg, height m that the file gives for a stationary sensor.
+    columns_left_out : tuple of str
+        Columns of its table that no input takes, with the reason of some.
+    fields : dict of str to str
+        Of half an IMU: what its file calls each of its columns.
+    """
+
+    role: Role
+    path: Path
+    what: str
+    keys: dict[str, Any] = field(default_factory=dict)
+    why: dict[str, str] = field(default_factory=dict)
+    span: tuple[float, float] | None = None
+    other_clocks: tuple["Source", ...] = ()
+    header_units: dict[str, str] | None = None
+    free_height: bool = False
+    axes: str = ""
+    site: tuple[float, float, float] | None = None
+    columns_left_out: tuple[str, ...] = ()
+    fields: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """Path, and the variable inside it."""
+        return (
+            f"{self.path} ({self.keys['variable']})" if "variable" in self.keys else str(self.path)
+        )
+
+
+def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
+    """Choose the clocks of samples and fixes that run together.
+
+    Their first clocks are taken where none do, or where it is not known.
+    """
+    pairs = [(i, g) for g in (gnss, *gnss.other_clocks) for i in (imu, *imu.other_clocks)]
+    best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
+    if best == (imu, gnss) or overlap(best[0].span, best[1].span) < OVERLAP:
+        return imu, gnss
+    why = {"columns": f"{best[1].why.get('columns', '')}; of the clocks those that run together"}
+    return best[0], replace(best[1], why=best[1].why | why)
+
+
+def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
+    """Correct the unit of the samples' clock where they would run ten or more times off the fixes.
+
+    The unit becomes tens, hundreds ... or tenths of that which its steps suggest, where only so it
+    runs as long as the fixes: within `SAME_LENGTH` of the logarithm to base ten. A unit that the
+    header gives is kept.
+    """
+    unit = imu.keys.get("units", {}).get("time", "s")
+    if STEP_REASON not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
+        return imu
+    ratio = np.log10(
+        (samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3)
+    )
+    decade = round(float(ratio))
+    if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
+        return imu
+    comparison = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
+    units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
+    return replace(
+        imu,
+        keys=imu.keys | {"units": units},
+        why=imu.why | {"units": f"{imu.why['units']}; {comparison}"},
+    )
+
+
+def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:
+    """Return the common time over the length of the shorter span, at most 1.
+
+    It is negative without any, and 0 where one span is not known.
+    """
+    if a is None or b is None:
+        return 0.0
+    return min((min(a[1], b[1]) - max(a[0], b[0])) / max(min(a[1] - a[0], b[1] - b[0]), 1.0), 1.0)

@@ -1,0 +1,175 @@
+"""Which columns of an unknown table are its clocks, and in which unit they count.
+
+A known name gives the candidates, else a column that increases in nearly equal steps is one; the
+step gives the unit. A counter of rows or packets runs as evenly and is none.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....io.formats.text.headers import TIME_FACTORS
+from ....records import Array
+from .names import CLOCK_NAMES, WEEK_NAMES, Grid, bare, spellings, squashed
+
+UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
+EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
+TWIN = 1e-3  # of a decade: how near a power of a thousand the ratio of two clocks of one device is
+FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
+COUNTER = re.compile(
+    r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
+)
+SECONDS, NANOSECONDS = (
+    re.compile(r"(.*?)(?:secs?|seconds?)"),
+    re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)"),
+)
+
+
+def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
+    """Find the columns that are clocks, and their units.
+
+    Parameters
+    ----------
+    grid : Grid
+        Names give the candidates where there are any; the step gives the unit.
+    longest_step : float, s
+        Of the sensor; 0.5 for an IMU, 30 for GNSS.
+
+    Returns
+    -------
+    dict of int to str
+        Unit by column, the best clock first.
+    """
+    named = any(name is not None for name in grid.names)
+    fine = seconds_and_nanoseconds(grid.names).values()
+    units: dict[int, str] = {}
+    for k, name in enumerate(grid.names):
+        clock_names = (
+            []
+            if name is None
+            else [
+                short
+                for short in (*spellings(name), *bare(name, ("time",)))
+                if short in CLOCK_NAMES
+            ]
+        )
+        if named and (not clock_names or k in fine):
+            continue
+        unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
+        if unit is not None:
+            units[k] = next(
+                (FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS), unit
+            )
+    return _best_first(grid, units)
+
+
+def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[int, str]:
+    """Find the columns that no name calls a clock but that run like one.
+
+    A counter of rows or packets is none.
+    """
+    units: dict[int, str] = {}
+    for k, name in enumerate(grid.names):
+        steps = np.diff(grid.values[:, k])
+        counts = (steps == 1.0).mean() > 0.5 or (
+            name is not None and COUNTER.fullmatch(squashed(name)) is not None
+        )
+        if k in taken or counts:
+            continue
+        unit = _clock_unit(grid.values[:, k], longest_step, strict=True)
+        if unit is not None:
+            units[k] = unit
+    return _best_first(grid, units)
+
+
+def is_clock_of(grid: Grid, column: int, clock: int) -> bool:
+    """Tell whether a column runs with a clock, in the same ticks or a thousandth of them."""
+    a, b = grid.values[:, clock], grid.values[:, column]
+    span = float(a[-1] - a[0])
+    ratio = float(b[-1] - b[0]) / span if span else 0.0
+    if not ratio > 0.0 or abs(np.log10(ratio) - 3.0 * round(np.log10(ratio) / 3.0)) > TWIN:
+        return False
+    off = np.abs(b - b[0] - ratio * (a - a[0])) / ratio
+    return bool(np.quantile(off, EVEN_SHARE) < np.median(np.diff(a)))
+
+
+def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:
+    """Clocks that count from 1970 first, then those in seconds."""
+
+    def rank(item: tuple[int, str]) -> tuple[bool, bool]:
+        k, unit = item
+        return not grid.values[0, k] * tick(unit) > UNIX_FROM, unit != "s"
+
+    return dict(sorted(units.items(), key=rank))
+
+
+def tick(unit: str) -> float:
+    """Return the seconds of a unit of time, which a number may precede."""
+    number, _, name = unit.rpartition(" ")
+    return float(number or 1.0) * TIME_FACTORS[name]
+
+
+def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
+    """Find pairs of columns of one clock by their names.
+
+    Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`.
+    """
+    pairs = {}
+    for fine, name in enumerate(names):
+        match = NANOSECONDS.fullmatch(squashed(name or ""))
+        if match is None:
+            continue
+        whole = [
+            k
+            for k, other in enumerate(names)
+            if k != fine and (m := SECONDS.fullmatch(squashed(other or ""))) and m[1] == match[1]
+        ]
+        if len(whole) == 1:
+            pairs[whole[0]] = fine
+    return pairs
+
+
+def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
+    step = np.diff(column)
+    forward = step[step > 0.0]
+    if (
+        forward.size < (0.5 if longest_step < 1.0 else 0.001) * step.size
+        or forward.size < 5
+        or (step < 0.0).mean() > 0.01
+    ):
+        return None
+    typical = float(np.median(forward))
+    if strict and (
+        forward.size < 0.99 * step.size
+        or np.mean(np.abs(forward - typical) < 0.5 * typical) < EVEN_SHARE
+    ):
+        return None
+    span = float(column[-1] - column[0])
+    if strict and span < 0.5 * typical * step.size:
+        return None
+    return next(
+        (unit for unit, factor in TIME_FACTORS.items() if typical * factor <= longest_step), None
+    )
+
+
+def weeks(grid: Grid) -> list[int]:
+    """Find the columns that are GPS weeks."""
+    out = []
+    for k, name in enumerate(grid.names):
+        column = grid.values[:, k]
+        if name is not None and squashed(name) not in WEEK_NAMES:
+            continue
+        if (
+            column.min() >= 500
+            and column.max() <= 4000
+            and np.ptp(column) <= 2
+            and (column == np.round(column)).all()
+        ):
+            out.append(k)
+    return out
+
+
+def week_column(grid: Grid) -> int | None:
+    """Return the first column that is a GPS week, or None."""
+    return next(iter(weeks(grid)), None)

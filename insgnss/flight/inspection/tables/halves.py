@@ -1,0 +1,197 @@
+"""Gyros and accelerometers in text files of their own: each half found, and both joined.
+
+Loggers of telephones write a file a sensor, with columns x, y, z and one clock or two. What the
+columns are the names say, or the unit of the header, or, for x y z without either, the name of the
+file. Accelerations from which the device took gravity, and its estimate of gravity alone, are none
+of an accelerometer: the one has no steady size, the other has nothing else.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....io.formats.text.headers import factor_of, kinds_like, unit_in
+from ..sources import Role, Source
+from .clocks import clocks, week_column
+from .grids import Table
+from .names import ACCEL_NAMES, GYRO_NAMES, Grid, Roles, squashed
+
+TRIADS: dict[Role, tuple[str, str, str]] = {"gyro": ("gx", "gy", "gz"), "accel": ("ax", "ay", "az")}
+NAMES: dict[Role, Sequence[tuple[str, ...]]] = {"gyro": GYRO_NAMES, "accel": ACCEL_NAMES}
+IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
+OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
+TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
+STEADY, EXACT = (
+    0.5,
+    1e-5,
+)  # scatter of the size of a force, in its median: of gravity, of an estimate
+
+
+def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) -> list[Source]:
+    """Return the gyros or the accelerometers of a table that has one of them and a clock.
+
+    Parameters
+    ----------
+    path : Path
+    table : Table
+    source_of : function
+        Makes samples of columns.
+
+    Raises
+    ------
+    InputError
+        For accelerations without gravity, and for gravity alone.
+    """
+    if path.suffix.lower() not in TEXT or table.variable is not None:
+        return []
+    triad = _triad(path, table.grid)
+    ticks = clocks(table.grid, 0.5)
+    if triad is None or not ticks:
+        return []
+    role, columns = triad
+    values = table.grid.values[:, list(columns.values())]
+    if not np.isfinite(values).all():
+        return []
+    if role == "accel":
+        _refuse_without_gravity(path, values)
+    description = f"{'gyros' if role == 'gyro' else 'accelerometers'} alone, {len(values)} rows"
+    sources = []
+    for clock, unit in ticks.items():
+        source = source_of(Roles(columns, {clock: unit}, week_column(table.grid)))
+        indices = {"tow": clock, "nsec": table.grid.nanos.get(clock), **columns}
+        fields = {name: table.fields[k] for name, k in indices.items() if k is not None}
+        sources.append(replace(source, role=role, what=description, fields=fields))
+    return [replace(sources[0], other_clocks=tuple(sources[1:]))]
+
+
+def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
+    """Role and columns of the one triad of a table; None where there is none, or two."""
+    named, triads = grid.named, []
+    for role, canonical in TRIADS.items():
+        triad = next((t for t in NAMES[role] if all(name in named for name in t)), None)
+        if triad is not None:
+            triads.append((role, {c: named[n] for c, n in zip(canonical, triad, strict=True)}))
+    if triads:
+        return triads[0] if len(triads) == 1 else None
+    if not all(letter in named for letter in "xyz"):
+        return None
+    columns = [named[letter] for letter in "xyz"]
+    for role, canonical in TRIADS.items():
+        units = [unit_in(grid.names[k] or "", kinds_like(role)) for k in columns]
+        if all(unit and factor_of(unit, (role,)) is not None for unit in units):
+            return role, dict(zip(canonical, columns, strict=True))
+    if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in columns):
+        return None  # a unit of something else
+    stem = squashed(path.stem)
+    by_name = [role for role, word in IN_NAME.items() if word in stem]
+    if len(by_name) != 1:
+        return None
+    return by_name[0], dict(zip(TRIADS[by_name[0]], columns, strict=True))
+
+
+def _refuse_without_gravity(path: Path, force: Any) -> None:
+    """Refuse accelerations from which gravity was taken, and gravity alone."""
+    size = np.linalg.norm(force, axis=1)
+    spread = float(np.std(size) / max(float(np.median(size)), 1e-12))
+    steadiness = float(np.linalg.norm(np.mean(force, axis=0)) / max(float(np.median(size)), 1e-12))
+    if spread < EXACT:
+        raise InputError.at_line(
+            path, None, f"{size[0]:g} in every row: gravity as the device estimates it, no sensor"
+        )
+    if spread > STEADY and steadiness < STEADY:
+        raise InputError.at_line(
+            path,
+            None,
+            f"accelerations without gravity (median size {np.median(size):.3g}, scatter"
+            f" {spread:.2g} of it): a telephone's linear acceleration; take the file of its"
+            " accelerometer with gravity (TotalAcceleration, raw or uncalibrated)",
+        )
+
+
+def of_two_halves(gyros: tuple[Source, ...], accels: tuple[Source, ...]) -> Source | None:
+    """Join gyros and accelerometers of two files to one source of samples.
+
+    Parameters
+    ----------
+    gyros, accels : tuple of Source
+        The candidates; raw ones ("uncalibrated") count where there are no others.
+
+    Returns
+    -------
+    Source or None
+        None without any.
+
+    Raises
+    ------
+    InputError
+        Where one of the two is missing, where there are several, and where no column of time has
+        the same name in both.
+    """
+    if not gyros and not accels:
+        return None
+    there = gyros or accels
+    if not gyros or not accels:
+        raise InputError.at_line(
+            there[0].path,
+            None,
+            f"{there[0].what}: no {OTHER[there[0].role]} beside them; give the file of these as"
+            " well, put both into one table, or call them gx gy gz and ax ay az",
+        )
+    gyro, accel = (_calibrated(sources) for sources in (gyros, accels))
+    pairs = [
+        (g, a)
+        for g in (gyro, *gyro.other_clocks)
+        for a in (accel, *accel.other_clocks)
+        if _clock(g) == _clock(a)
+    ]
+    if not pairs:
+        raise InputError.at_line(
+            accel.path,
+            None,
+            f"no column of time of the same name and unit as in {gyro.path.name}; call both time",
+        )
+    first, *others = (_pair(g, a) for g, a in pairs)
+    return replace(first, other_clocks=tuple(others))
+
+
+def _calibrated(sources: tuple[Source, ...]) -> Source:
+    """The one source of a sensor; of several the one that is not called raw."""
+    usual = [source for source in sources if "uncalibrated" not in source.path.stem.lower()]
+    chosen = usual or list(sources)
+    if len(chosen) > 1:
+        names = ", ".join(source.title for source in chosen)
+        raise InputError(
+            f"{len(chosen)} files of {chosen[0].what.split(' alone')[0]}: {names}; name one of them"
+        )
+    return chosen[0]
+
+
+def _clock(source: Source) -> tuple[str, Any]:
+    """Name and unit of the column of time."""
+    return source.fields["tow"], source.keys.get("units", {}).get("time")
+
+
+def _pair(gyro: Source, accel: Source) -> Source:
+    """Samples of two files as the flight file names them."""
+    keys: dict[str, Any] = {"accel_file": accel.path}
+    if "columns" in gyro.keys or "columns" in accel.keys:
+        keys["columns"] = gyro.fields | accel.fields
+    units = {**accel.keys.get("units", {}), **gyro.keys.get("units", {})}
+    if units:
+        keys["units"] = units
+    header = {**(gyro.header_units or {}), **(accel.header_units or {})}
+    description = f"{gyro.what}, with {accel.what.replace(' alone', '')} of {accel.path.name}"
+    return Source(
+        "imu",
+        gyro.path,
+        description,
+        keys,
+        {**accel.why, **gyro.why},
+        gyro.span,
+        header_units=header,
+        columns_left_out=gyro.columns_left_out,
+    )

@@ -1,0 +1,263 @@
+"""Which column of an unknown table is what: by its name where it has one, else by what its values
+do.
+
+A name decides where there is one that is known (`names`). Values decide only for `insgnss inspect`,
+which reports what it found and why; the readers never guess. By values
+
+    a clock      increases from row to row in nearly equal steps
+    a GPS week   is a whole number of 500 to 4000, the same in all rows or one more after a while
+    a triad      is three neighbouring columns; that of the accelerometer holds gravity, so its mean
+                 is large against its scatter, the gyro's is small: the ratio |mean| / scatter tells
+                 the two apart at rest and in flight
+
+Positions without names are found in `places`, the codes of a quality in `quality`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ....io.formats.gnss.fixes import MOST_QUALITY
+from ....io.formats.gnss.rounding import floor_of_zeros, is_held
+from ....records import Array
+from .clocks import clocks, clocks_by_values, week_column, weeks
+from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid, Roles, squashed
+from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
+from .quality import codes_of, quality_by_values
+
+GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
+VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
+POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
+OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
+STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
+APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
+GRAVITY, NEAR = (9.8, 1.0, 1000.0), 0.15  # its size in usual units, and how near a median must be
+
+
+def imu_roles(grid: Grid) -> Roles | None:
+    """Find gyro and accelerometer of a table; None where it has none."""
+    names = grid.named
+    named_columns: dict[str, int] = {}
+    for canonical, spellings in ((GYRO, GYRO_NAMES), (ACCEL, ACCEL_NAMES)):
+        triad = next(
+            (names_ for names_ in spellings if all(name in names for name in names_)), None
+        )
+        if triad is not None and not _goes_on(triad, names):
+            named_columns |= {c: names[name] for c, name in zip(canonical, triad, strict=True)}
+    if len(named_columns) == 6:
+        ticks, how = clocks(grid, 0.5), Roles.how
+        if not ticks:
+            ticks, how = (
+                clocks_by_values(grid, 0.5, set(named_columns.values())),
+                f"{Roles.how}, the clock by its values",
+            )
+        return Roles(named_columns, ticks, week_column(grid), how=how if ticks else Roles.how)
+    if any(name is not None for name in grid.names):
+        return None
+    ticks = clocks(grid, 0.5)
+    pair = _two_triads(grid.values, {*ticks, *weeks(grid)})
+    if pair is None:
+        return None
+    gyro, accel = pair
+    columns = {
+        c: first + k for first, triad in ((gyro, GYRO), (accel, ACCEL)) for k, c in enumerate(triad)
+    }
+    return Roles(
+        columns,
+        ticks,
+        week_column(grid),
+        how="by their values: gravity is in one triad, not in the other",
+    )
+
+
+def _goes_on(triad: tuple[str, ...], names: Mapping[str, int]) -> bool:
+    """Tell whether numbered columns do not end with the third: which are x y z is then unknown."""
+    *_, last = triad
+    return last[-1].isdecimal() and f"{last[:-1]}{int(last[-1]) + 1}" in names
+
+
+def has_gravity(grid: Grid, roles: Roles) -> bool:
+    """Tell whether the force of samples has the size of gravity in a usual unit."""
+    force = grid.values[:, [roles.columns[c] for c in ACCEL]]
+    size = float(np.median(np.linalg.norm(force, axis=1)))
+    return any(abs(np.log(max(size, 1e-12) / g)) < NEAR for g in GRAVITY)
+
+
+def triads_named(grid: Grid) -> list[str]:
+    """Return which of gyros and accelerometers the names of the columns show."""
+    names = grid.named
+    sensors = (("gyros", GYRO_NAMES), ("accelerometers", ACCEL_NAMES))
+    return [
+        sensor
+        for sensor, triads in sensors
+        if any(all(name in names for name in triad) for triad in triads)
+    ]
+
+
+def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
+    """First column of the gyro's and of the accelerometer's triad among the columns that change."""
+    rows = values[:: max(1, len(values) // 20000)]
+    alive = [k not in taken and float(np.ptp(rows[:, k])) > 0.0 for k in range(values.shape[1])]
+    best: tuple[float, int, int] | None = None
+    for first in range(values.shape[1] - 5):
+        if not all(alive[first : first + 6]):
+            continue
+        ratio = [_steadiness(rows[:, k : k + 3]) for k in (first, first + 3)]
+        gap = max(ratio) / max(min(ratio), 1e-12)
+        if (
+            gap > APART
+            and max(ratio) > STEADY
+            and (best is None or first == 0 or not alive[first - 1])
+        ):
+            order = (first + 3, first) if ratio[0] > ratio[1] else (first, first + 3)
+            best = best or (gap, *order)
+    return None if best is None else best[1:]
+
+
+def _steadiness(triad: Array) -> float:
+    """|mean| / scatter."""
+    return float(
+        np.linalg.norm(np.mean(triad, axis=0)) / max(np.sqrt(np.sum(np.var(triad, axis=0))), 1e-30)
+    )
+
+
+def gnss_roles(grid: Grid) -> Roles | None:
+    """Find positions and what else a receiver gives; None where the table has no positions."""
+    names = grid.named
+    columns = {
+        role: names[name]
+        for role, spellings in GNSS_NAMES.items()
+        for name in reversed(spellings)
+        if name in names
+    }
+    if {"lat", "lon", "h"} <= columns.keys():
+        return _completed(grid, columns)
+    return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
+
+
+def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
+    """Named columns with their units, and what marks a new fix where the last one is held."""
+    named = columns
+    left = _not_finite(grid, columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    left |= _unused_velocity(columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    left |= _no_sigmas(grid, columns)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    units = {"angle": angle_unit(grid, columns["lat"], columns["lon"])}
+    left |= _quality(grid, columns, units)
+    columns = {role: k for role, k in columns.items() if role not in left}
+    height = grid.values[:, columns["h"]]
+    if (
+        units["angle"] == TENTH_MICRODEGREES
+        and grid.unit_of(columns["h"], "length") is None
+        and (height == np.round(height)).all()
+    ):
+        units["length"] = "mm"  # receivers that count so write whole millimetres
+    if "course" in columns:
+        units["course"] = (
+            "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
+        )  # loggers name it wrongly
+    ticks = clocks(grid, 30.0)
+    repeat_column = _repeat_column(grid, columns, ticks)
+    ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
+    reasons = {named[role]: f"{role}: {why}" for role, why in left.items() if role in named}
+    return Roles(columns, ticks, week_column(grid), units, repeat_column, left=reasons)
+
+
+def _repeat_column(grid: Grid, columns: dict[str, int], ticks: dict[int, str]) -> int | None:
+    """Column that changes with each new fix, where rows hold the last one; else None.
+
+    It is a clock that stands still with the position where there is one, else the latitude.
+    """
+    fix = {role: grid.values[:, k] for role, k in columns.items()}
+    held = (np.diff(fix["lat"]) == 0.0) & (np.diff(fix["lon"]) == 0.0)
+    if not held.size or not held.mean() > 0.5:
+        return None
+    marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == ~held) > 0.95]
+    if marks and len(ticks) > 1:
+        return marks[0]
+    others = [column for role, column in fix.items() if role not in ("lat", "lon")]
+    return columns["lat"] if is_held((fix["lat"], fix["lon"]), others) else None
+
+
+def _unused_velocity(columns: dict[str, int]) -> dict[str, str]:
+    """Columns of a velocity that are of no use beside the others, with the reason."""
+    up = {"vd", "vu"} & columns.keys()
+    triad, polar, sigmas = {"vn", "ve"}, {"speed", "course"}, VELOCITY_SIGMAS
+    if triad <= columns.keys() and up:
+        unused = dict.fromkeys(polar, "vn ve and the vertical are taken")
+    elif polar <= columns.keys():
+        unused = dict.fromkeys(triad | sigmas, "speed and course are taken")
+    else:
+        unused = dict.fromkeys(
+            triad | polar | sigmas | {"vd", "vu"},
+            "no whole velocity: it needs vn ve and vd or vu, or speed and course",
+        )
+    return {role: why for role, why in unused.items() if role in columns}
+
+
+def _not_finite(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+    """Columns that a fix can do without and that are no number in some rows, with the reason."""
+    return {
+        role: f"no number in {count} of {len(grid.values)} rows"
+        for role, k in columns.items()
+        if role not in ("lat", "lon", "h")
+        and (count := int((~np.isfinite(grid.values[:, k])).sum()))
+    }
+
+
+def _no_sigmas(grid: Grid, columns: dict[str, int]) -> dict[str, str]:
+    """Standard deviations that are of no use, with the reason.
+
+    They are not positive, or double where those of north, east and up exist. Zeros that are rounded
+    numbers are of use.
+    """
+    bad = {}
+    for role, k in columns.items():
+        column = grid.values[:, k]
+        if not role.startswith(("sd_", "var_")) or column.min() > 0.0:
+            continue
+        if role.startswith("var_") or floor_of_zeros(column) is None:
+            bad[role] = f"not positive in {int((column <= 0.0).sum())} of {column.size} rows"
+    here = {role for role in columns if role in VELOCITY_SIGMAS}
+    if not columns.keys() - bad.keys() >= VELOCITY_SIGMAS:
+        bad = dict.fromkeys(here, "not all three are of use") | bad
+    of_place = {role for role in columns if role in POSITION_SIGMAS}
+    for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
+        if complete <= columns.keys() - bad.keys():
+            return dict.fromkeys(of_place - complete, "others are taken") | bad
+    return dict.fromkeys(of_place, "not all three are of use") | bad
+
+
+def _quality(grid: Grid, columns: dict[str, int], units: dict[str, str]) -> dict[str, str]:
+    """Set the unit of the quality where its codes are not RTKLIB's; or why it is left out."""
+    if "q" not in columns:
+        return {}
+    column, name = grid.values[:, columns["q"]], grid.names[columns["q"]] or ""
+    if not np.isin(column, range(MOST_QUALITY + 1)).all():
+        return {"q": f"no codes of a quality, up to {column.max():g}"}
+    sigma = next(
+        (grid.values[:, columns[r]] for r in ("sd_n", "sd_ne", "var_n") if r in columns), None
+    )
+    codes = None if sigma is None else codes_of(column, sigma)
+    if codes == "nmea":
+        units["quality"] = codes
+    elif codes is None and squashed(name) not in OF_QUALITY:
+        return {"q": "a quality whose codes nothing tells; RTKLIB's and NMEA's are opposites"}
+    return {}
+
+
+def fixes_by_values(grid: Grid) -> Roles | None:
+    """Find positions by the values, and a quality by the standard deviations beside them."""
+    roles = gnss_by_values(grid)
+    if roles is None or "sd_n" not in roles.columns:
+        return roles
+    taken = {*roles.columns.values(), *roles.clocks, *weeks(grid)}
+    match = quality_by_values(grid, taken, grid.values[:, roles.columns["sd_n"]])
+    if match is None:
+        return roles
+    k, codes = match
+    units = roles.units | ({"quality": codes} if codes == "nmea" else {})
+    return replace(roles, columns=roles.columns | {"q": k}, units=units)

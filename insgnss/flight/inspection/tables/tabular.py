@@ -1,0 +1,429 @@
+"""From the table inside a file to the inputs it holds, in the keys of the flight file.
+
+These are its columns, clock and units. A table whose columns the reader knows by itself gets no
+`columns`; any other gets them spelled out.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
+from ....io.formats import UNITS
+from ....io.formats.gnss.heights import refused_heights
+from ....io.formats.text.headers import Kinds, factor_of, kinds_like, names_of, unit_in
+from ....io.formats.text.units import usual_unit
+from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
+from .clocks import UNIX_FROM, tick
+from .grids import FEWEST_ROWS, Table
+from .halves import half_of_imu
+from .names import Grid, Roles
+from .roles import (
+    ACCEL,
+    GYRO,
+    POSITION_SIGMAS,
+    fixes_by_values,
+    gnss_roles,
+    has_gravity,
+    imu_roles,
+    triads_named,
+)
+
+ASSUMED_HZ = 100.0
+ATTITUDE = re.compile(
+    r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?"
+)
+UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
+UNIT_REASONS = {
+    "1e-7 deg": "values far beyond 360",
+    "deg": "values beyond what a course in rad can be",
+    "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
+}
+NMEA_CODES = (
+    "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
+    " float"
+)
+EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
+VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
+CLOCKLESS = {".npy", ".npz", ".imu"}
+GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
+
+
+def sources_of_table(path: Path, table: Table) -> list[Source]:
+    """Return IMU, fixes or exposures in one table, each with the columns that nothing took."""
+    grid = table.grid
+    named = any(name is not None for name in grid.names)
+    finite = np.isfinite(grid.values).all(axis=0)
+    long = len(grid.values) >= FEWEST_ROWS
+    fixes = gnss_roles(_whole(grid, finite)) if long else None
+    samples = imu_roles(_whole(grid, finite)) if long else None
+    if named and fixes is None and samples is None and long:
+        fixes = fixes_by_values(_whole(grid, finite))
+    if not named and fixes is not None and samples is not None:
+        moves = {"vn", "speed"} & fixes.columns.keys()
+        if has_gravity(grid, samples) and not moves:
+            fixes = None
+        else:
+            samples = None
+    solution = samples is None and any(ATTITUDE.fullmatch(name) for name in grid.named)
+    taken: list[tuple[Any, Roles]] = []
+    if samples is not None and (
+        samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)
+    ):
+        taken.append((_imu, samples))
+    if fixes is not None and fixes.clocks and not solution:
+        taken.append((_gnss, fixes))
+    left = _left_out(table, finite, [roles for _, roles in taken])
+    sources = [
+        replace(source_of(path, table, roles), columns_left_out=left) for source_of, roles in taken
+    ]
+    if not sources and long and fixes is None and not solution:
+        sources = half_of_imu(path, table, lambda roles: _imu(path, table, roles))
+    events = sources or _events(path, table)
+    if (
+        not events
+        and not solution
+        and table.variable is None
+        and (why := _incomplete(table, fixes, samples))
+    ):
+        raise InputError.at_line(path, None, why)
+    return events
+
+
+def _whole(grid: Grid, finite: Any) -> Grid:
+    """Return the table with zeros for columns without a name that are no number in some rows.
+
+    A column of zeros is taken for nothing.
+    """
+    unnamed = [name is None for name in grid.names]
+    empty = np.flatnonzero(~finite & unnamed)
+    if not empty.size:
+        return grid
+    values = grid.values.copy()
+    values[:, empty] = 0.0
+    return replace(grid, values=values)
+
+
+def _left_out(table: Table, finite: Any, taken: list[Roles]) -> tuple[str, ...]:
+    """Name the columns that no input takes, with the reason where there is a particular one."""
+    grid = table.grid
+    used: set[int | None] = set(grid.nanos.values())
+    reasons: dict[int, str] = {}
+    for roles in taken:
+        first, *others = roles.clocks or (None,)
+        used |= {*roles.columns.values(), first, roles.week, roles.repeat_column}
+        reasons |= dict.fromkeys(others, "another clock") | roles.left
+    texts = []
+    for k in range(len(grid.names)):
+        if k in used:
+            continue
+        name = table.fields[k] or f"[{k + 1}]"
+        reason = reasons.get(k) or ("" if finite[k] else "no number in some rows")
+        texts.append(f"{name} ({reason})" if reason else name)
+    return tuple(texts)
+
+
+def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
+    """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
+    names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
+    if samples is not None and not samples.clocks:
+        return (
+            f"gyros and accelerometers without a column of time among {names}; call one time or"
+            " tow, or set imu.columns and imu.rate_hz"
+        )
+    if fixes is not None and not fixes.clocks:
+        return f"positions without a column of time; there are {names}; call one time or tow"
+    there = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
+    if len(there) == 1 and fixes is None:
+        other = "accelerometers" if there == ["gyros"] else "gyros"
+        return (
+            f"{there[0]} without {other} or a column of time among {names}; put both into one"
+            " table, or call them gx gy gz and ax ay az"
+        )
+    return ""
+
+
+def _imu(path: Path, table: Table, roles: Roles) -> Source:
+    """Samples by their first clock; by the others in `other_clocks`."""
+    sources = []
+    for clock, unit in roles.clocks.items() or [(None, "s")]:
+        keys: dict[str, Any] = _named(table)
+        why: dict[str, str] = {}
+        columns, span = dict(roles.columns), None
+        if clock is None:
+            keys["rate_hz"] = ASSUMED_HZ
+            why["rate_hz"] = (
+                f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities"
+                " with it"
+            )
+        else:
+            columns |= _clock_columns(table.grid, clock, roles.week)
+            span = _span(table.grid, clock, unit)
+            _time_unit(keys, why, table.grid, clock, unit)
+        _spell_out(path, table, columns, "imu", keys, why, roles.how)
+        header_units = _header_units(table.grid, columns, keys, why)
+        sources.append(
+            Source(
+                "imu",
+                path,
+                f"samples, {len(table.grid.values)} rows",
+                keys,
+                why,
+                span,
+                header_units=header_units,
+            )
+        )
+    return replace(sources[0], other_clocks=tuple(sources[1:]))
+
+
+def _header_units(
+    grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]
+) -> dict[str, str]:
+    """Units of gyro and accel that the names of the columns give, and with them the quantity.
+
+    One that no reader knows is none, nor that of an increment beside that of a rate: the numbers
+    are then read as SI, and that is noted.
+    """
+    header_units: dict[str, str] = {}
+    for key, names in (("gyro", GYRO), ("accel", ACCEL)):
+        fields = [
+            name for c in names if c in columns and (name := grid.names[columns[c]]) is not None
+        ]
+        if unit := next(filter(None, (unit_in(field, kinds_like(key)) for field in fields)), None):
+            header_units[key] = next(
+                (usual for kind in kinds_like(key) if (usual := usual_unit(unit, kind)) != unit),
+                unit,
+            )
+    rates = {key for key, unit in header_units.items() if factor_of(unit, (key,)) is not None}
+    increments = {
+        key
+        for key, unit in header_units.items()
+        if factor_of(unit, (f"{key} increment",)) is not None
+    }
+    if increments == header_units.keys() and header_units:
+        keys["quantity"], why["quantity"] = (
+            "increments",
+            f"the header gives {' and '.join(header_units.values())}",
+        )
+        return header_units
+    for key in header_units.keys() - rates:
+        problem = "is that of an increment" if key in increments else "is not known"
+        _unit(
+            keys,
+            why,
+            key,
+            next(iter(UNITS[key])),
+            f"the header's unit {header_units[key]!r} {problem}",
+        )
+    return {key: unit for key, unit in header_units.items() if key in rates}
+
+
+def _gnss(path: Path, table: Table, roles: Roles) -> Source:
+    """Fixes by their first clock; by the others in `other_clocks`."""
+    from ....io.formats import GNSS_OPTIONS
+
+    if (
+        roles.repeat_column is not None
+        and path.suffix.lower() not in VARIABLES
+        and "repeat_column" not in GNSS_OPTIONS["gnss_text"]
+    ):
+        message = (
+            f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it),"
+            " which text tables are not read by"
+        )
+        raise InputError.at_line(
+            path,
+            None,
+            f"{message}; write one row a fix into a file of its own, or the whole as .npy or .mat",
+        )
+    sources = []
+    for clock, unit in roles.clocks.items():
+        keys = _named(table)
+        why: dict[str, str] = {}
+        columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
+        _time_unit(keys, why, table.grid, clock, unit)
+        if "quality" in roles.units:
+            _unit(keys, why, "quality", roles.units["quality"], NMEA_CODES)
+        for key, value in roles.units.items():
+            if key not in UNIT_COLUMNS:
+                continue
+            header_unit = table.grid.unit_of(
+                roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle"
+            )
+            if value != (header_unit or "deg"):
+                quantity = "a course" if key == "course" else "latitude and longitude"
+                _unit(
+                    keys,
+                    why,
+                    key,
+                    value,
+                    UNIT_REASONS.get(value) or f"no value exceeds what {quantity} in rad can be",
+                )
+        if roles.repeat_column is not None:
+            keys["repeat_column"] = table.fields[roles.repeat_column]
+            why["repeat_column"] = (
+                "the rows between hold the last fix; this changes with each new one"
+            )
+        if not POSITION_SIGMAS & columns.keys():
+            keys["sigma_m"] = SINGLE_POINT["sigma_m"]
+            why["sigma_m"] = NO_SIGMA
+        if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
+            keys["sigma_velocity_mps"] = SINGLE_POINT["sigma_velocity_mps"]
+            why["sigma_velocity_mps"] = (
+                "no standard deviations of the velocity in the file: those of a usual receiver"
+            )
+        _spell_out(path, table, columns, "gnss", keys, why, roles.how)
+        text = path.is_file() and path.suffix.lower() not in VARIABLES
+        names = [table.fields[columns["h"]] or ""] if "h" in columns else []
+        if above_geoid := refused_heights(path, names, commented=text):
+            keys["undulation_m"] = 0.0  # to look at them; the draft leaves it open
+            why["undulation_m"] = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
+        rows = (
+            slice(None)
+            if roles.repeat_column is None
+            else np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
+        )
+        message = f"fixes, {len(table.grid.values[rows])} of them"
+        sources.append(
+            Source(
+                "gnss",
+                path,
+                message,
+                keys,
+                why,
+                _span(table.grid, clock, unit, rows),
+                free_height=True,
+            )
+        )
+    return replace(sources[0], other_clocks=tuple(sources[1:]))
+
+
+def _events(path: Path, table: Table) -> list[Source]:
+    """Exposures: a column of names or numbers beside a clock, or a clock alone."""
+    if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
+        return []
+    if any(name is not None for name in table.grid.names):
+        from ....io.formats.events import events
+
+        reader_names = set(_as_reader_names(table, events.ALIASES, events.KINDS))
+        return (
+            [Source("events", path, f"exposures, {len(table.grid.values)} of them")]
+            if {"tow", "image"} <= reader_names
+            else []
+        )
+    last = table.grid.values[:, -1]
+    increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
+    if len(table.grid.names) > 2 or not increasing:
+        return []
+    return [
+        Source(
+            "events",
+            path,
+            f"exposures, {len(table.grid.values)} of them",
+            span=(float(last[0]), float(last[-1])),
+        )
+    ]
+
+
+def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
+    """Columns of the time: seconds, nanoseconds and week, as far as there are any."""
+    columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
+    return {name: k for name, k in columns.items() if k is not None}
+
+
+def _named(table: Table) -> dict[str, Any]:
+    return {} if table.variable is None else {"variable": table.variable}
+
+
+def _time_unit(
+    keys: dict[str, Any], why: dict[str, str], grid: Grid, clock: int, unit: str
+) -> None:
+    """Unit of the clock, where it is not the reader's default."""
+    factor = tick(unit)
+    step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
+    if unit in EPOCH_UNITS and float(grid.values[0, clock]) * factor > UNIX_FROM:
+        unit = EPOCH_UNITS[unit]
+    header_unit = grid.unit_of(clock, "time")
+    is_stated = header_unit == unit
+    if unit == "s" and (is_stated or header_unit is None):
+        return
+    _unit(
+        keys,
+        why,
+        "time",
+        unit,
+        f"the header gives {header_unit}" if is_stated else f"{STEP_REASON} {step:g}",
+    )
+
+
+def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
+    """Set a unit and add its reason to those of the others."""
+    keys.setdefault("units", {})[of] = unit
+    why["units"] = "; ".join(filter(None, [why.get("units", ""), reason]))
+
+
+def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
+    """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
+    column = grid.values[rows, clock] * tick(unit)
+    first, last = float(column[0]), float(column[-1])
+    shift = 0.0 if first < UNIX_FROM else first - (first - GPS_EPOCH_UNIX) % WEEK_S
+    return first - shift, last - shift
+
+
+def _spell_out(
+    path: Path,
+    table: Table,
+    columns: dict[str, int],
+    role: Role,
+    keys: dict[str, Any],
+    why: dict[str, str],
+    how: str,
+) -> None:
+    """Set `columns`, unless the reader finds the same ones itself."""
+    names = table.grid.names
+    in_text = path.is_file() and path.suffix.lower() not in VARIABLES
+    if all(name is None for name in names):
+        name_of = {k: name for name, k in columns.items()}
+        listed = [name_of.get(k, "-") for k in range(len(names))]
+        if in_text and _is_default(role, listed):
+            return
+        keys["columns"] = listed
+    else:
+        if in_text and _reader_finds(role, table, columns):
+            return
+        keys["columns"] = {name: table.fields[k] for name, k in columns.items()}
+    why["columns"] = how
+
+
+def _reader_finds(role: Role, table: Table, columns: dict[str, int]) -> bool:
+    """Whether the reader of text tables takes just these columns by the header."""
+    from ....io.formats.gnss import gnss_text
+    from ....io.formats.imu import imu_csv
+
+    reader = imu_csv if role == "imu" else gnss_text
+    taken = _as_reader_names(table, reader.ALIASES, reader.KINDS)
+    by_itself = {name: k for k, name in enumerate(taken) if name is not None}
+    return len(by_itself) == sum(name is not None for name in taken) and by_itself == columns
+
+
+def _as_reader_names(
+    table: Table, aliases: Mapping[str, tuple[str, ...]], kinds: Kinds
+) -> list[str | None]:
+    """What a reader of text tables with these aliases takes each column for by the header."""
+    return names_of(
+        table.fields,
+        {alias: name for name, spellings in aliases.items() for alias in spellings},
+        kinds,
+    )
+
+
+def _is_default(role: Role, columns: list[str]) -> bool:
+    """Whether the reader of text tables takes a file without header for these columns."""
+    from ....io.formats.gnss import gnss_text
+
+    return tuple(columns) in ((("tow", *GYRO, *ACCEL),) if role == "imu" else gnss_text.DEFAULTS)

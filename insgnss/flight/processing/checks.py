@@ -1,0 +1,463 @@
+"""The checks of a run: of the recording against the flight file, and of its trajectory.
+
+A check that finds a contradiction stops the run, unless the flight file accepts it by name.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import DataError, InputError
+from ...base.inputs import opened
+from ...base.wording import named
+from ...io.formats import EXPORTS, UNITS
+from ...io.formats.images.exif import CameraTags, camera_tags
+from ...io.formats.orientation.mounting_file import MountingFile
+from ...navigation.recognise.positions import VELOCITY_UNITS
+from ...records import Array, Check, GnssFixes, ImuSamples, Trajectory
+from ...records.cameras.mounting import Mounting
+from ...records.framed import PROJECTED
+from ..config.flight_file import Flight, MountingSource
+
+LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
+OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
+LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
+OTHER_LENS = (
+    0.15  # of a focal length: Exif has it rounded, by diagonal or width (9 % of 3:2 to 4:3)
+)
+STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
+
+
+def sentence(check: Check) -> str:
+    """Say a check in one sentence."""
+    return f"{check.name}: {check.found}; expected {check.expected}; {check.advice}"
+
+
+def refuse_contradictions(
+    flight: Flight,
+    checks: Iterable[Check],
+    findings: Callable[[], Mapping[str, Any]] = dict,
+) -> None:
+    """Stop a run whose checks contradict the flight file.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, which may accept contradictions by name.
+    checks : iterable of Check
+        The checks.
+    findings : callable
+        Returns what the run has found by then, which the error takes along with the names of the
+        contradictions.
+
+    Raises
+    ------
+    InputError
+        With the first contradiction and the number of further ones.
+    """
+    bad = [c for c in checks if c.verdict == "contradiction" and c.name not in flight.accept]
+    if bad:
+        noun = "contradiction" if len(bad) == 2 else "contradictions"
+        also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
+        names = ", ".join(f'"{c.name}"' for c in bad)
+        error = refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
+        error.findings = {"contradictions": [c.name for c in bad], **findings()}
+        raise error
+
+
+def refusal(flight: Flight, check: Check, remark: str = "") -> InputError:
+    """Return the error of a contradiction, in the words of whoever gave the data.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    check : Check
+        The contradiction, whose advice speaks of a flight file.
+    remark : str
+        What follows it.
+
+    Returns
+    -------
+    InputError
+        Of samples that were given as an object it says by what to multiply them, and calls options
+        as Python does.
+    """
+    text = sentence(check) + remark
+    if not isinstance(flight.imu.file, Path):
+        for pattern, words in _OF_OBJECTS:
+            text = re.sub(pattern, words, text)
+    return InputError(f"{flight.path}: {text}")
+
+
+def _factor(match: re.Match[str]) -> str:
+    """By what to multiply samples that have another unit than the one they are taken for."""
+    sensor, unit, other = match.groups()
+    units = UNITS[sensor] | UNITS[f"{sensor} increment"]
+    taken_for = units[other if other in UNITS[sensor] else f"{other}/s"] if other else 1.0
+    factor = units[unit] / taken_for
+    names = {math.radians(1.0): "np.radians(1)", math.degrees(1.0): "np.degrees(1)"}
+    close = (name for value, name in names.items() if math.isclose(factor, value))
+    return f"{unit} (multiply {sensor} by {next(close, f'{factor:.6g}')})"
+
+
+def _speed(match: re.Match[str]) -> str:
+    """By what to multiply velocities that are not in m/s."""
+    return f"multiply them by {VELOCITY_UNITS[match.group(1)]:.6g}, to m/s"
+
+
+def _keyword(match: re.Match[str]) -> str:
+    key = match.group()
+    return named(key) if named(key) != key else key.replace(".", "__")
+
+
+_OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
+    (r'imu\.units (gyro|accel) = "([^"]+)"(?: \(not in ([^)]+)\))?', _factor),
+    (r"imu\.units (gyro|accel)\b", r"the unit of \1"),
+    (r"imu\.(units|columns)\b", r"the \1 of the samples"),
+    (
+        r'look like gnss\.units = \{ angle = "rad" \}',
+        "look like radians (give np.degrees of them, or columns lat_rad and lon_rad)",
+    ),
+    (
+        r'set gnss\.units = \{ angle = "rad" \}',
+        "give np.degrees of them, or columns lat_rad and lon_rad",
+    ),
+    (r'set gnss\.units = \{ angle = "deg" \}', "name their columns lat_deg and lon_deg"),
+    (r'set gnss\.units = \{ velocity = "([^"]+)" \}', _speed),
+    (r"exchange their names in gnss\.columns(?: or in the file)?", "exchange their columns"),
+    (r"\bgnss\.(units|columns)\b", r"the \1 of the fixes"),
+    (r"\b(?:imu|gnss|camera|barometer|filter|output)\.[a-z]\w*", _keyword),
+    (r"= (true|false)\b", lambda match: match.group().title()),
+    (r"as the flight file is\b", "with the values as they are"),
+    (r" in the flight file\b", ""),
+    (r", see `insgnss inspect`", ""),
+)
+"""What advice about a flight file says to whoever gave objects."""
+
+
+def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
+    """Refuse a CRS that cannot be reached from where the flight is, before the flight is solved.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    gnss : GnssFixes
+        Its fixes.
+
+    Raises
+    ------
+    InputError
+        Where a grid of the CRS is missing or does not reach the first or the last fix, and a format
+        is to be written in it.
+    UsageError
+        Where such a format takes metres only and the CRS counts in feet.
+    """
+    from ...geodesy.projection import MapProjection
+
+    output = flight.output
+    wanted = [form for name in output.formats if PROJECTED in (form := EXPORTS[name]).frames]
+    if output.crs is None or not wanted or flight.camera is None:
+        return
+    ends = [0, -1]
+    source = flight.gnss.datum, flight.gnss.epoch
+    projection = MapProjection(
+        output.crs, output.geoid, *source, any_unit=all(form.any_unit for form in wanted)
+    )
+    try:
+        projection.forward(gnss.lat[ends], gnss.lon[ends], gnss.height[ends])
+    except InputError as error:
+        raise InputError(f"{flight.path}: output.crs: {error}") from None
+
+
+def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
+    """Stop a run whose attitudes are not determined at half of the rows.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    trajectory : Trajectory
+        The poses in question.
+
+    Raises
+    ------
+    DataError
+        Where the median standard deviation of an angle is beyond `HOPELESS_RAD`.
+    """
+    from ...navigation.align.initial import HOPELESS_RAD
+
+    diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
+    sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
+    if not sigma.max() < HOPELESS_RAD:
+        raise DataError(
+            f"{flight.path}: attitude not observable: its standard deviation is "
+            f"{np.degrees(sigma.max()):.0f} deg in the median (limit "
+            f"{np.degrees(HOPELESS_RAD):.0f}); check the noise model {flight.imu.noise} and "
+            "the sigmas of the fixes, or include manoeuvres"
+        )
+
+
+def check_mountings(flight: Flight) -> list[Check]:
+    """Judge the size of what no data check, lever arms and bore-sight of each camera.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    list of Check
+        One a camera, one without a camera.
+    """
+    first, *others = flight.mountings
+    checks = [_check_mounting(flight, first)]
+    names = () if flight.camera is None else flight.camera.names[1:]
+    given = () if flight.camera is None else flight.camera.further
+    for name, camera, mounting in zip(names, given, others, strict=True):
+        check = _check_mounting(flight, mounting)
+        if camera.mounting is None and check.verdict == "ok":
+            check = replace(
+                check,
+                found="none given: its images get place and attitude of the first camera",
+                verdict="note",
+                advice="measure where it stands and how it is turned, and give them in"
+                " camera.further mounting",
+            )
+        checks.append(of_camera(check, name))
+    return checks
+
+
+def of_camera(check: Check, name: str) -> Check:
+    """Return a check that says which further camera of a rig it is of.
+
+    Parameters
+    ----------
+    check : Check
+        As that of the first camera, whose key its advice names.
+    name : str
+        The camera.
+
+    Returns
+    -------
+    Check
+        The same otherwise.
+    """
+    advice = re.sub(r"\bcamera\.time_offset_s\b", "time_offset_s of that camera", check.advice)
+    return replace(check, found=f"camera {name}: {check.found}", advice=advice)
+
+
+def _check_mounting(flight: Flight, m: Mounting) -> Check:
+    """Judge the lever arms and the bore-sight of one camera."""
+    lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
+    cosine = np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0)
+    angle = float(np.degrees(np.arccos(cosine)))
+    if flight.camera is not None and lever == 0.0 and angle == 0.0:
+        return Check(
+            "mounting",
+            "no lever arm and no bore-sight given: the images get the place and the attitude of "
+            "the IMU",
+            "[mounting] of the camera",
+            "note",
+            "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
+            "and give them in [mounting]",
+        )
+    if lever > OTHER_UNIT_M:
+        return Check(
+            "mounting",
+            f"longest lever arm {lever:.3f} m",
+            f"lever arms below {OTHER_UNIT_M:g} m",
+            "contradiction",
+            "lever arms are in m: are these in mm or cm?",
+        )
+    odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
+    return Check(
+        "mounting",
+        f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
+        f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
+        "note" if odd else "ok",
+        "the data cannot tell: check units, signs and mounting by hand" if odd else "",
+    )
+
+
+def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Check]:
+    """Tell where a calibrated mounting is of another camera or another time than the flight.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    gps_week : int
+        The week of the flight.
+    tow : float
+        An instant of it, s.
+
+    Returns
+    -------
+    list of Check
+        One a file; silent on what the file or the images do not say.
+    """
+    from ...geodesy.gpstime import calendar_from_gps
+
+    day = calendar_from_gps(gps_week, tow).date()
+    return [_check_mounting_file(flight, source, day) for source in flight.mounting_files]
+
+
+def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Check:
+    made, odd = source.made, []
+    if made.date:
+        days = (day - date.fromisoformat(made.date)).days
+        if abs(days) > source.max_age_days:
+            when = "before" if days < 0 else "after"
+            odd.append(
+                f"flown {abs(days)} days {when} its data of {made.date} (limit"
+                f" {source.max_age_days:g}, mounting.max_age_days)"
+            )
+    odd += _other_camera(made, camera_of(flight))
+    for key in ("antenna_m", "imu_m"):
+        if key in made.not_determined and not np.any(getattr(flight.mounting, key)):
+            odd.append(f"it did not determine {key}, and the flight file gives none")
+    name = "mounting file"
+    expected = "the camera of the flight, calibrated near its date"
+    if not odd:
+        return Check(name, f"{source.file.name} gives {', '.join(source.keys)}", expected)
+    advice = (
+        "lever arms, bore-sight and delay are those of the camera, its lens and its mount: take"
+        " the file of this one, or calibrate it again"
+    )
+    return Check(name, f"{source.file.name}: {'; '.join(odd)}", expected, "note", advice)
+
+
+def camera_of(flight: Flight) -> CameraTags | None:
+    """What the first image of the flight says of its camera; None where there is none to ask."""
+    from ...io.exposures.images import image_names
+
+    match = None if flight.camera is None else flight.camera.match
+    if match is None or match.images is None or not match.images.is_dir():
+        return None
+    try:
+        first = match.images / image_names(match.images, match.image_ending)[0]
+        with opened(first) as stream:
+            return camera_tags(stream, first.name)
+    except (OSError, InputError):  # told where the images are matched
+        return None
+
+
+def _other_camera(made: MountingFile, camera: CameraTags | None) -> list[str]:
+    """Say in what the camera of the images is another one than the calibrated."""
+    if camera is None:
+        return []
+    odd = []
+    if made.camera and camera.model and not _same_name(made.camera, camera.model):
+        odd.append(f"it is of the camera {made.camera!r}, the images are of {camera.model!r}")
+    sizes = made.image_size, camera.image_size
+    if sizes[0] is not None and sizes[1] is not None and sorted(sizes[0]) != sorted(sizes[1]):
+        text = " and ".join(f"{size[0]} x {size[1]}" for size in sizes if size)
+        odd.append(f"images of {text} pixels, of the calibration and of the flight")
+    elif made.focal_px and camera.focal_px:
+        share = camera.focal_px / made.focal_px - 1.0
+        if abs(share) > OTHER_LENS:
+            odd.append(
+                f"focal length {made.focal_px:.0f} px, that of the images {camera.focal_px:.0f} px"
+                f" by their Exif ({100 * share:+.0f} %, limit {100 * OTHER_LENS:.0f} %)"
+            )
+    return odd
+
+
+def _same_name(calibrated: str, model: str) -> bool:
+    """Whether two names may be of one camera; programs add focal lengths to a model. One without a
+    word of letters and digits ("camera 1") is no model's and tells nothing.
+    """
+    if not re.search(r"(?=\w*\d)(?=\w*[A-Za-z])\w{4,}|\d{4,}", calibrated):
+        return True
+    first, second = (re.sub(r"[^a-z0-9]", "", name.lower()) for name in (calibrated, model))
+    return first in second or second in first
+
+
+def check_stationary(imu: ImuSamples, periods: Array) -> Check:
+    """Check whether the IMU that `gnss.stationary` says to stand does so.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        The samples.
+    periods : ndarray, shape (k, 2), s
+        First and last instant of each stationary period.
+
+    Returns
+    -------
+    Check
+        The check "standing".
+    """
+    share = float(np.sum(periods[:, 1] - periods[:, 0]) / (imu.time[-1] - imu.time[0]))
+    bad = share < STATIONARY_SHARE
+    return Check(
+        "standing",
+        f"at rest for {100 * share:.0f} % of the time",
+        f"for {100 * STATIONARY_SHARE:.0f} % at least",
+        "contradiction" if bad else "ok",
+        "a moving sensor needs fixes: give gnss.file" if bad else "",
+    )
+
+
+def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
+    """Check the heading against the course, which tells a wrong axis of the IMU.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    trajectory : Trajectory
+        Rows of the smoothed trajectory.
+
+    Returns
+    -------
+    Check
+        The check of `navigation.recognise.plausibility.check_heading`.
+    """
+    from ...navigation.recognise import plausibility
+
+    return plausibility.check_heading(
+        trajectory.time, trajectory.C_nb, trajectory.velocity_ned, flight.imu.C_b_imu
+    )
+
+
+def check_segments(
+    times: Sequence[Array], failures: Sequence[tuple[tuple[float, float], DataError]]
+) -> Check:
+    """Note what the gaps of the IMU made of the flight.
+
+    Parameters
+    ----------
+    times : sequence of ndarray, each of shape (n,)
+        The epochs of the solved segments, s.
+    failures : sequence of ((float, float), DataError)
+        The spans, s, that could not be solved, and why.
+
+    Returns
+    -------
+    Check
+        The note "IMU gaps".
+    """
+    from ...navigation.prepare.gaps import BRIDGE_S
+
+    kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
+    finding = f"the flight falls into segments of their own, {kept}"
+    if failures:
+        spans = (f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failures)
+        finding += f"; left out: {', '.join(spans)}"
+    return Check(
+        "IMU gaps",
+        finding,
+        f"no gap over {BRIDGE_S:g} s",
+        "note",
+        "images in a gap or in a segment left out have no orientation",
+    )

@@ -1,0 +1,185 @@
+"""The diagnostics of a run: what the report shows of its segments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...geodesy.rotation import rpy_from_rotation
+from ...navigation.diagnosis.constants import combined
+from ...navigation.diagnosis.estimated import (
+    constant_states,
+    state_verdicts,
+    time_correlated_errors,
+)
+from ...navigation.filter.codes import (
+    BAROMETER,
+    COVARIANCE_RESET,
+    NAV,
+    NOT_MEASURED,
+    POSITION,
+    REJECTED,
+    USED,
+    VELOCITY,
+)
+from ...navigation.filter.solution import trajectory
+from ...records import Array, Check, Diagnostics, Trajectory
+from ...records.series import ConstantSeries
+from ...records.verdicts import ConstantEstimate
+from ..config.flight_file import Flight
+from .segment import Segment
+
+
+@dataclass(frozen=True)
+class ReportRows:
+    """The rows of a segment that the report shows.
+
+    Parameters
+    ----------
+    epochs : ndarray, shape (k,)
+        The epochs of the solution.
+    trajectory : Trajectory
+        The poses at these epochs.
+    """
+
+    epochs: np.ndarray
+    trajectory: Trajectory
+
+
+def report_rows(segments: Sequence[Segment], gps_week: int) -> list[ReportRows]:
+    """Choose the rows that the report shows.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    gps_week : int
+        The GPS week whose seconds the stamps count.
+
+    Returns
+    -------
+    list of ReportRows
+        One for each segment: the epochs of which all covariances are kept, some thousands
+        (`navigation.filter.blocks.ROWS`) and all exposures.
+    """
+    rows = []
+    for solution in (segment.solution for segment in segments):
+        epochs = solution.rows
+        rows.append(ReportRows(epochs, trajectory(solution, epochs, gps_week)))
+    return rows
+
+
+def run_diagnostics(
+    segments: Sequence[Segment],
+    rows: Sequence[ReportRows],
+    stationary: Array,
+    checks: tuple[Check, ...],
+) -> Diagnostics:
+    """Gather the diagnostics of a run.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    rows : sequence of ReportRows
+        The rows of each segment that the report shows.
+    stationary : ndarray, shape (k, 2), s
+        First and last instant of each stationary period.
+    checks : tuple of Check
+        All checks of the run.
+
+    Returns
+    -------
+    Diagnostics
+        Those of all segments, joined.
+    """
+    of_segments = [_of_segment(*pair, stationary) for pair in zip(segments, rows, strict=True)]
+    return replace(Diagnostics.joined(of_segments), checks=checks)
+
+
+def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEstimate]:
+    """Return what a flight by itself says of the constants of its fixes.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, whose values these correct.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of ConstantEstimate
+        Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
+        far as the flight tells.
+    """
+    lever = zip(("forward", "right", "down"), flight.mounting.antenna_lever_b, strict=True)
+    assumed = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
+    assumed["GNSS time offset"] = flight.gnss.time_offset_s
+    estimates = combined([segment.constants for segment in segments])
+    return [replace(one, assumed=assumed.get(one.name, 0.0)) for one in estimates]
+
+
+def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:
+    """Gather the diagnostics of one segment."""
+    solution, epochs = segment.solution, rows.epochs
+    bias, bias_sigma = solution.channel_bias(epochs)
+    time, verdict = solution.time, solution.verdict
+    fix = np.flatnonzero(verdict[:, POSITION] != NOT_MEASURED)
+    velocity, barometer = (
+        np.flatnonzero(verdict[:, kind] != NOT_MEASURED) for kind in (VELOCITY, BAROMETER)
+    )
+    return Diagnostics(
+        time=time[epochs],
+        position=solution.nav[epochs, :3],
+        velocity=solution.nav[epochs, 3:6],
+        rpy=rpy_from_rotation(rows.trajectory.C_nb),
+        event=np.searchsorted(epochs, solution.event_epochs),
+        filter_sigma=solution.filter_sigma[epochs, NAV],
+        smoothed_sigma=np.sqrt(solution.variance(epochs)[:, NAV]),
+        bias=bias,
+        bias_sigma=bias_sigma,
+        fix_time=time[fix],
+        innovation=solution.innovation[fix, :3],
+        innovation_sigma=solution.innovation_sigma[fix, :3],
+        nis=solution.nis[fix, POSITION],
+        nis_limit=solution.problem.gate,
+        used=verdict[fix, POSITION] != REJECTED,
+        covariance_resets=time[verdict[:, POSITION] == COVARIANCE_RESET],
+        separation_time=time[solution.separation_epoch],
+        separation=solution.separation,
+        separation_sigma=solution.separation_sigma,
+        gaps=solution.problem.inc.gaps,
+        passes=solution.passes,
+        velocity_nis=solution.nis[velocity, VELOCITY] if velocity.size else None,
+        velocity_used=verdict[velocity, VELOCITY] == USED if velocity.size else None,
+        barometer_nis=solution.nis[barometer, BAROMETER] if barometer.size else None,
+        barometer_used=verdict[barometer, BAROMETER] == USED if barometer.size else None,
+        stationary=stationary[(stationary[:, 1] > time[0]) & (stationary[:, 0] < time[-1])],
+        states=state_verdicts(solution, segment.time_offset_s, segment.stated, segment.requested),
+        segments=((float(time[0]), float(time[-1])),),
+        time_correlated=time_correlated_errors(solution),
+        residuals=segment.residuals,
+        withheld=solution.problem.epochs.withheld[fix],
+        constants=_constants(segment, epochs),
+    )
+
+
+def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
+    """Return the constants that a segment estimates besides biases, at the rows of the report."""
+    solution, layout = segment.solution, segment.solution.problem.layout
+    states = constant_states(solution, segment.stated)
+    if not states:
+        return None
+    columns = np.array(states)
+    rows = NAV.stop + columns
+    value = solution.x[np.ix_(epochs, columns)]
+    if layout.offset in states:
+        value[:, states.index(layout.offset)] += segment.time_offset_s
+    variance = solution.variance(epochs)[:, rows]
+    return ConstantSeries(
+        tuple(layout.names[s] for s in states),
+        value,
+        np.sqrt(np.maximum(variance, 0.0)),
+        solution.row_sigma[:, rows],
+    )

@@ -1,0 +1,297 @@
+"""The one place that knows the order of the steps.
+
+    read -> prepare -> align -> filter -> smooth -> orient -> export
+
+`process` runs it for a flight file. `flight.processing.inspect` does only the first step,
+`api.demo` runs it on a flight that it simulates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...base.ahead import compile_ahead
+from ...base.beside import Beside
+from ...base.files import json_ready
+from ...base.inputs import reading, sha256
+from ...base.provenance import circumstances, versions
+from ...base.received.trusted import at_home
+from ...base.wording import relative
+from ...io.exposures.instants import refuse_outside
+from ...navigation.prepare.clock import common_span
+from ...records import (
+    Check,
+    Diagnostics,
+    ExteriorOrientation,
+    ImuBiases,
+    Innovations,
+    StateVerdict,
+    Trajectory,
+)
+from ...records.strips import CommonErrors, StripCovariance
+from ...report.summary import run_summary
+from ..config.flight_file import Flight
+from .checks import (
+    check_heading,
+    refuse_contradictions,
+    refuse_unobservable,
+)
+from .diagnostics import constants_of, report_rows, run_diagnostics
+from .history import run_history
+from .input_files import input_files
+from .orientation import at_epochs, orient_images, output_trajectory, strip_covariances
+from .products import (
+    RunResult,
+    output_directory,
+    overwriting,
+    refuse_image_names,
+    write_products,
+)
+from .progress import Progress, StepClock, quiet
+from .recording import Recording, read_recording
+from .segment import Segment
+from .segment_checks import (
+    check_barometer,
+    check_exposure_clock,
+    check_file_sigmas,
+    check_images,
+    check_motion,
+    check_residuals,
+)
+from .solve_segments import PreparedFlight, prepare_segments, solve_segments
+
+
+@dataclass(frozen=True, repr=False)
+class ProcessResult:
+    """The products of a run, and what it found on the way.
+
+    Parameters
+    ----------
+    report : dict
+        What report.json holds: figures of merit, checks, the resolved flight file, versions.
+    files : tuple of Path
+        The files that were written.
+    eo : ExteriorOrientation or None
+        The orientation of the images; None without camera events.
+    trajectory : Trajectory
+        The trajectory of the IMU's navigation centre, on the output grid.
+    diagnostics : Diagnostics
+        What the report shows: filter and smoothed sigmas, innovations, biases.
+    strips : tuple of StripCovariance
+        The covariance of all poses of each flight line, where the flight file asks for it.
+    common : CommonErrors or None
+        The errors that all flight lines share, beside `strips`.
+    """
+
+    report: dict[str, Any]
+    files: tuple[Path, ...]
+    eo: ExteriorOrientation | None
+    trajectory: Trajectory
+    diagnostics: Diagnostics
+    strips: tuple[StripCovariance, ...] = ()
+    common: CommonErrors | None = None
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every check of the run, those that found nothing wrong among them."""
+        return self.diagnostics.checks
+
+    @property
+    def states(self) -> tuple[StateVerdict, ...]:
+        """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
+        return self.diagnostics.states
+
+    @property
+    def biases(self) -> ImuBiases:
+        """Biases of the IMU over time, with standard deviations."""
+        return replace(self.diagnostics.biases, gps_week=self.trajectory.gps_week)
+
+    @property
+    def innovations(self) -> Innovations:
+        """Position fixes against what the filter predicted of them."""
+        return replace(self.diagnostics.innovations, gps_week=self.trajectory.gps_week)
+
+    def __repr__(self) -> str:
+        """Return what there is and the headline of the report."""
+        return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
+
+    def summary(self) -> str:
+        """Return a few lines for the terminal."""
+        exports = self.report.get("exports", ())
+        notes = dict.fromkeys(note for export in exports for note in export["notes"])
+        lines = [self.report["headline"], *self.report["verdict"]]
+        lines += [f"note: {note}" for note in notes]
+        lines += [f"wrote {file}" for file in self.files]
+        return "\n".join(lines)
+
+
+@at_home
+def process(
+    flight: Flight,
+    out: Path | None = None,
+    progress: Progress = quiet,
+    write: bool = True,
+    force: bool = False,
+) -> ProcessResult:
+    """Process a flight: from its flight file to the orientation of every image and its report.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    out : Path or None
+        The directory of the products in place of the flight file's.
+    progress : Progress
+        Receives the name of each step.
+    write : bool
+        Whether to write the products at all.
+    force : bool
+        Whether results of other measurements are overwritten.
+
+    Returns
+    -------
+    ProcessResult
+        The products, which are written when it returns.
+
+    Raises
+    ------
+    InputError
+        Where the input is wrong or contradicts itself.
+    DataError
+        Where the data do not support the answer.
+    UsageError
+        Where the products cannot go into `out`.
+    """
+    with reading(flight.read):
+        return _process(flight, out, progress, write, force)
+
+
+def _process(
+    flight: Flight, out: Path | None, progress: Progress, write: bool, force: bool
+) -> ProcessResult:
+    directory = output_directory(flight, out) if write else None
+    others = None if directory is None or force else overwriting(flight, directory, out)
+    if others is not None and flight.gnss.raw is not None:
+        raise others  # the engine would take minutes
+    clock = StepClock(progress)
+    compile_ahead()
+
+    clock.step("read")
+    inputs = Beside(lambda: _digests(flight))
+    recording = read_recording(flight)
+    refuse_contradictions(flight, recording.checks)
+    if others is not None:
+        raise others  # a file that is broken was said before
+    if write and recording.cameras:
+        refuse_image_names(flight, [i for c in recording.cameras for i in c.events.images])
+    week = recording.gps_week
+
+    clock.step("prepare")
+    prepared = _prepared(flight, recording)
+    if not flight.filter.time_offset:  # else the fixes are moved, and prepared again
+        recording = recording.without_samples()
+    segments, checks = _solve(flight, recording, prepared, clock.step)  # align, filter, smooth
+    del prepared
+
+    clock.step("orient")
+    rows = report_rows(segments, week)
+    sampled = Trajectory.joined([row.trajectory for row in rows])
+    checks = (*checks, check_heading(flight, sampled))
+    refuse_contradictions(flight, checks[-1:])
+    history = run_history(flight, recording, segments, checks)
+    eo = orient_images(flight, recording, segments, history)
+    strips: tuple[StripCovariance, ...] = ()
+    common: CommonErrors | None = None
+    if eo is None:
+        refuse_unobservable(flight, sampled)
+    elif flight.output.strip_covariance:
+        strips, common, note = strip_covariances(flight, recording, segments, eo)
+        history = (*history, note)
+        eo = replace(eo, history=history)
+
+    # what follows reads results alone; the increments of 8 hours at 500 Hz are 0.8 GB
+    results = [s.without_increments() for s in segments]
+    if at_epochs(flight.output.trajectory_hz):
+        segments = results
+    trajectory = output_trajectory(flight, segments, week)
+    segments = results
+    clock.step("report")
+    diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
+    report = _report(flight, recording, segments, diagnostics, eo, history, clock, inputs.result())
+
+    files: tuple[Path, ...] = ()
+    if directory is not None:
+        clock.step("write")
+        result = RunResult(eo, trajectory, report, diagnostics, strips, common)
+        files = write_products(flight, directory, result, recording)
+    clock.step("")
+    return ProcessResult(report, files, eo, trajectory, diagnostics, strips, common)
+
+
+def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
+    """Pose the estimation problems of a flight."""
+    if recording.cameras:
+        span = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+        for camera in recording.cameras:
+            refuse_outside(camera.events, *span)
+    return prepare_segments(flight, recording)
+
+
+def _solve(
+    flight: Flight, recording: Recording, prepared: PreparedFlight, step: Progress
+) -> tuple[list[Segment], tuple[Check, ...]]:
+    """Solve the segments of a flight; return them and all checks up to there."""
+    segments, gaps = solve_segments(flight, recording, step, prepared)
+    checks = [check for segment in segments for check in segment.checks]
+    checks += check_residuals(flight, segments)
+    checks += check_file_sigmas(flight, recording, segments)
+    checks += [*check_motion(flight, segments), *check_barometer(segments)]
+    checks += check_exposure_clock(flight, recording, segments)
+
+    def findings() -> dict[str, Any]:
+        start = min(float(segment.solution.time[0]) for segment in segments)
+        return {
+            "span": {"gps_week": recording.gps_week, "start_tow_s": start},
+            "constants": [asdict(one) for one in constants_of(flight, segments)],
+        }
+
+    refuse_contradictions(flight, checks, findings)
+    return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
+
+
+def _digests(flight: Flight) -> dict[str, str]:
+    """Return the SHA-256 of every input by its path from the flight file."""
+    return {relative(f, flight.path.parent): sha256(f) for f in input_files(flight)}
+
+
+def _report(
+    flight: Flight,
+    recording: Recording,
+    segments: Sequence[Segment],
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    history: tuple[str, ...],
+    clock: StepClock,
+    inputs: dict[str, str],
+) -> dict[str, Any]:
+    """Gather what report.json holds."""
+    report = run_summary(
+        diagnostics,
+        eo,
+        flight.resolved(),
+        inputs,
+        versions(),
+        dict(clock.seconds),
+        history,
+        imu_samples=recording.sample_count,
+        epochs=sum(segment.solution.time.size for segment in segments),
+        series=recording.series,
+        run=circumstances(),
+    )
+    report["constants"] = [asdict(one) for one in constants_of(flight, segments)]
+    ppk = recording.ppk
+    if ppk is not None:
+        quality = json_ready(ppk.quality)
+        report["ppk"] = {"engine": ppk.engine, "verdict": ppk.verdict, "quality": quality}
+    return report

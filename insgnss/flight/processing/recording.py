@@ -1,0 +1,451 @@
+"""A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...base.errors import DataError, InputError, UsageError
+from ...base.received.trusted import at_home
+from ...gnss.covariance_model import MODEL
+from ...io.exposures.rig import CameraExposures, merged_instants
+from ...records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
+from ...records.qualities import Quality
+from ..config.flight_file import Flight
+from .checks import (
+    check_mounting_files,
+    check_mountings,
+    check_stationary,
+    of_camera,
+    refuse_unreachable_crs,
+)
+from .input_files import read_barometer_file, read_files
+
+if TYPE_CHECKING:
+    from ...gnss.ppk import PpkResult
+    from ...navigation.noise_model.model import NoiseModel
+    from ...navigation.prepare.dead_band import DeadBand
+    from ...navigation.prepare.fix_covariance.decision import CovarianceRules
+    from ...navigation.prepare.imu import PreparedImu
+    from ...navigation.prepare.stationarity import StationaryPeriods
+    from ...navigation.recognise.recognition import Recognition
+
+UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
+# contradictions that a left-handed or reversed triad leads to, with advice about imu.axes
+OF_AXES = ("axes, vertical", "turn rate, gyro against GNSS course")
+LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the files of a flight hold, on one clock, and what the checks say of it.
+
+    Parameters
+    ----------
+    prepared : PreparedImu
+        The samples, those of several IMUs combined where there are several, with what they say of
+        themselves.
+    gnss : GnssFixes
+        The fixes.
+    cameras : tuple of CameraExposures
+        The exposures of each camera; none without a camera.
+    gps_week : int
+        The GPS week whose seconds all stamps count.
+    checks : tuple of Check
+        The checks of the recording against the flight file.
+    noise : NoiseModel
+        The noise model of the samples.
+    turn_on : str
+        The turn-on bias that the stationary periods show, in words, or "".
+    recognition : Recognition or None
+        What the data say of themselves; None where a check had to stop before.
+    ppk : PpkResult or None
+        The PPK solution of raw observations.
+    barometer : BarometerHeights or None
+        The heights of a barometer, where there is one.
+    sample_count : int
+        How many samples there were; without it those of `imu`.
+    covariances : str
+        Which rules decided the covariances of the fixes, in words.
+    """
+
+    prepared: "PreparedImu"
+    gnss: GnssFixes
+    cameras: tuple[CameraExposures, ...]
+    gps_week: int
+    checks: tuple[Check, ...]
+    noise: "NoiseModel"
+    turn_on: str = ""
+    recognition: "Recognition | None" = None
+    ppk: "PpkResult | None" = None
+    barometer: BarometerHeights | None = None
+    sample_count: int = 0
+    covariances: str = ""
+
+    @property
+    def imu(self) -> ImuSamples:
+        """The samples."""
+        return self.prepared.samples
+
+    @property
+    def C_b_imu(self) -> Array:
+        """Takes the axes of the samples into those of the body."""
+        return self.prepared.C_b_imu
+
+    @property
+    def stationary(self) -> "StationaryPeriods":
+        """The stationary periods."""
+        return self.prepared.stationary
+
+    @cached_property
+    def events(self) -> CameraEvents | None:
+        """The instants at which any camera is exposed; of one camera its exposures."""
+        return merged_instants(self.cameras) if self.cameras else None
+
+    @property
+    def of_receiver(self) -> bool:
+        """Whether the receiver stamped exposures, which are moved with its clock then."""
+        return any(camera.clock == "receiver" for camera in self.cameras)
+
+    @property
+    def series(self) -> Mapping[str, Any]:
+        """What the source of the fixes says of each epoch, as `report.charts.gnss` takes it."""
+        from ...report.charts.gnss import fix_series
+
+        return fix_series(self.gnss) if self.ppk is None else self.ppk.series
+
+    def moved(self, offset_s: float) -> "Recording":
+        """Return the recording with the stamps of the fixes, and of events of their clock, moved.
+
+        Parameters
+        ----------
+        offset_s : float
+            What is added to the stamps, s.
+
+        Returns
+        -------
+        Recording
+            The same otherwise.
+        """
+        gnss = replace(self.gnss, time=self.gnss.time + offset_s)
+        cameras = (c.moved(offset_s) if c.clock == "receiver" else c for c in self.cameras)
+        return replace(self, gnss=gnss, cameras=tuple(cameras))
+
+    def without_samples(self) -> "Recording":
+        """Return the recording with the first and the last sample alone of its IMU.
+
+        Returns
+        -------
+        Recording
+            The same otherwise, for what comes after the increments: 8 hours at 500 Hz are 0.8 GB.
+        """
+        return replace(self, prepared=self.prepared.without_samples())
+
+    def __post_init__(self) -> None:
+        if not self.sample_count:
+            object.__setattr__(self, "sample_count", self.imu.time.size)
+
+
+@at_home
+def read_recording(flight: Flight) -> Recording:
+    """Read the files of a flight, bring them to one clock and check them.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    Recording
+        The observations and their checks; contradictions among them are for the caller to refuse.
+
+    Raises
+    ------
+    InputError, DataError
+        Where a file is not what the flight file says, or does not support a check.
+    """
+    from ...io.exposures.instants import on_clock, within
+    from ...navigation.noise_model.model import load_noise_model, weighted_model
+    from ...navigation.prepare.barometer import refuse_apart
+    from ...navigation.prepare.clock import common_week
+    from ...navigation.prepare.fix_covariance.decision import decide
+    from ...navigation.prepare.imu import prepared
+    from ...records.observations import in_week
+
+    barometer = None
+    try:
+        devices, gnss, cameras, ppk = read_files(flight)
+        if flight.barometer is not None:
+            barometer = read_barometer_file(flight.barometer, flight.gps_week)
+    except UsageError as error:  # an option that its file's format does not have
+        raise InputError(f"{flight.path}: {error}") from None
+    if flight.gnss.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    of_events = cameras[0].events.gps_week if cameras else None
+    week = common_week(devices[0].samples, gnss, flight.gps_week, of_events)
+    gnss = in_week(gnss, week)
+    offsets_s = flight.imu.time_offset_s, flight.gnss.time_offset_s
+    all_cameras = on_clock(cameras, flight.camera, offsets_s, week)
+    refuse_unreachable_crs(flight, gnss)
+    gnss, covariances = decide(gnss, covariance_rules(flight, ppk))
+    models = [load_noise_model(imu.noise) for imu in (flight.imu, *flight.imu.further)]
+    white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
+    prepared_imu = prepared(
+        [replace(d, white_noise=w) for d, w in zip(devices, white, strict=True)], gnss, week
+    )
+    del devices  # 8 hours at 500 Hz are 0.8 GB
+    imu, C_b_imu = prepared_imu.samples, prepared_imu.C_b_imu
+    if barometer is not None:
+        barometer = in_week(barometer, week)
+        refuse_apart(barometer, imu)
+    noise = models[0]
+    if prepared_imu.weight is not None:
+        noise = weighted_model(models, [tuple(w) for w in prepared_imu.weight])
+    noise, bands = with_dead_bands(prepared_imu.dead_bands, C_b_imu, noise)
+    more = [*prepared_imu.checks, *bands, *(ppk.checks if ppk else ())]
+    of_cameras = [camera.events for camera in all_cameras]
+    records = [r for r in (imu, gnss, *of_cameras, barometer) if r is not None]
+    checks = _checks(flight, imu, gnss, all_cameras, C_b_imu, noise, more)
+    checks += check_mounting_files(flight, week, float(gnss.time[0]))
+    checks += [note for record in records for note in record.notes]
+    cameras, left_out = within(all_cameras, flight.start_tow, flight.end_tow)
+    checks += left_out
+    recognition = None
+    contradicted = {check.name for check in checks if check.verdict == "contradiction"}
+    if flight.gnss.stationary is None and contradicted <= set(OF_AXES):
+        recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
+        checks = _with_recognised(checks, disagreements, recognition, bool(contradicted))
+        recognition = None if contradicted else recognition
+    stationary = prepared_imu.stationary
+    if flight.gnss.stationary is not None:
+        checks = [check for check in checks if not check.name.startswith("GNSS ")]
+        checks.append(check_stationary(imu, stationary.time))
+    turn_on = _turn_on_bias(stationary, C_b_imu, noise, gnss) if len(stationary) else ""
+    if flight.filter.zero_velocity == "off":
+        prepared_imu = prepared_imu.without_stationary()
+    return Recording(
+        prepared_imu,
+        gnss,
+        cameras,
+        week,
+        tuple(checks),
+        noise,
+        turn_on,
+        recognition,
+        ppk,
+        barometer,
+        covariances=covariances,
+    )
+
+
+def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "CovarianceRules":
+    """Return what the flight file says of the covariances of fixes, which `decide` takes.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    ppk : PpkResult or None
+        The PPK solution of raw observations, which has calibrated its fixes.
+    """
+    from ...navigation.prepare.fix_covariance.decision import CovarianceRules
+
+    gnss = flight.gnss
+    calibrated = ppk is not None or (isinstance(gnss.file, Path) and gnss.calibrate_covariance)
+    return CovarianceRules(
+        gnss.covariance if calibrated else None,
+        gnss.covariance != MODEL,
+        {Quality[name.upper()]: sigma for name, sigma in gnss.quality_sigma_m.items()},
+        None if ppk is None else ppk.quality["classes"],
+    )
+
+
+def with_dead_bands(
+    bands: "Mapping[int, DeadBand]", C_b_imu: Array, noise: "NoiseModel"
+) -> "tuple[NoiseModel, list[Check]]":
+    """Add the errors of gyros with a dead band to their noise model, with a note that names them.
+
+    Parameters
+    ----------
+    bands : mapping of int to DeadBand
+        By the number of the gyro, in the sensor's own axes.
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body.
+    noise : NoiseModel
+        Of the body's axes.
+
+    Returns
+    -------
+    tuple of NoiseModel, list of Check
+        The same model and no note where no band counts.
+    """
+    from ...navigation.noise_model.model import GaussMarkov
+
+    gyro, named = list(noise.gyro), []
+    for k, band in bands.items():
+        axis = int(np.argmax(np.abs(C_b_imu[:, k])))
+        if not band.counts(gyro[axis].white_noise):
+            continue
+        error = GaussMarkov.from_sigma(band.duration_s, band.sigma)
+        gyro[axis] = replace(gyro[axis], gauss_markov=(*gyro[axis].gauss_markov, error))
+        named.append(
+            f"{'xyz'[k]} (one number in {100.0 * band.share:.0f} % of the samples, next to it"
+            f" {np.degrees(band.half_width):.2g} deg/s, for {band.duration_s:.2g} s)"
+        )
+    if not named:
+        return noise, []
+    note = Check(
+        "IMU noise",
+        f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
+        " length was added to the noise model",
+        "readings that follow every slow turn",
+        "note",
+        "let the device write its raw rates with all digits: heading is worse by what they hide",
+    )
+    return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
+
+
+def _checks(
+    flight: Flight,
+    imu: ImuSamples,
+    gnss: GnssFixes,
+    cameras: tuple[CameraExposures, ...],
+    C_b_imu: Array,
+    noise: "NoiseModel",
+    more: list[Check],
+) -> list[Check]:
+    """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
+    from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
+    from ...navigation.recognise.plausibility import check_recording
+    from ...navigation.recognise.turns import check_events
+
+    plane = flight.tangent_plane
+    origin = None if plane is None else np.asarray(plane.origin)
+    events, clock = (cameras[0].events, cameras[0].clock) if cameras else (None, "")
+    of_motion = check_recording(imu, C_b_imu, gnss, events, origin, event_clock=clock)
+    of_motion += [
+        of_camera(check_events(camera.events, gnss, camera.clock), camera.name)
+        for camera in cameras[1:]
+    ]
+    checks = [*of_motion, *more, *check_mountings(flight)]
+    if without_turn_on(noise):
+        checks.append(check_turn_on(noise))
+    return [*checks, *noise_misfit(noise)]
+
+
+def noise_misfit(noise: "NoiseModel") -> list[Check]:
+    """Repeat where a noise model does not fit the recordings that it was estimated from.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The model of the flight file.
+
+    Returns
+    -------
+    list of Check
+        A note, or nothing.
+    """
+    if not noise.misfit:
+        return []
+    more = len(noise.misfit) - 1
+    finding = noise.misfit[0] + (f"; and {more} more, in its file" if more else "")
+    advice = (
+        "sigmas of this flight are as good as this model; tune it again with one that fits (insgnss"
+        " tune, --model)"
+    )
+    return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
+
+
+def _turn_on_bias(
+    stationary: "StationaryPeriods", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes
+) -> str:
+    """Describe the bias in the stationary periods, which the filter finds by itself."""
+    from ...navigation.align.turn_on import turn_on_bias
+
+    gyro, accel = (
+        [axis.turn_on_bias or LEAST_BIAS for axis in triad] for triad in (noise.gyro, noise.accel)
+    )
+    latitude, height = float(gnss.lat[0]), float(gnss.height[0])
+    try:
+        return turn_on_bias(stationary, C_b_imu, latitude, height, gyro, accel).summary()
+    except DataError as error:
+        return f"no turn-on bias from the stationary periods: {error}"
+
+
+def _with_recognised(
+    checks: list[Check], disagreements: list[Check], recognition: "Recognition", contradicted: bool
+) -> list[Check]:
+    """Add what the recogniser says, in front of contradictions whose advice would mislead.
+
+    Gravity and turns alone take left-handed readings and a reversed force for other axes.
+    """
+    if not contradicted:
+        return checks + disagreements
+    bad = [check for check in disagreements if check.verdict == "contradiction"]
+    reversed_force = [c.name for c in bad] == ["recognised sign"] and not recognition.exchanged
+    if not (recognition.exchanges or reversed_force):
+        return checks
+    why = f"see {bad[0].name}" if bad else "see recognised axes"
+    explained = [
+        replace(c, advice=why) if c.name in OF_AXES and c.verdict == "contradiction" else c
+        for c in checks
+    ]
+    return [*disagreements, *explained]
+
+
+def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> str:
+    """Say how the flight file exchanges two axes of gyros and accelerometers alike."""
+    from ...io.formats.imu.exchanged_columns import exchanged_columns
+    from ...navigation.recognise.claims import exchange_in_words
+
+    options, (a, b) = flight.imu, ("xyz"[k] for k in pair)
+    if not isinstance(options.file, Path):
+        return f"exchange {a} and {b} in gyro and accel of the samples"
+    columns = exchanged_columns(
+        options.file, pair, options.columns, options.rate_hz, options.accel_file
+    )
+    if columns is not None:
+        return f"set imu.columns = {_toml(columns)}"
+    if options.accel_file is not None:
+        return exchange_in_words(pair)
+    return f"exchange {a} and {b} of gyro and accelerometer in the file (convert it to a table)"
+
+
+def _toml(names: Mapping[str, str] | Sequence[str]) -> str:
+    """Return the names of columns as the flight file has them."""
+    if isinstance(names, Mapping):
+        return "{ " + ", ".join(f"{key} = {json.dumps(name)}" for key, name in names.items()) + " }"
+    return json.dumps(list(names))
+
+
+def _recognised(
+    flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
+) -> "tuple[Recognition, list[Check]]":
+    """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
+    from ...navigation.recognise.claims import compare
+    from ...navigation.recognise.handedness import with_exchanges
+    from ...navigation.recognise.recognition import recognise_liveliest
+
+    options = flight.imu
+    accel_sign = int(options.accel_sign)
+    recognition = with_exchanges(
+        recognise_liveliest(imu, gnss), imu, gnss, recognise_liveliest, accel_sign
+    )
+    of_file = imu.units if isinstance(options.file, Path) else {}  # of an object it is in SI
+    units = {f"{key}_unit": unit for key, unit in of_file.items() if unit in UNIT_WORDS}
+    disagreements = compare(
+        recognition,
+        C_b_imu,
+        quantity=imu.quantity,
+        accel_sign=accel_sign,
+        time_offset_s=flight.gnss.time_offset_s - options.time_offset_s,
+        remedy=lambda pair: _exchange_remedy(flight, pair),
+        **units,
+    )
+    return recognition, disagreements

@@ -1,0 +1,370 @@
+"""The checks of the solved segments: fixes against the solution and against their own sigmas, the
+vehicle's motion, the heights of a barometer, and the images that they leave out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...base.wording import named
+from ...navigation.diagnosis.candidates import with_layout
+from ...navigation.diagnosis.evidence import liveliest_window
+from ...navigation.filter.codes import (
+    BAROMETER,
+    NOT_MEASURED,
+    POS,
+    POSITION,
+    REJECTED,
+    USED,
+    VEL,
+    VELOCITY_CONSTRAINT,
+)
+from ...navigation.filter.event_clock import event_delay
+from ...navigation.filter.filter import make_history, run_filter
+from ...navigation.filter.kernels.records import FilterHistory
+from ...navigation.filter.layout import StateLayout
+from ...navigation.filter.problem import EstimationProblem, InitialState
+from ...navigation.filter.solution import Solution
+from ...navigation.innovations.residuals import worst_piece
+from ...records import Check
+from ...report.rules.wording import AXES, millimetres
+from ...report.statistics import Z_CONFIDENCE, lag_one, residual_limit
+from ..config.flight_file import Flight
+from .checks import of_camera
+from .estimation_problem import layout_factory, requested_errors
+from .recording import Recording
+from .segment import Segment
+
+MOST_REJECTED = 0.5
+"""Share of rejected measurements of the motion or of a barometer that contradicts what is said."""
+
+AS_CLAIMED = (0.8, 1.25)
+"""Mean NIS per degree of freedom of fixes whose sigmas are right to a tenth."""
+
+WHITE_LAG = 0.1
+"""Lag-one autocorrelation of white innovations, at most, where chance does not allow more."""
+
+MUCH_WIDER = 1.5
+"""Ratio of position sigmas that matters to their user."""
+
+CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA = 0.02, 3.0
+"""How far, in metres and in median sigmas, the two clocks put an exposure apart that it matters."""
+
+MOST_NAMED = 5
+"""Images that a check names."""
+
+
+def check_exposure_clock(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> list[Check]:
+    """Ask whose clock stamps the exposures, where the clocks differ and nobody has said it.
+
+    No data of a flight tell it: exposures of the receiver's clock that are taken as stamped by the
+    IMU's are off by what the fixes were moved by, times the speed.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        Its records.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        A note for each camera with `camera.clock = "auto"` that was taken as the IMU's and has
+        exposures further apart than `CLOCKS_MATTER_M` and `CLOCKS_MATTER_SIGMA`.
+    """
+    cameras = () if flight.camera is None else flight.camera.all_of_rig
+    checks = []
+    for k, (options, exposures) in enumerate(zip(cameras, recording.cameras, strict=False)):
+        if options.clock != "auto" or exposures.clock != "imu":
+            continue
+        apart = [0.0]
+        for segment in segments:
+            solution, instant = segment.solution, segment.exposed[k].instant
+            moved = flight.gnss.time_offset_s + segment.time_offset_s + event_delay(solution)
+            speed = np.linalg.norm(solution.nav[solution.event_epochs, VEL], axis=1)
+            apart += (np.abs(moved) * speed)[instant].tolist()
+        if max(apart) <= CLOCKS_MATTER_M:
+            continue
+        sigma = [
+            np.sqrt(s.variance(s.event_epochs)[:, POS].max(axis=1))
+            for s in (segment.solution for segment in segments)
+        ]
+        limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
+        if max(apart) > limit:
+            check = Check(
+                "exposure clock",
+                f"taken as the IMU's; by the clock of the fixes they are up to {max(apart):.2f} m"
+                " elsewhere, and no data of the flight tell which of both it is",
+                f"no matter, to {1e3 * limit:.0f} mm",
+                "note",
+                f'say it: {named("camera.clock")} = "receiver" where the receiver stamps them,'
+                ' "imu" where the IMU does',
+            )
+            rig = len(recording.cameras) > 1
+            checks.append(of_camera(check, exposures.name) if rig else check)
+    return checks
+
+
+def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+    """Check the fixes against the smoothed solution, minute by minute.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "fixes minus solution", a note where the mean of a minute is beyond what the
+        sigmas of solution and fixes allow it; nothing where no fix was used, or where the fixes are
+        a given place.
+    """
+    pieces = [piece for segment in segments for piece in segment.residuals]
+    if flight.gnss.stationary is not None or not pieces:
+        return []
+    limit = residual_limit(3 * len(pieces))
+    worst, axis, sigmas = worst_piece(pieces)
+    bad = sigmas > limit
+    return [
+        Check(
+            "fixes minus solution",
+            f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
+            f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
+            f"at most {limit:.1f} sigma in each of {len(pieces)} pieces",
+            "note" if bad else "ok",
+            "the solution leaves its fixes there: do not rely on positions or sigmas"
+            if bad
+            else "",
+        )
+    ]
+
+
+def check_file_sigmas(
+    flight: Flight, recording: Recording, segments: Sequence[Segment]
+) -> list[Check]:
+    """Note where larger errors of the fixes were adopted than their sigmas needed.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments; the longest is looked at.
+
+    Returns
+    -------
+    list of Check
+        The note "sigmas of the fixes" where the flight file leaves their errors to the data and the
+        sigmas of the file, as those of white errors, would have done.
+    """
+    segment = max(segments, key=lambda segment: segment.solution.time.size)
+    if flight.gnss.stationary is not None or flight.gnss.gm_sigma != "auto":
+        return []
+    white = replace(
+        requested_errors(flight, segment.fixes),
+        gm_sigma=None,
+        white_scale=(1.0, 1.0, 1.0),
+        unfixed_gm_sigma=None,
+        unfixed_white_scale=1.0,
+    )
+    wider = wider_than_needed(segment.solution, layout_factory(flight, recording.noise)(white))
+    if wider is None:
+        return []
+    ratio, factor = wider
+    return [
+        Check(
+            "sigmas of the fixes",
+            "as white errors they explain the innovations (NIS per degree of freedom"
+            f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
+            f" are {factor:.1f} times as large",
+            "no larger errors than the innovations need",
+            "note",
+            'set gnss.gm_sigma = "off" to take the sigmas of the file at their word',
+        )
+    ]
+
+
+def wider_than_needed(solution: Solution, white: StateLayout) -> tuple[float, float] | None:
+    """Tell whether a solution has larger errors of the fixes than their innovations need.
+
+    The liveliest window of the flight is filtered with the errors of the solution, and with the
+    sigmas of the file as those of white errors.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved segment.
+    white : StateLayout
+        The error states without time-correlated errors of the position fixes.
+
+    Returns
+    -------
+    tuple of float or None
+        Mean NIS per degree of freedom with white errors, and the ratio of the position sigmas;
+        None where the innovations are not those of white errors, or the sigmas hardly differ.
+    """
+    posed = liveliest_window(solution)
+    layout = posed[0].layout
+    if layout.gm < 0 and layout.unfixed_gm < 0 and max(layout.white_scale) <= 1.0:
+        return None
+    adopted, alone = _filtered(*posed), _filtered(*with_layout(*posed, white))
+    if adopted is None or alone is None:
+        return None
+    later = slice(alone.sigma.shape[0] // 2, None)  # without the start
+    factor = float(np.median(adopted.sigma[later, POS] / alone.sigma[later, POS]))
+    used = alone.verdict[:, POSITION] == USED
+    if factor < MUCH_WIDER or np.count_nonzero(used) < np.count_nonzero(
+        alone.verdict[:, POSITION] != NOT_MEASURED
+    ):
+        return None
+    ratio = float(np.mean(alone.nis[used, POSITION])) / 3.0
+    normalised = alone.innovation[used, :3] / alone.innovation_sigma[used, :3]
+    bound = max(WHITE_LAG, Z_CONFIDENCE / np.sqrt(len(normalised)))
+    white_noise = bool((np.abs(lag_one(normalised)) < bound).all())
+    return (ratio, factor) if AS_CLAIMED[0] < ratio < AS_CLAIMED[1] and white_noise else None
+
+
+def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
+    """Filter a window; None where the filter diverges."""
+    history = make_history(problem.epochs, problem.layout, smoothed=False)
+    try:
+        run_filter(problem, start, history)
+    except DataError:
+        return None
+    return history
+
+
+def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+    """Check whether the vehicle moves as it is said to.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "motion" where anything is measured of the motion itself: most of it must pass its
+        test.
+    """
+    offered, rejected = offered_and_rejected(segments, VELOCITY_CONSTRAINT)
+    if offered == 0:
+        return []
+    bad = rejected > MOST_REJECTED * offered
+    key = (
+        "filter.non_holonomic = false"
+        if flight.filter.non_holonomic
+        else 'filter.zero_velocity = "off"'
+    )
+    return [
+        Check(
+            "motion",
+            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
+            "most of them used",
+            "contradiction" if bad else "ok",
+            f"it does not move so: {key}" if bad else "",
+        )
+    ]
+
+
+def check_barometer(segments: Sequence[Segment]) -> list[Check]:
+    """Check whether the heights of a barometer follow the flight.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "barometer" where there is one: most of its heights must pass their test.
+    """
+    offered, rejected = offered_and_rejected(segments, BAROMETER)
+    if offered == 0:
+        return []
+    bad = rejected > MOST_REJECTED * offered
+    return [
+        Check(
+            "barometer",
+            f"{rejected} of {offered} heights rejected",
+            "most of them used",
+            "contradiction" if bad else "ok",
+            "its heights do not follow the flight: check barometer.columns, time_offset_s (UTC is"
+            " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
+            if bad
+            else "",
+        )
+    ]
+
+
+def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, int]:
+    """Return how many measurements of a kind of `navigation.filter.codes` there were, and were
+    rejected.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    kind : int
+        The kind.
+
+    Returns
+    -------
+    tuple of int
+        All of them, and the rejected ones.
+    """
+    verdict = np.concatenate([segment.solution.verdict[:, kind] for segment in segments])
+    return int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
+
+
+def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Check]:
+    """Note the exposures that have no orientation.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The note "images" where there are such.
+    """
+    images: list[str] = []
+    missing: list[str] = []
+    for k, camera in enumerate(recording.cameras):
+        oriented = np.concatenate([segment.exposed[k].rows for segment in segments])
+        without = np.setdiff1d(np.arange(len(camera.events)), oriented)
+        missing += [camera.events.images[row] for row in without]
+        images += camera.events.images
+    if not missing:
+        return []
+    names = ", ".join(missing[:MOST_NAMED])
+    names += ", ..." if len(missing) > MOST_NAMED else ""
+    return [
+        Check(
+            "images",
+            f"{len(missing)} of {len(images)} have no orientation: {names}",
+            "all images within the segments",
+            "note",
+            "they lie in a gap, before the first fix or in a segment left out",
+        )
+    ]

@@ -1,0 +1,173 @@
+"""The README of a proof: its files, what to do, what to see, and what each mistake looks like."""
+
+import re
+import textwrap
+
+import numpy as np
+
+from ...geodesy.projection import MapProjection
+from ...io.formats.exports import Export
+from ..exporting.export import Exported
+from .costs import mistakes, of_the_grid
+from .scene import Scene
+
+WIDTH = 100
+LOOK = {
+    "metashape": (
+        "Metashape: align the images with the camera fixed, then look at the Reference pane, which"
+        " has the errors of cameras (m, deg) and of markers (m, px)."
+    ),
+    "pix4d": (
+        "Pix4D: the quality report has the errors of control points, and how far orientations"
+        " moved."
+    ),
+    "opf": "Pix4D: open project.opf; the points of points.csv fall on the pixels of pixels.csv.",
+    "odm": (
+        "OpenDroneMap: geo.txt goes beside the images, the points into gcp_list.txt; it takes"
+        " positions only, no angles."
+    ),
+    "opensfm": (
+        "OpenSfM: both json files go beside the images; its report has the errors of positions,"
+        " reconstruction.json the rotations."
+    ),
+    "micmac": (
+        "MicMac: mm3d OriConvert OriTxtInFile makes a directory as Ori-Nav of the text, GCPConvert"
+        " the points, GCPCtrl residuals."
+    ),
+    "realitycapture": (
+        "RealityCapture, RealityScan: the control point report has residuals in pixels."
+    ),
+    "bentley": "ContextCapture, iTwin Capture: the survey report has residuals in pixels.",
+    "inpho": (
+        "Inpho: the stereo view over a point, or Match-AT with orientations held, has residuals in"
+        " pixels."
+    ),
+    "colmap": (
+        "COLMAP: import the model, or triangulate with the poses held (point_triangulator), and"
+        " project the points, less the shift that images.txt names."
+    ),
+}
+SEE = {
+    "tum": (
+        "evo_traj tum with --plot shows the poses, with the axes of the camera: x image right, y"
+        " image down, z viewing direction."
+    ),
+    "g2o": "In g2o_viewer, or with GTSAM's readG2o, the error of the graph is zero as it stands.",
+    "relative": (
+        "The pose of each second image follows from that of the first one, and the points fall on"
+        " their pixels in both."
+    ),
+    "geojson": "In a GIS the images stand over points_geographic.csv.",
+    "kml": "In Google Earth, fly to an image's placemark: the view is that of the picture.",
+    "geopackage": (
+        "In a GIS the images stand over points.csv, in the CRS that the file itself names."
+    ),
+    "image_tags": (
+        "A program that reads tags shows position and angles of the tagged copies; load these, not"
+        " images/, and go on as with any other orientation: points.csv and pixels.csv are there"
+        " for it."
+    ),
+    "rtklib_pos": (
+        "RTKPLOT shows the antenna's positions, 0.46 m from the cameras towards the right side of"
+        " the images."
+    ),
+    "eo_json": "The master itself, of which `insgnss export` makes every other format.",
+}
+TO_DO = """\
+1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
+2. Import {file} as data_specs/{spec}.md says; its frame: {frame}.
+3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks\
+ on the crosses).
+4. Look at the residuals of the points with the orientations as imported, before anything is\
+ adjusted."""
+ADJUSTED = (
+    "A tool that adjusts orientations hides part of these: then look at the differences between"
+    " imported and adjusted angles and positions. Latitude and longitude exchanged put the block on"
+    " another continent."
+)
+
+
+def readme(
+    scene: Scene,
+    name: str,
+    form: Export,
+    done: Exported,
+    frame: str,
+    projection: MapProjection | None,
+    ground_m: float | None,
+) -> str:
+    """Text of README.txt; frame in words."""
+    file = done.file.name
+    least = int(scene.seen.sum(axis=0).min())
+    parts = [
+        f"Proof of the format {name}: {form.what}",
+        (
+            f"{len(scene.eo.images)} images of a synthetic field, {len(scene.names)} marked points,"
+            f" each in {least} images at least. A tool that takes {file} as it is meant, with this"
+            " camera, finds the points where their crosses are."
+        ),
+        _files(name, file),
+        "What to do",
+        _of(SEE, name) or TO_DO.format(file=file, spec=form.page, frame=frame),
+        _of(LOOK, name),
+        "What to see",
+        _expected(scene, projection, ground_m),
+        (
+            "What mistakes look like (median residual of the points in this scene, before any"
+            " adjustment)"
+        ),
+        "\n".join(_line(mistake, px) for mistake, px in mistakes(scene, projection)),
+        ADJUSTED,
+        *(f"Note: {note}" for note in done.notes),
+    ]
+    return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
+
+
+def _of(words: dict[str, str], name: str) -> str:
+    """What belongs to the key that the name begins with, or nothing."""
+    return next((text for key, text in words.items() if name.startswith(key)), "")
+
+
+def _files(name: str, file: str) -> str:
+    lines = (
+        f"{file}: the exterior orientation in the format {name}",
+        "images/: the pictures; the middle of a cross is the point",
+        (
+            "points.csv: the points in the frame of the export; points_geographic.csv: the same in"
+            " WGS84"
+        ),
+        "pixels.csv: where the points are in the images",
+        "camera.txt: size, focal length, principal point",
+    )
+    return "\n".join(lines)
+
+
+def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | None) -> str:
+    near = "Residuals of less than 0.01 px, which is what the printed digits leave."
+    if projection is None:
+        return near
+    px = of_the_grid(scene, projection, ground_m)
+    lat, lon, h = scene.plane.geodetic_from_position(scene.eo.position_m)
+    G = projection.axes(lat, lon, h)
+    gamma = np.degrees(np.arctan2(G[:, 1, 0], G[:, 0, 0])).mean()
+    ground = np.full(lat.shape, scene.geodetic[:, 2].mean())
+    scale = float(projection.ground_scale(lat, lon, ground).mean())
+    return (
+        f"{near} A tool that takes the coordinates of {projection.name} for Cartesian ones finds up"
+        f" to {px:.2f} px in the right file: lengths of the plan are {scale:.6f} of those on the"
+        f" ground. The convergence of the meridian is {gamma:.4f} deg here."
+    )
+
+
+def _line(mistake: str, px: float) -> str:
+    return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {mistake}"
+
+
+def _wrapped(text: str) -> str:
+    """Lines of `WIDTH`; what follows a number or a length stays behind it."""
+    lines = []
+    for line in text.splitlines():
+        head = re.match(r"\d+\. | *\S+ px  ", line)
+        indent = " " * len(head[0]) if head else ""
+        lines.append(textwrap.fill(line, WIDTH, break_on_hyphens=False, subsequent_indent=indent))
+    return "\n".join(lines)

@@ -1,0 +1,193 @@
+"""`insgnss export --proof FORMAT DIR`, the scene in a format.
+
+It comes with all that a tool needs to show its residuals.
+
+The export goes the way of every other export. Beside it stand the images, the points as ground
+control in the frame of the export, their pixels, the camera, and a README that says what to see.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import UsageError
+from ...base.files import atomic_write
+from ...base.output.staging import is_vacant, together
+from ...geodesy.projection import MapProjection
+from ...io.formats.exports import Export
+from ...navigation.orient.frame import in_frame
+from ...records import Array
+from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from ..exporting.export import Target, export, known_format
+from .pictures import write_pictures
+from .readme import readme
+from .scene import (
+    CENTRE_PX,
+    FOCAL_PX,
+    GROUND_M,
+    HEIGHT_PX,
+    PIXEL_UM,
+    SITE,
+    WIDTH_PX,
+    Scene,
+    make_scene,
+)
+
+NOISE = "navchip"
+LEVER_C = (0.462, -0.001, -0.065)
+AXES = {
+    TANGENT: ("E_m", "N_m", "U_m"),
+    GEOCENTRIC: ("X_m", "Y_m", "Z_m"),
+    GEOGRAPHIC: ("longitude_deg", "latitude_deg", "height_m"),
+    PROJECTED: ("easting_m", "northing_m", "height_m"),
+}
+CAMERA = (
+    f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0]:g} {CENTRE_PX[1]:g}"
+)
+
+
+def write_proof(
+    name: str,
+    directory: Path,
+    crs: str | None = None,
+    geoid: Path | None = None,
+    frame: str | None = None,
+    ground_m: float | None = None,
+) -> tuple[Path, ...]:
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing.
+
+    The files, export and README.txt first.
+
+    Parameters
+    ----------
+    crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that
+        of the UTM zone.
+
+    Raises
+    ------
+    UsageError
+        For an unknown format, a directory with content and what `export` refuses; InputError where
+        a CRS does not reach.
+    """
+    form, directory = known_format(name), Path(directory)
+    if not is_vacant(directory):
+        raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
+    own = next(
+        (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
+    )
+    if crs is None and (frame or own) == PROJECTED:
+        crs = f"EPSG:{32601 + int((SITE[1] + 180.0) // 6.0)}"
+    target = Target(crs, geoid, frame, ground_m)
+    projection = None if crs is None else MapProjection(crs, geoid)
+    kind = PROJECTED if projection is not None else frame or own
+    scene = make_scene(projection)
+    with together() as staging:
+        work = staging.tree(directory)
+        images = work / "images"
+        images.mkdir()
+        write_pictures(scene, images)
+        done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
+        heights = {
+            PROJECTED: projection.heights if projection is not None else "",
+            GEOGRAPHIC: "above the ellipsoid of WGS84",
+        }.get(kind)
+        words, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
+        words = f"{words}, heights {heights}" if heights else words
+        side = {
+            "README.txt": readme(scene, name, form, done, words, projection, ground_m),
+            **_beside(scene, kind, projection, words, up),
+        }
+        for file, text in side.items():
+            atomic_write(work / file, text)
+    first = [directory / file for file in (form.product, "README.txt")]
+    return (
+        *first,
+        *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first),
+    )
+
+
+def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
+    """What the format asks for, of this scene."""
+    values: dict[str, Any] = {
+        "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
+        "width_px": WIDTH_PX,
+        "height_px": HEIGHT_PX,
+        "focal_px": FOCAL_PX,
+        "pixel_size_um": PIXEL_UM,
+        "images": "images" if name == "opf" else images,
+        "lever_m": LEVER_C,
+    }
+    if "ground_m" in form.needs:  # of kml it belongs to heights above the ground
+        values["ground_m"] = GROUND_M
+    if "camera" in form.needs:
+        values["camera"] = CAMERA
+    if "noise" in form.needs:
+        values["noise"] = NOISE
+    return {key: values[key] for key in form.options if key in values}
+
+
+def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
+    """The tangent plane of a format in words, and how far, m, its origin lies below the scene's."""
+    eo = in_frame(scene.eo, TANGENT)
+    own = form.in_own_frame(eo)
+    return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
+
+
+def _beside(
+    scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float
+) -> dict[str, str]:
+    """Points in the frame of the export and on the globe, their pixels, the camera, by file name.
+
+    A tangent plane of the export lies `up` m lower.
+    """
+    lat, lon, h = scene.geodetic.T
+    globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])
+    if projection is not None:
+        x = projection.forward(lat, lon, h)
+    elif kind == GEOGRAPHIC:
+        x = globe
+    else:
+        x = (
+            scene.points + [0.0, 0.0, up]
+            if kind == TANGENT
+            else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
+        )
+    pixels = "".join(
+        f"{image},{point},{x:.4f},{y:.4f}\n"
+        for image, row, seen in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
+        for point, (x, y), there in zip(scene.names, row, seen, strict=True)
+        if there
+    )
+    calibration = [
+        f"width_px {WIDTH_PX}",
+        f"height_px {HEIGHT_PX}",
+        f"focal_px {FOCAL_PX:.4f}",
+        f"principal_point_px {CENTRE_PX[0]:.4f} {CENTRE_PX[1]:.4f}",
+        "distortion none",
+        f"pixel_size_um {PIXEL_UM:g}",
+        f"colmap {CAMERA}",
+    ]
+    return {
+        "points.csv": _points(scene, x, AXES[kind], words),
+        "points_geographic.csv": _points(
+            scene, globe, AXES[GEOGRAPHIC], "WGS84, heights above the ellipsoid"
+        ),
+        "pixels.csv": (
+            "# pixels from the outer corner of the first one, x right, y down\n#image,point,x,y\n"
+            + pixels
+        ),
+        "camera.txt": (
+            "# pixels from the outer corner of the first one, x right, y down\n"
+            + "".join(f"{line}\n" for line in calibration)
+        ),
+    }
+
+
+def _points(scene: Scene, x: Array, axes: tuple[str, ...], words: str) -> str:
+    forms = ["%.10f" if axis.endswith("_deg") else "%.4f" for axis in axes]
+    rows = "".join(
+        f"{name},{','.join(forms) % tuple(row)}\n"
+        for name, row in zip(scene.names, x.tolist(), strict=True)
+    )
+    return f"# {words}\n#point,{','.join(axes)}\n{rows}"

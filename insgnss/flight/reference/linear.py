@@ -1,0 +1,182 @@
+"""A linear estimation problem and its three textbook solutions.
+
+    error_0 ~ (mean, P),   error_k = Phi_k error_(k-1) + gap_k + noise Q_k          (T.20)
+    z = H error_k + noise R   at each epoch k, any number of times                  (T.21)
+
+The gap is known: the nominal of the epoch before, propagated, less the nominal at this epoch.
+
+filter   the Kalman filter, by filterpy
+smoother Rauch-Tung-Striebel, x_s = x + K (x_s' - Phi' x - gap'), by filterpy's method
+         `KalmanFilter.rts_smoother`, whose Fs[k + 1] leads from epoch k to k + 1 (filterpy's
+         *function* of that name takes Fs[k] and is wrong where Phi changes with time). It knows no
+         gaps; with c_k = Phi_k c_(k-1) + gap_k taken off, the errors obey (T.20) without them
+batch    all epochs at once, without any recursion: the oracle of the other two
+
+All three give the same means and covariances, the first at the last epoch only.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...records import Array
+
+if TYPE_CHECKING:
+    from filterpy.kalman import KalmanFilter
+
+Measurement = tuple[Array, Array, Array]
+RANK = 1e-13  # eigenvalues of a correlation matrix below this share of the largest are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LinearProblem:
+    """The problem (T.20, T.21) of m epochs and n states.
+
+    Parameters
+    ----------
+    mean, P : (n,) and (n, n), a-priori mean and covariance at the first epoch.
+    Phi, Q : (m, n, n) transition and noise from the epoch before; the first ones are not used.
+    gap : (m, n) known part of the step from the epoch before; the first one is not used.
+    measured : of each epoch a list of H (k, n), z (k,), R (k, k).
+    """
+
+    mean: Array
+    P: Array
+    Phi: Array
+    Q: Array
+    gap: Array
+    measured: list[list[Measurement]]
+
+    def gap_response(self) -> Array:
+        """Return c (m, n), what the gaps alone make of an error that starts at zero."""
+        c = np.zeros_like(self.gap)
+        for k in range(1, len(c)):
+            c[k] = self.Phi[k] @ c[k - 1] + self.gap[k]
+        return c
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Means (m, n) and covariances (m, n, n) at every epoch.
+
+    Parameters
+    ----------
+    gain : (m, n, n) of the smoother, from the epoch after; None of a filter.
+    """
+
+    mean: Array
+    P: Array
+    gain: Array | None = None
+
+    def cross_covariance(self, j: int, k: int) -> Array:
+        """Return the smoothed covariance (n, n) of the error at epoch j with that at k > j."""
+        out = self.P[k]
+        assert self.gain is not None, "a smoother's estimate is needed"
+        for i in range(k - 1, j - 1, -1):
+            out = self.gain[i] @ out
+        return out
+
+
+def new_filter(mean: Array, P: Array) -> "KalmanFilter":
+    """Return filterpy's Kalman filter with mean (n,) and covariance P (n, n)."""
+    from filterpy.kalman import KalmanFilter
+
+    kf = KalmanFilter(dim_x=mean.size, dim_z=3)
+    kf.x, kf.P = mean[:, None].copy(), P.copy()
+    return kf
+
+
+def filtered(problem: LinearProblem) -> Estimate:
+    """Return the Kalman filter's estimate after the update at each epoch."""
+    kf, identity = new_filter(problem.mean, problem.P), np.eye(problem.mean.size)
+    means, covariances = [], []
+    for k, measured in enumerate(problem.measured):
+        if k:
+            kf.predict(u=problem.gap[k][:, None], B=identity, F=problem.Phi[k], Q=problem.Q[k])
+        for H, z, R in measured:
+            kf.update(z[:, None], R=R, H=H)
+        means.append(kf.x[:, 0])
+        covariances.append(kf.P)
+    return Estimate(np.array(means), np.array(covariances))
+
+
+def smoothed(problem: LinearProblem, filtered: Estimate) -> Estimate:
+    """Return the Rauch-Tung-Striebel smoother's estimate of a filter's.
+
+    Parameters
+    ----------
+    problem : whose transitions, noise and gaps are used; the measurements are in the filter's.
+    filtered : the filter's estimate of it.
+    """
+    kf, c = new_filter(problem.mean, problem.P), problem.gap_response()
+    x, P, gain, _ = kf.rts_smoother(
+        (filtered.mean - c)[..., None], filtered.P, problem.Phi, problem.Q, inv=_inverse
+    )
+    return Estimate(x[..., 0] + c, P, gain)
+
+
+def _inverse(P: Array) -> Array:
+    """Inverse by way of the correlation matrix, zero for states that are known without error.
+
+    Metres beside radians a second would cost a plain inversion four digits.
+    """
+    sigma = np.sqrt(np.diag(P))
+    free = np.flatnonzero(sigma > 0.0)
+    scale = np.outer(sigma[free], sigma[free])
+    out = np.zeros_like(P)
+    out[np.ix_(free, free)] = np.linalg.inv(P[np.ix_(free, free)] / scale) / scale
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Batch solution: mean (m, n) and factors (m, n, .), P_jk = free_j free_k' + seen_j seen_k'."""
+
+    mean: Array
+    free: Array
+    seen: Array
+
+    def covariance(self, j: int, k: int) -> Any:
+        """Return the covariance (n, n) of the error at epoch j with that at epoch k."""
+        return self.free[j] @ self.free[k].T + self.seen[j] @ self.seen[k].T
+
+
+def batch(problem: LinearProblem) -> Batch:
+    """Return the least-squares solution over all epochs at once; memory grows with their square.
+
+    Every error is mean + A w with independent w of unit variance (start and process noise), every
+    whitened measurement z = M w + unit noise. With M = U s V', w given z has the mean
+    V s / (1 + s^2) U' z and the covariance (1 - V V') + V V' / (1 + s^2), which needs no inverse of
+    the singular Q.
+    """
+    m, n = problem.gap.shape
+    roots = [_square_root(problem.P), *map(_square_root, problem.Q[1:])]
+    begin = np.concatenate([[0], np.cumsum([root.shape[1] for root in roots])])
+    A, mean = np.zeros((m, n, begin[-1])), np.zeros((m, n))
+    mean[0] = problem.mean
+    for k in range(m):
+        if k:
+            A[k] = problem.Phi[k] @ A[k - 1]
+            mean[k] = problem.Phi[k] @ mean[k - 1] + problem.gap[k]
+        A[k][:, begin[k] : begin[k + 1]] += roots[k]
+    rows, values = [], []
+    for k, measured in enumerate(problem.measured):
+        for H, z, R in measured:
+            L = np.linalg.cholesky(R)
+            rows.append(np.linalg.solve(L, H @ A[k]))
+            values.append(np.linalg.solve(L, z - H @ mean[k]))
+    U, s, Vt = np.linalg.svd(np.vstack(rows), full_matrices=False)
+    w = Vt.T @ (s / (1.0 + s**2) * (U.T @ np.concatenate(values)))
+    seen = A @ Vt.T
+    return Batch(mean + A @ w, A - seen @ Vt, seen / np.sqrt(1.0 + s**2))
+
+
+def _square_root(P: Array) -> Array:
+    """S with S S' = P for a semidefinite P."""
+    sigma = np.sqrt(np.diag(P))
+    sigma = np.where(sigma > 0.0, sigma, 1.0)
+    w, V = np.linalg.eigh(P / np.outer(sigma, sigma))
+    keep = w > RANK * w[-1]
+    root: Array = sigma[:, None] * V[:, keep] * np.sqrt(w[keep])
+    return root

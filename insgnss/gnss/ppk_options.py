@@ -1,0 +1,298 @@
+"""Raw observations of table [gnss] and how they are solved: options of the PPK engine, and the air.
+
+`EngineSettings` are the options that a flight file and `insgnss ppk` share; `gnss.options` adds to
+them what the engine needs besides. Options of the command line stand beside the keys.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..base.errors import OptionError
+from ..base.wording import named
+from ..io.options.schema import Triple, check, option
+
+Point = Literal["apc", "arp", "marker"]
+
+SYSTEMS = ("G", "R", "E", "J", "C")
+ENGINES = ("auto", "pyrtklib5", "rnx2rtkp")
+"""What a flight file may name: a file that came from others must not choose a program to run."""
+
+# RTKLIB takes a part of a name for the whole: "ile-tempdir" would set file-tempdir
+_NAME = re.compile(r"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+")
+_OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
+_SET_BY = {
+    "out-": "the output has the form that is read again",
+    "ant1-pos": "the rover moves",
+    "pos1-posmode": "it is always kinematic",
+    "pos1-soltype": "forward and backward are both run",
+}
+_SET_BY_KEY = {
+    "file-": "gnss.antex",
+    "ant2-pos": "gnss.base_position",
+    "pos1-frequency": "gnss.frequencies",
+    "pos1-elmask": "gnss.elevation_mask_deg",
+    "pos1-navsys": "gnss.systems",
+}
+
+
+@dataclass(frozen=True)
+class Air:
+    """Table gnss.atmosphere: the air at the base, as far as it is known."""
+
+    pressure_hpa: float | None = option(
+        None,
+        "pressure of the air at the base, for wet delay and ionosphere, not reduced to sea level",
+        unit="hPa",
+        low=300.0,
+        high=1100.0,
+        cli="--pressure",
+        metavar="HPA",
+        usual="standard",
+    )
+    temperature_c: float | None = option(
+        None,
+        "temperature of the air at the base",
+        unit="C",
+        low=-60.0,
+        high=60.0,
+        cli="--temperature",
+        metavar="C",
+        usual="standard",
+    )
+    humidity: float | None = option(
+        None,
+        "relative humidity of the air at the base",
+        low=0.0,
+        high=1.0,
+        cli="--humidity",
+        metavar="SHARE",
+        usual="0.7",
+    )
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """What the PPK engine is asked for; OptionError for a value that cannot be."""
+
+    base_point: Point | None = option(
+        None,
+        "what stands at the base position: the antenna's phase centre (apc), its reference point "
+        "(arp) or the marker; it must be given with gnss.base_position",
+        cli="--base-point",
+        cli_meaning=(
+            "what stands at the base position: the antenna's phase centre (apc), its "
+            "reference point (arp) or the marker"
+        ),
+        cli_default="apc, with a note",
+    )
+    antex: Path | None = option(
+        None,
+        "ANTEX file of antenna phase centres, for a base point arp or marker",
+        cli="--antex",
+        metavar="FILE",
+    )
+    systems: str = option(
+        "GREJC",
+        "satellites to use: GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C",
+        kind="letters",
+        choices=SYSTEMS,
+        cli="--systems",
+        metavar="LETTERS",
+    )
+    frequencies: int = option(
+        2,
+        "frequencies to use, 1: L1, 2: and L2 or E5b, 3: and L5",
+        low=1,
+        high=3,
+        choices=(1, 2, 3),
+        cli="--frequencies",
+    )
+    elevation_mask_deg: float = option(
+        15.0,
+        "satellites below this elevation are left out",
+        unit="deg",
+        low=0.0,
+        high=60.0,
+        cli="--mask",
+        metavar="DEG",
+    )
+    ratio: float = option(
+        3.0,
+        "least ratio at which the ambiguity test passes",
+        low=1.0,
+        high=100.0,
+        cli="--ratio",
+        metavar="R",
+    )
+    engine: str = option(
+        "auto",
+        'engine that solves: "pyrtklib5", or "rnx2rtkp", the program of that name on PATH; "auto": '
+        "the first of both that is installed; another program is named on the command line alone "
+        "(`insgnss process --engine`), so that a flight file of others runs none",
+        kind="engine",
+        cli="--engine",
+        metavar="NAME",
+        cli_meaning=(
+            "engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
+            "PATH; auto: the first of both that is installed"
+        ),
+    )
+    max_age_s: float = option(
+        30.0,
+        "longest time to the base's epoch",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+        cli="--max-age",
+        metavar="S",
+    )
+    timeout_s: float = option(
+        7200.0,
+        "longest time of one of the engine's two runs; a run that takes longer is ended",
+        unit="s",
+        low=1.0,
+        high=1e6,
+        cli="--timeout",
+        metavar="S",
+    )
+    acceleration_mps2: tuple[float, float] = option(
+        (3.0, 1.0),
+        "process noise of the rover's acceleration, horizontal and vertical; the engine's dynamics "
+        "are off where epochs are too rare for it",
+        unit="m/s^2",
+        positive=True,
+        cli="--acceleration",
+        metavar="A",
+    )
+    rtklib_options: Mapping[str, str] = option(
+        dict,
+        "further options of RTKLIB by name, { pos2-arminfix = 10 }",
+        kind="rtklib",
+        form="table of numbers and texts",
+        cli="--rtklib-options",
+        metavar="NAME=VALUE",
+        cli_meaning="further options of RTKLIB by name, such as pos2-arminfix=10",
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "gnss")
+        for name, value in self.rtklib_options.items():
+            if problem := rtklib_problem(name, value):
+                raise OptionError("gnss.rtklib_options", problem)
+
+
+def rtklib_problem(name: str, value: object) -> str:
+    """What is wrong with a further option of RTKLIB, empty where it may be set."""
+    if not _NAME.fullmatch(name):
+        return f"{name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix"
+    if _OURS.match(name):
+        keys = (
+            f"{named(key)} sets it"
+            for prefix, key in _SET_BY_KEY.items()
+            if name.startswith(prefix)
+        )
+        why = next(keys, "") or next(
+            why for prefix, why in _SET_BY.items() if name.startswith(prefix)
+        )
+        return f"{name[:60]} is not to be set there: {why}"
+    if re.search(r"[\r\n#]", str(value)):
+        return f"the value of {name} holds a # or the end of a line"
+    return ""
+
+
+@dataclass(frozen=True)
+class RawGnss(EngineSettings):
+    """RINEX of rover and base in table [gnss], and how it is solved.
+
+    base_position is latitude, longitude (deg) and ellipsoidal height (m).
+    """
+
+    rover: Path | tuple[Path, ...] = option(
+        ...,
+        "observations of the rover, RINEX 2 or 3 (plain, .gz, .Z, Hatanaka; rinex.md), solved by "
+        "PPK instead of gnss.file: `pip install '.[ppk]'`; files that follow each other as a list "
+        "or a pattern (rover/*.18o)",
+        kind="observations",
+        form="path or list of paths",
+        cli="ROVER",
+        cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed; several files that "
+        "follow each other are joined",
+    )
+    base: Path | tuple[Path, ...] = option(
+        ...,
+        "observations of the base, likewise: hourly files of a station",
+        kind="observations",
+        form="path or list of paths",
+        cli="--base",
+        metavar="FILE",
+        cli_meaning="observations of the base; several files (hourly ones) are joined",
+    )
+    navigation: tuple[Path, ...] = option(
+        ...,
+        "broadcast ephemerides of all systems, RINEX 2, 3 or 4",
+        cli="--navigation",
+        metavar="FILE",
+    )
+    base_position: Triple | None = option(
+        None,
+        "position of the base; held against the codes of the base, rinex.md",
+        kind="place",
+        usual="of the base's header, with a warning",
+        cli="--base-position",
+        metavar="LAT,LON,H",
+        cli_meaning="position of the base, deg, deg, ellipsoidal m",
+    )
+    wet_delay: bool = option(
+        True,
+        "correct heights for the wet delay between base and rover, which the engine leaves out",
+        cli="--no-wet-delay",
+        cli_meaning="leave the wet delay between base and rover in the heights",
+    )
+    ionosphere: bool = option(
+        True,
+        "correct fixed positions for the ionosphere between base and rover, which the "
+        "engine leaves out, as the two bands show it: flights of 5 minutes at least, up to 10 km "
+        "from the base",
+        cli="--no-ionosphere",
+        cli_meaning="leave the ionosphere between base and rover in the positions",
+    )
+    atmosphere: Mapping[str, float] | None = option(
+        None,
+        "air at the base, for the corrections of wet delay and ionosphere, as far as it is known",
+        kind="air",
+        form="table, below",
+        usual="standard",
+    )
+    phase_velocity: bool = option(
+        True,
+        "velocities from the rover's carrier phase; false: fixes without velocity",
+        cli="--no-velocity",
+        cli_meaning="leave out the velocities from the rover's carrier phase",
+    )
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that the solution depends on."""
+        antex = (self.antex,) if self.antex else ()
+        return (*all_of(self.rover), *all_of(self.base), *self.navigation, *antex)
+
+
+def all_of(files: Path | tuple[Path, ...]) -> tuple[Path, ...]:
+    """Return one file or several as a tuple."""
+    return files if isinstance(files, tuple) else (files,)
+
+
+OF_POSITIONS = (
+    "columns",
+    "units",
+    "undulation_m",
+    "sigma_m",
+    "sigma_velocity_mps",
+    "variable",
+    "repeat_column",
+    "calibrate_covariance",
+)
+"""Keys of ready positions, which raw observations do not take."""

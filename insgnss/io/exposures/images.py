@@ -1,0 +1,128 @@
+"""Names of the images of a flight in order, and the time of each by the camera's own clock.
+
+That clock may be off by any constant.
+"""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...base.files import lines_of, refuse_other_than_utf8
+from ...base.inputs import opened, read_bytes
+from ...records import Array
+from ..formats.images.exif import time_taken
+from ..formats.text.layout import decode, shown
+
+IMAGE_ENDINGS = {
+    *(
+        ".jpg",
+        ".jpeg",
+        ".tif",
+        ".tiff",
+        ".png",
+        ".dng",
+        ".raw",
+        ".iiq",
+        ".arw",
+        ".cr2",
+        ".cr3",
+        ".nef",
+        ".nrw",
+        ".raf",
+        ".rw2",
+        ".orf",
+    ),
+    *(".3fr", ".fff", ".pef", ".srw", ".x3f", ".webp", ".jp2", ".heic"),
+}
+
+
+def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...]:
+    """Return the names of images, of a directory or of a list.
+
+    Parameters
+    ----------
+    source : path-like
+        A directory, whose images are taken in the order of the numbers in their names, or a list
+        with one name a line, which is taken as it stands.
+    ending : str, optional
+        Of the files to take, such as ".jpg"; needed where the directory holds the same images in
+        several formats.
+
+    Raises
+    ------
+    InputError
+        Where there is no image, a name twice, or several formats of the same image.
+    """
+    path = Path(source)
+    if path.is_dir():
+        files = [
+            entry.name
+            for entry in path.iterdir()
+            if entry.is_file() and not entry.name.startswith(".")
+        ]
+        endings = IMAGE_ENDINGS if ending is None else {"." + ending.lower().lstrip(".")}
+        names = sorted(
+            (name for name in files if Path(name).suffix.lower() in endings), key=_natural
+        )
+        if len({Path(name).stem for name in names}) < len(names):
+            kinds = sorted({Path(name).suffix for name in names})
+            raise InputError.at_line(
+                path,
+                None,
+                f"holds the same image as {' and '.join(kinds)}; say which ending to take",
+            )
+    else:
+        try:
+            names = [
+                line.strip() for line in lines_of(decode(read_bytes(path)).removeprefix("\ufeff"))
+            ]
+        except OSError as error:
+            raise InputError.at_line(
+                path,
+                None,
+                f"cannot be read: {error.strerror or error}; give a directory or a list of names",
+            ) from None
+        names = [name for name in names if name and not name.startswith("#")]
+    refuse_other_than_utf8(names)
+    if not names:
+        raise InputError.at_line(path, None, "holds no image; check the path and the ending")
+    if len(set(names)) < len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        raise InputError.at_line(path, None, f"image {shown(twice)} occurs twice; correct the list")
+    return tuple(names)
+
+
+def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Order in which IMG_9 stands before IMG_10."""
+    return tuple(
+        (1, int(piece), "") if piece.isdecimal() and len(piece) < 1000 else (0, 0, piece.lower())
+        for piece in re.findall(r"\d+|\D+", name)
+    )
+
+
+def image_times(directory: Path, names: Sequence[str]) -> Array | None:
+    """Return the times of images by their camera's clock, s (n,) from the first image.
+
+    None where `directory` is no directory or one of its images holds no time.
+
+    Raises
+    ------
+    InputError
+        An image whose tags are broken, or whose time is none.
+    """
+    if not directory.is_dir():
+        return None
+    times: list[datetime] = []
+    for name in names:
+        try:
+            with opened(directory / name) as stream:
+                times.append(time_taken(stream, name))
+        except (OSError, ValueError):
+            return None
+        except InputError as error:
+            raise InputError(f"{directory}: {error}") from None
+    return np.array([(time - times[0]).total_seconds() for time in times])

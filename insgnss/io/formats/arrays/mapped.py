@@ -1,0 +1,185 @@
+"""IMU samples and fixes from content by a column map: what MATLAB and numpy files have in common.
+
+A file that holds the last fix until the next comes is read by `repeat_column`, the quantity that
+changes with each new fix: a fix is taken at the row where it changes to something that is neither
+zero nor not-a-number, and it is stamped with that row's time.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....base.errors import InputError, UsageError
+from ....records import GnssFixes, ImuSamples, Quantity
+from ....records.observations import OF_THE_SOLUTION
+from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
+from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
+from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from ..gnss.heights import settled_undulation
+from ..gnss.rounding import is_held
+from ..imu.imu_csv import ALIASES as IMU_ALIASES
+from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
+from ..text.order import Lines, NumberedRows, Picked
+from ..text.units import check_units
+from .content import Content, take_columns
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, str] | Sequence[str]
+
+OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SIGMA, "sd_ne")
+
+
+def _taken(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None,
+    required: Sequence[str],
+    accepted: Sequence[str],
+) -> dict[str, Array]:
+    names = list(columns)
+    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in accepted]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(accepted)}")
+    cols = {
+        name: column
+        for name, column in take_columns(path, content, columns, variable).items()
+        if name in accepted
+    }
+    if missing := [name for name in required if name not in cols]:
+        raise InputError(
+            f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the"
+            " file"
+        )
+    return cols
+
+
+def _finite(table: Mapping[str, Array], lines: Lines) -> None:
+    for name, column in table.items():
+        if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
+            raise lines.error_at(
+                int(np.argmax(bad)),
+                f"{name} is {column[int(np.argmax(bad))]}; it must be finite; leave the row out",
+            )
+
+
+def imu_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None = None,
+    units: Mapping[str, str] | None = None,
+    quantity: Quantity = "mean_rate",
+    gps_week: int | None = None,
+    rate_hz: float | None = None,
+) -> ImuSamples:
+    """Read IMU samples in SI units from content by a column map.
+
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    units : mapping, optional
+        Units of gyro, accel and time, which fields' names may end in as well.
+    quantity, rate_hz
+        As in `imu_csv`.
+    gps_week : int, optional
+        The week, where no column holds it.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+    """
+    units = check_units(units, UNIT_KEYS)
+    cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
+    lines = NumberedRows(str(path))
+    _finite(cols, lines)
+    fields = {key: _fields(columns, names) for key, names in TRIADS.items()}
+    scales, notes = scales_of(str(path), None, fields, units, quantity, rate_hz)
+    return imu_from_columns(cols, lines, str(path), scales, quantity, gps_week, notes)
+
+
+def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
+    """Return what the file calls the columns `names`; a list of columns gives no names."""
+    return (
+        [columns[name] for name in names if name in columns] if isinstance(columns, Mapping) else []
+    )
+
+
+def gnss_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None = None,
+    repeat_column: str | None = None,
+    sigma_m: ArrayLike | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    gps_week: int | None = None,
+    undulation_m: float | None = None,
+) -> GnssFixes:
+    """Read fixes from content by a column map.
+
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    repeat_column : str, optional
+        Path (or canonical name) of the quantity that changes with each new fix; without it every
+        row is a fix, which is refused where the rows repeat each fix until the next (`rounding`).
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, where no columns hold them.
+    units : mapping, optional
+        As in `gnss_text`; fields' names may end in a unit as well.
+    gps_week : int, optional
+        The week, where no column holds it.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, added to heights that are above the geoid (`heights`).
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A value that is not finite, repeated positions, or a `repeat_column` that never changes.
+    """
+    units = check_units(units, GNSS_UNIT_KEYS)
+    fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
+    scales, notes = fix_scales(str(path), None, fields, units)
+    geoid_m, more = settled_undulation(path, None, _fields(columns, ("h",)), undulation_m)
+    table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
+    lines: Lines = NumberedRows(str(path))
+    if repeat_column is not None:
+        mark = (
+            table[repeat_column]
+            if repeat_column in table
+            else take_columns(path, content, {"mark": repeat_column}, variable)["mark"]
+        )
+        if mark.size != table["tow"].size:
+            raise InputError(
+                f"{path}: {repeat_column} has {mark.size} rows, the columns have"
+                f" {table['tow'].size}; name a field of the same recording"
+            )
+        rows = (
+            np.flatnonzero(np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])) + 1
+        )
+        if rows.size == 0:
+            raise InputError(
+                f"{path}: {repeat_column} never changes to a new value; no fix; set repeat_column"
+                " to what changes with each fix, or None"
+            )
+        table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
+    elif is_held(
+        [table["lat"], table["lon"]],
+        [column for name, column in table.items() if name in OF_A_FIX],
+    ):
+        finding = "more than half of the rows repeat the fix before"
+        raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
+    _finite(table, lines)
+    return fixes_from_columns(
+        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, geoid_m, (*notes, *more)
+    )

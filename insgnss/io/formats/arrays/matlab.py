@@ -1,0 +1,112 @@
+"""Variables of MATLAB files, data_specs/matlab.md.
+
+Version 4 to 7 is read by scipy behind the checks of `matfile`, 7.3 (HDF5) by h5py where it is
+installed. There is no default: `columns` says which field, label or column of a matrix holds which
+quantity; `content` states how they are named.
+
+There is no default: `columns` says which field, label or column of a matrix is what; `_content`
+states how they are named.
+"""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, InsgnssError
+from ....base.unpacking import check_unpacked
+from ....base.wording import DOCTOR
+from ..text.layout import printable
+from ..text.text import Source, load_bytes
+from .content import Content, Matrix, matrix_of
+from .matfile import Damaged, read_mat
+
+Array = NDArray[np.float64]
+
+LABEL = "_label"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+DEEPEST = 8  # structs within structs
+
+
+def load_matlab(path: Source) -> Content:
+    """Load the variables of a file by name.
+
+    Structs become mappings; matrices have the labels of the variable `<name>_label` beside them.
+    """
+    data = load_bytes(path).tobytes()
+    if HDF5 in data[:1024]:
+        return _labelled(_hdf5(path))
+    try:
+        variables = read_mat(data, path)
+    except Damaged as error:
+        raise InputError.at_line(
+            path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
+        ) from None
+    return _labelled({name: _plain(node) for name, node in variables.items()})
+
+
+def _plain(node: Any) -> Any:
+    """Arrays of one row or column as vectors, of more as `Matrix`; the others as they stand."""
+    if isinstance(node, dict):
+        return {name: _plain(value) for name, value in node.items()}
+    if not isinstance(node, np.ndarray) or node.ndim != 2:
+        return node
+    return matrix_of(node) if node.size and node.dtype != object else node.reshape(-1)
+
+
+def _labelled(content: dict[str, Any]) -> dict[str, Any]:
+    """Content with the labels at their matrices."""
+    out = dict(content)
+    for name, node in content.items():
+        if isinstance(node, Matrix) and (labels := content.get(name + LABEL)) is not None:
+            texts = tuple(
+                printable(str(text)) for text in np.asarray(labels, dtype=object).reshape(-1)
+            )
+            if len(texts) == node.values.shape[1]:
+                out[name] = Matrix(node.values, texts)
+    return out
+
+
+def _hdf5(path: Source) -> dict[str, Any]:
+    try:
+        import h5py
+    except ImportError:
+        message = (
+            "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7;"
+            f" {DOCTOR}"
+        )
+        raise InputError.at_line(path, None, message) from None
+
+    def stated(node: Any, depth: int = 0) -> int:
+        """Bytes of what a node holds, without reading it."""
+        if not isinstance(node, h5py.Group):
+            return int(node.nbytes)
+        return sum(stated(node[name], depth + 1) for name in node if depth < DEEPEST)
+
+    def plain(node: Any, depth: int = 0) -> Any:
+        if isinstance(node, h5py.Group):
+            return {
+                printable(name): plain(node[name], depth + 1) for name in node if depth < DEEPEST
+            }
+        if node.attrs.get("MATLAB_class") == b"char":
+            return "".join(map(chr, node[()].reshape(-1)))
+        if node.dtype == h5py.ref_dtype:
+            return np.array(
+                [plain(file[ref], depth + 1) for ref in node[()].reshape(-1)], dtype=object
+            )
+        values = node[()].T  # MATLAB stores columns first
+        whole = values.ndim == 2 and values.size
+        return matrix_of(values) if whole else np.asarray(values).reshape(-1)
+
+    try:
+        with h5py.File(str(path), "r") as file:
+            check_unpacked(path, stated(file), packed=os.path.getsize(path))
+            return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
+    except InsgnssError:
+        raise
+    except Exception as error:  # as above
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise InputError.at_line(
+            path, None, f"is no whole MATLAB 7.3 file ({why[:120]}); copy it again from its source"
+        ) from None

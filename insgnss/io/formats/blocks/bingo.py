@@ -1,0 +1,136 @@
+"""Image observations of BINGO, data_specs/bingo.md.
+
+    image [camera]
+    point x y
+    ...
+    -99
+
+Photo coordinates count from the image's centre, x right and y up, in millimetres or micrometres.
+Files in pixels, as ODyN has them, count from the outer corner of the upper left pixel, x right and
+y down. That y runs up, and that the image's centre rather than the principal point is meant, no
+file of the program could confirm.
+"""
+
+import numpy as np
+
+from ....base.errors import DataError, InputError, near
+from ....base.files import lines_of
+from ..text.layout import decode, is_comment, shown
+from ..text.text import Source, load_bytes
+from ..text.text import number as number_in
+from .columns import first_repeat, positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+END = "-99"
+UNITS = {"mm": 1e3, "um": 1.0, "px": 0.0}  # micrometres
+
+
+def read_bingo(
+    path: Source,
+    sigma_px: float = SIGMA_PX,
+    unit: str = "mm",
+    pixel_um: float | None = None,
+    width: int | None = None,
+    height: int | None = None,
+) -> MeasuredBlock:
+    """Read image observations.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    sigma_px : float
+        Standard deviation of the observations, pixels.
+    unit : str
+        "mm" or "um", y up from the image's centre; "px", y down from the upper left corner.
+    pixel_um : float
+        Size of a pixel, micrometres; needed but for "px".
+    width, height : int
+        Size of the images, pixels; needed but for "px".
+
+    Returns
+    -------
+    MeasuredBlock
+        The observations; without cameras, poses and ground points. Images have the names of the
+        file, which have no ending as a rule.
+
+    Raises
+    ------
+    InputError
+        A line that is neither head nor observation, an image or a point that is there twice, with
+        file and line.
+    DataError
+        A unit that is unknown, a size that is missing, a standard deviation that is not positive.
+    """
+    positive_sigma(sigma_px, "BINGO")
+    if unit not in UNITS:
+        raise DataError(f"BINGO: unit {unit!r}; {near(unit, UNITS)}")
+    if unit != "px" and not (pixel_um and width and height and min(pixel_um, width, height) > 0):
+        raise DataError(
+            f"BINGO: coordinates in {unit} need pixel_um, width and height of the camera; name them"
+        )
+    images: list[str] = []
+    lines, image_row, point, xy = [], [], [], []
+    inside, ended, line, within = False, False, 0, 0
+    for line, row in enumerate(lines_of(decode(load_bytes(path).tobytes())), start=1):
+        words = row.split()
+        if not words or is_comment(row):
+            continue
+        if words[0] == END:
+            inside, ended = False, True
+        elif len(words) <= 2:
+            if words[0] in images:
+                raise InputError.at_line(
+                    path, line, f"image {shown(words[0])} is there twice; join its two blocks"
+                )
+            images.append(words[0])
+            within = line if inside and not within else within
+            inside = True
+        elif inside:
+            lines.append(line)
+            image_row.append(len(images) - 1)
+            point.append(words[0])
+            xy.append([number_in(word, path, line) for word in words[1:3]])
+        else:
+            raise InputError.at_line(
+                path, line, f"{shown(row)}: no image before; a block begins with image and camera"
+            )
+    if ended and (within or inside):
+        problem = f"an image begins before the {END} of another, or a number is missing"
+        if inside:
+            problem = f"truncated: the file ends before the {END} of image {shown(images[-1])}"
+        raise InputError.at_line(path, line if inside else within, problem)
+    if not image_row:
+        raise InputError.at_line(path, None, "no observation; image, then point x y, then -99")
+    rows = np.array(image_row, dtype=np.int64)
+    point_rows = {name: k for k, name in enumerate(dict.fromkeys(point))}
+    numbers = np.array([point_rows[name] for name in point], dtype=np.int64)
+    if (twice := first_repeat(rows, numbers)) is not None:
+        first, last = twice
+        raise InputError.at_line(
+            path,
+            lines[last],
+            f"point {shown(point[last])} is measured twice in image"
+            f" {shown(images[image_row[last]])}, before in line {lines[first]}; delete one of the"
+            " lines",
+        )
+    uv = np.array(xy)
+    if unit != "px":
+        scale = UNITS[unit] / float(pixel_um or 1.0)
+        uv = 0.5 * np.array([width, height], dtype=np.float64) + scale * uv * (1.0, -1.0)
+    names = file_names(images, path)
+    measured, _ = image_points(names, rows, point, uv, np.full(len(image_row), sigma_px))
+    camera = np.zeros(len(names), dtype=np.int64)
+    return MeasuredBlock(
+        (),
+        camera,
+        measured,
+        *no_poses(len(names)),
+        None,
+        None,
+        local=True,
+        notes=()
+        if unit == "px"
+        else ("BINGO: that y runs up from the image's centre is unverified",),
+    )

@@ -1,0 +1,306 @@
+"""Cameras as other programs read them, data_specs/camera_files.md.
+
+    metashape    <calibration>, c_x and c_y from the image's centre, P_1 with r^2 + 2 x^2
+    colmap       cameras.txt, OPENCV or FULL_OPENCV, pixels from the outer corner of the first one
+    opencv       YAML of cv::FileStorage, pixels from the centre of the first one
+
+In the last two p_2 belongs to r^2 + 2 x^2, and there is no skew b_2 nor k_4. What a program cannot
+express is left out where it moves no pixel of the image by more than `EXACT_PX`, and said; else the
+camera is refused. The same limit holds for a backward camera, which a forward one is fitted to: on
+a grid over the image, by Gauss-Newton steps on (J.4) with the rays of (J.5).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from ....base.errors import InputError, UsageError, near
+from ....base.files import atomic_write
+from ....records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
+from ..bundle.camera import BROWN_NAMES
+from ..text.text import Source
+
+EXACT_PX = 0.01
+LOST_PX = 0.1  # of what a program has no place for, which is said
+GRID = 25
+STEPS = 20
+LACKING = {"colmap": ("b2", "k4"), "opencv": ("b2", "k4")}
+Covariances = Sequence[InteriorCovariance | None]
+Text = Callable[[Sequence[BrownCamera], Covariances], str]
+
+
+def write_cameras(
+    cameras: Sequence[BrownCamera],
+    path: Source,
+    form: str = "colmap",
+    covariances: Covariances = (),
+) -> tuple[str, ...]:
+    """Write cameras for another program.
+
+    Parameters
+    ----------
+    cameras : sequence of BrownCamera
+        The cameras; COLMAP's file takes several, the others one.
+    path : path
+        The file, written whole or not at all.
+    form : str
+        "metashape", "colmap" or "opencv".
+    covariances : sequence of InteriorCovariance or None, optional
+        Of each camera; those of backward cameras, which another polynomial stands for, are not
+        written.
+
+    Returns
+    -------
+    tuple of str
+        What the file does not express, with the pixels that it moves, in sentences.
+
+    Raises
+    ------
+    UsageError
+        A format that is unknown, another number of cameras than the file takes, or a file that
+        cannot be written.
+    InputError
+        A camera that the program cannot express to `EXACT_PX`.
+    """
+    if form not in FORMS:
+        raise UsageError(f"cameras as {form!r}; {near(form, FORMS)}")
+    if not cameras or (len(cameras) > 1 and form != "colmap"):
+        raise UsageError(f"{path}: {len(cameras)} cameras; a file of {form} takes one: write each")
+    notes: list[str] = []
+    ready = [_expressed(_forward(camera, form, notes), form, notes) for camera in cameras]
+    given = covariances or [None] * len(cameras)
+    own = [None if c.backward else P for c, P in zip(cameras, given, strict=True)]
+    atomic_write(path, FORMS[form](ready, own))
+    return tuple(notes)
+
+
+def _expressed(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
+    """Return a camera without the parameters that a program lacks, if they are next to nothing."""
+    lacking = [k for k in LACKING.get(form, ()) if camera.of(k) != 0.0]
+    if not lacking:
+        return camera
+    without = camera.with_([0.0 if k in lacking else camera.of(k) for k in INTERIOR])
+    xy = _grid(camera)[1]
+    moved = float(np.abs(_pixels(camera, xy) - _pixels(without, xy)).max())
+    values = ", ".join(f"{k} = {camera.of(k):g}" for k in lacking)
+    if moved > LOST_PX:
+        raise InputError(
+            f"camera {camera.name}: {form} has no place for {values}, which moves pixels by up to"
+            f" {moved:.3g} (limit {LOST_PX} px); calibrate with it zero in the camera's file and"
+            " not in camera.free, or write metashape or TOML"
+        )
+    notes.append(f"camera {camera.name}: {values} left out, {moved:.2g} px at most")
+    return without
+
+
+def _basis(xy: Array) -> Array:
+    """Return dD/d(k1 .. k4, p1, p2) of (J.3), (n, 2, 6), on points (n, 2)."""
+    x, y = xy.T
+    r2 = x * x + y * y
+    radial = np.stack([r2, r2**2, r2**3, r2**4], axis=1)[:, None, :] * xy[:, :, None]
+    first = np.stack([r2 + 2.0 * x * x, 2.0 * x * y], axis=1)
+    second = np.stack([2.0 * x * y, r2 + 2.0 * y * y], axis=1)
+    return np.concatenate([radial, first[:, :, None], second[:, :, None]], axis=2)
+
+
+def _distorted(camera: BrownCamera, xy: Array) -> Array:
+    """D of (J.3), (n, 2)."""
+    return np.asarray(xy + _basis(xy) @ camera.interior[5:])
+
+
+def _pixels(camera: BrownCamera, xy: Array) -> Array:
+    """Pixels (n, 2) of rays in a forward camera (J.4)."""
+    f, cx, cy, b1, b2 = camera.interior[:5]
+    x, y = _distorted(camera, xy).T
+    return np.stack([cx + (f + b1) * x + b2 * y, cy + f * y], axis=1)
+
+
+def _grid(camera: BrownCamera) -> tuple[Array, Array]:
+    """Pixels (n, 2) over the image, and rays that land about there; of a backward camera exactly.
+
+    Those of a forward camera are ideal points, which is enough to say how far terms of its
+    polynomial move pixels.
+    """
+    axes = [np.linspace(0.0, size, GRID) for size in (camera.width, camera.height)]
+    uv = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    f, cx, cy, b1, b2 = camera.interior[:5]
+    m = uv - (cx, cy)
+    if not camera.backward:
+        return uv, m / f
+    a = np.stack([(1.0 + b1) * m[:, 0] + b2 * m[:, 1], m[:, 1]], axis=1) / camera.unit_px
+    return uv, camera.unit_px / f * _distorted(camera, a)
+
+
+def _forward(camera: BrownCamera, form: str, notes: list[str]) -> BrownCamera:
+    """Return a forward camera that sees what a backward one does, if a program has such a one."""
+    if not camera.backward:
+        return camera
+    uv, xy = _grid(camera)
+    mine = [k not in LACKING.get(form, ()) for k in INTERIOR]
+    fitted = replace(camera, interior=_start(camera) * mine, backward=False, unit_px=1.0)
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            J, e = _jacobian(fitted, xy)[:, mine], (uv - _pixels(fitted, xy)).ravel()
+            step = np.zeros(len(INTERIOR))
+            step[mine] = np.linalg.lstsq(J, e)[0]
+            values = fitted.interior + step
+            if not np.isfinite(values).all() or not values[0] > 0.0:
+                break
+            fitted = fitted.with_(values)
+            if np.abs(step[:3]).max() < 1e-9:
+                break
+        misfit = float(np.abs(uv - _pixels(fitted, xy)).max())
+    if not misfit <= EXACT_PX:
+        raise InputError(
+            f"camera {camera.name}: is backward (measured to ideal), and no forward polynomial is"
+            f" nearer than {misfit:.3g} px (limit {EXACT_PX} px); calibrate a forward camera, or"
+            " write TOML"
+        )
+    notes.append(
+        f"camera {camera.name}: a forward polynomial stands for the backward one, {misfit:.2g} px"
+        " off at most"
+    )
+    return fitted
+
+
+def _start(camera: BrownCamera) -> Array:
+    """First values of the forward camera: the same geometry without distortion."""
+    f, cx, cy, b1, b2 = camera.interior[:5]
+    return np.array([f, cx, cy, f / (1.0 + b1) - f, -f * b2 / (1.0 + b1), *np.zeros(6)])
+
+
+def _jacobian(camera: BrownCamera, xy: Array) -> Array:
+    """Derivatives (2 n, 11) of the pixels by the interior orientation."""
+    f, _, _, b1, b2 = camera.interior[:5]
+    D, B = _distorted(camera, xy), _basis(xy)
+    J = np.zeros((len(xy), 2, len(INTERIOR)))
+    J[:, :, 0] = D
+    J[:, 0, 1] = J[:, 1, 2] = 1.0
+    J[:, 0, 3], J[:, 0, 4] = D[:, 0], D[:, 1]
+    J[:, 0, 5:] = (f + b1) * B[:, 0] + b2 * B[:, 1]
+    J[:, 1, 5:] = f * B[:, 1]
+    return J.reshape(-1, len(INTERIOR))
+
+
+def _metashape(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
+    (camera,), (P,) = cameras, covariances
+    centre = {"cx": 0.5 * camera.width, "cy": 0.5 * camera.height}
+    values = {key: camera.of(key) - centre.get(key, 0.0) for key in INTERIOR}
+    return "\n".join(
+        [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            "<calibration>",
+            "  <projection>frame</projection>",
+            f"  <width>{camera.width}</width>",
+            f"  <height>{camera.height}</height>",
+            *(f"  <{key}>{value!r}</{key}>" for key, value in values.items()),
+            f"  <!-- {escape(camera.name).replace('--', '- -')} -->",
+            *(_metashape_covariance(P) if P is not None else ()),
+            "</calibration>\n",
+        ]
+    )
+
+
+def _metashape_covariance(P: InteriorCovariance) -> list[str]:
+    """Lines of the covariance, as a project of Metashape has it."""
+    coefficients = " ".join(f"{value:.16e}" for value in P.cov.ravel())
+    return [
+        "  <covariance>",
+        f"    <params>{' '.join(P.parameters)}</params>",
+        f"    <coeffs>{coefficients}</coeffs>",
+        "  </covariance>",
+    ]
+
+
+def _opencv_covariance(P: InteriorCovariance) -> tuple[list[str], Array, Array]:
+    """Return OpenCV's names of the parameters, their sigmas (d,) and correlations (d, d)."""
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    source = {"fx": ("f", "b1"), "fy": ("f",), "p1": ("p2",), "p2": ("p1",)}
+    M = np.zeros((len(names), len(INTERIOR)))
+    for row, name in enumerate(names):
+        for own in source.get(name, (name,)):
+            M[row, INTERIOR.index(own)] = 1.0
+    cov = M @ P.whole @ M.T
+    rows = np.flatnonzero(np.diagonal(cov) > 0.0)
+    sigma = np.sqrt(np.diagonal(cov)[rows])
+    rho = cov[np.ix_(rows, rows)] / sigma / sigma[:, None]
+    return [names[k] for k in rows], sigma, rho
+
+
+def _opencv_values(camera: BrownCamera) -> dict[str, float]:
+    """Parameters of OpenCV's model by its names; pixels from the outer corner of the first one."""
+    own = {key: camera.of(key) for key in ("cx", "cy", "k1", "k2", "k3")}
+    focal = {"fx": camera.of("f") + camera.of("b1"), "fy": camera.of("f")}
+    return own | focal | {"p1": camera.of("p2"), "p2": camera.of("p1")}
+
+
+def colmap_words(camera: BrownCamera) -> str:
+    """Return a camera as exports take it: model, width, height, parameters.
+
+    Parameters
+    ----------
+    camera : BrownCamera
+        The camera.
+
+    Returns
+    -------
+    str
+        Words of COLMAP's cameras.txt, without the number.
+
+    Raises
+    ------
+    InputError
+        A camera that COLMAP cannot express.
+    """
+    ready = _expressed(_forward(camera, "colmap", []), "colmap", [])
+    return _colmap([ready], [None]).splitlines()[-1].partition(" ")[2]
+
+
+def _colmap(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
+    rows = ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"]
+    for k, (camera, P) in enumerate(zip(cameras, covariances, strict=True), start=1):
+        if P is not None:
+            names, sigma, rho = _opencv_covariance(P)
+            words = ", ".join(f"{name} {s:.6g}" for name, s in zip(names, sigma, strict=True))
+            rows.append(f"# sigmas of camera {k}: {words}")
+            rows += [
+                f"# correlations of {name}: {' '.join(f'{x:+.4f}' for x in row)}"
+                for name, row in zip(names, rho, strict=True)
+            ]
+        value = _opencv_values(camera)
+        model = "FULL_OPENCV" if value["k3"] else "OPENCV"
+        parameters = " ".join(f"{value.get(key, 0.0)!r}" for key in BROWN_NAMES[model])
+        rows.append(f"{k} {model} {camera.width} {camera.height} {parameters}")
+    return "\n".join(rows) + "\n"
+
+
+def _opencv(cameras: Sequence[BrownCamera], covariances: Covariances) -> str:
+    (camera,), (P,) = cameras, covariances
+    v = _opencv_values(camera)
+    K = (v["fx"], 0.0, v["cx"] - 0.5, 0.0, v["fy"], v["cy"] - 0.5, 0.0, 0.0, 1.0)
+    matrices: dict[str, tuple[int, int, Sequence[float]]] = {
+        "camera_matrix": (3, 3, K),
+        "distortion_coefficients": (5, 1, [v[key] for key in ("k1", "k2", "p1", "p2", "k3")]),
+    }
+    names: list[str] = []
+    if P is not None:
+        names, sigma, rho = _opencv_covariance(P)
+        d = len(names)
+        matrices |= {
+            "standard_deviations": (d, 1, sigma.tolist()),
+            "correlations": (d, d, rho.ravel().tolist()),
+        }
+    rows = ["%YAML:1.0", "---", f"image_width: {camera.width}", f"image_height: {camera.height}"]
+    for key, (height, width, values) in matrices.items():
+        data = ", ".join(f"{value!r}" for value in map(float, values))
+        rows += [f"{key}: !!opencv-matrix", f"   rows: {height}", f"   cols: {width}", "   dt: d"]
+        rows.append(f"   data: [ {data} ]")
+    if names:
+        quoted = ", ".join(f'"{name}"' for name in names)
+        rows.append(f"standard_deviations_of: [ {quoted} ]")
+    return "\n".join(rows) + "\n"
+
+
+FORMS: Mapping[str, Text] = {"metashape": _metashape, "colmap": _colmap, "opencv": _opencv}

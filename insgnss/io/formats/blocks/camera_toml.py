@@ -1,0 +1,174 @@
+"""Cameras with Brown's distortion as TOML, data_specs/camera_toml.md."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InputError, near
+from ....base.files import atomic_write
+from ....base.inputs import is_file
+from ....base.tables import Table, read_toml
+from ....records.block import INTERIOR, BrownCamera, InteriorCovariance
+from ..text.numbers import array_of
+from ..text.text import Source
+
+MODELS = ("forward", "backward")
+PIXEL_ORIGINS = ("corner", "centre")
+_OWN = ("name", "model", "width", "height", "unit_px", "pixel_origin", *INTERIOR, "free")
+KEYS: Mapping[str, tuple[str, ...]] = {"": (*_OWN, "sigma", "correlations"), "sigma": INTERIOR}
+LARGEST_PX = 1e6
+
+
+def read_camera_toml(path: Source) -> BrownCamera:
+    """Read a camera.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    BrownCamera
+        The camera; parameters that the file does not name are zero.
+
+    Raises
+    ------
+    InputError
+        A key that is unknown or missing, or a value that cannot be, with file and line.
+    """
+    path = Path(path)
+    if not is_file(path):
+        raise InputError.at_line(path, None, "no such file; check the path of the camera")
+    table = read_toml(path, KEYS)
+    table.check_keys()
+    if "model" not in table.data:
+        raise table.error("model", f"is missing; it is {' or '.join(MODELS)}, and has no default")
+    backward = table.choice("model", MODELS, "") == "backward"
+    width, height = _whole(table, "width"), _whole(table, "height")
+    f = _positive(table, "f")
+    rest = [
+        table.number(name, ..., -LARGEST_PX, LARGEST_PX)
+        if name in ("cx", "cy")
+        else table.number(name, 0.0)
+        for name in INTERIOR[1:]
+    ]
+    interior = np.array([f, *rest])
+    if table.choice("pixel_origin", PIXEL_ORIGINS, PIXEL_ORIGINS[0]) == "centre":
+        interior[1:3] += 0.5
+    if not backward and "unit_px" in table.data:
+        raise table.error("unit_px", "is of backward cameras; the lengths of this one are in f")
+    if backward and "unit_px" not in table.data:
+        raise table.error("unit_px", "is missing; a backward camera counts in units of so many px")
+    unit = _positive(table, "unit_px") if backward else 1.0
+    free = table.texts("free", ())
+    for name in free:
+        if name not in INTERIOR or free.count(name) > 1:
+            raise table.error("free", f"{name!r} is unknown or there twice; {near(name, INTERIOR)}")
+    name = table.text("name", path.stem)
+    return BrownCamera(name, width, height, interior, backward, unit, free)
+
+
+def read_camera_covariance(path: Source) -> InteriorCovariance | None:
+    """Read the covariance of a camera's interior orientation.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    InteriorCovariance or None
+        The covariance; None where the file has no table [sigma].
+
+    Raises
+    ------
+    InputError
+        A standard deviation that is not positive, or correlations that cannot be, with file and
+        line.
+    """
+    table = read_toml(Path(path), KEYS)
+    if "sigma" not in table.data:
+        return None
+    given = table.table("sigma")
+    names = tuple(name for name in INTERIOR if name in given.data)
+    sigma = np.array([given.number(name, ..., -LARGEST_PX, LARGEST_PX) for name in names])
+    for name, value in zip(names, sigma, strict=True):
+        if not value > 0.0:
+            raise given.error(name, f"{value:g}; a standard deviation must be greater than zero")
+    rows = table.value("correlations", list, np.eye(len(names)).tolist())
+    try:
+        rho = array_of(rows, (len(names),) * 2)
+        if rho is None or np.abs(rho - rho.T).max(initial=0.0) > 1e-9:
+            raise ValueError
+        return InteriorCovariance(names, rho * sigma * sigma[:, None])
+    except (ValueError, InputError):
+        raise table.error(
+            "correlations",
+            f"expected {len(names)} rows of as many numbers, symmetric and positive definite, in"
+            f" the order {', '.join(names)}",
+        ) from None
+
+
+def _positive(table: Table, key: str) -> float:
+    value = float(table.number(key, ..., 0.0, LARGEST_PX))
+    if value == 0.0:
+        raise table.error(key, "0 px; it must be greater than zero")
+    return value
+
+
+def _whole(table: Table, key: str) -> int:
+    value = _positive(table, key)
+    if value != int(value):
+        raise table.error(key, f"{value:g} px; it is a whole number")
+    return int(value)
+
+
+def write_camera_toml(
+    camera: BrownCamera, path: Source, covariance: InteriorCovariance | None = None
+) -> None:
+    """Write a camera; its numbers read back bit by bit.
+
+    Parameters
+    ----------
+    camera : BrownCamera
+        The camera.
+    path : path
+        The file, written whole or not at all.
+    covariance : InteriorCovariance, optional
+        Of its interior orientation.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be written.
+    """
+    rows = [
+        "# pixels from the outer corner of the upper left one, x right, y down: its centre is (0.5,"
+        " 0.5)",
+        f"name = {json.dumps(camera.name, ensure_ascii=False)}",
+        f'model = "{MODELS[camera.backward]}"',
+        f"width = {camera.width}",
+        f"height = {camera.height}",
+        *([f"unit_px = {camera.unit_px!r}"] if camera.backward else []),
+        *(f"{name} = {camera.of(name)!r}" for name in INTERIOR),
+        f"free = {json.dumps(list(camera.free))}",
+    ]
+    if covariance is not None and covariance.parameters:
+        sigma = np.sqrt(np.diagonal(covariance.cov))
+        rho = covariance.cov / sigma / sigma[:, None]
+        rho[np.diag_indices(len(sigma))] = 1.0
+        lines = ",\n  ".join(f"[{', '.join(f'{x:.12g}' for x in row)}]" for row in rho)
+        rows += [
+            "# correlations in the order of [sigma]",
+            f"correlations = [\n  {lines},\n]",
+            "[sigma]",
+            *(
+                f"{name} = {float(s)!r}"
+                for name, s in zip(covariance.parameters, sigma, strict=True)
+            ),
+        ]
+    atomic_write(path, "\n".join(rows) + "\n")

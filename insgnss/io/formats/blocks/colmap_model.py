@@ -1,0 +1,221 @@
+"""COLMAP models, text and binary, through pycolmap, data_specs/colmap_model.md.
+
+The program's cameras are forward ones, their pixels count from the outer corner of the first, its
+camera axes are x right, y down, z viewing direction: as here. Its tangential coefficients have
+OpenCV's order: the second belongs to r^2 + 2 x^2.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....base.errors import InputError, UsageError
+from ....base.files import lines_of
+from ....base.units import LARGEST, spells_zero
+from ....base.wording import DOCTOR
+from ....records.block import INTERIOR, Array, BrownCamera
+from ..bundle.camera import BROWN_NAMES, PARAMETERS
+from ..text.layout import decode, shown
+from ..text.numbers import PLAIN, finite
+from ..text.text import Source, load_bytes
+from .columns import positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+PARTS = ("cameras", "images", "points3D")
+SIGNS = set("0123456789+-.eE \t\r")  # of numbers in a line of image points
+
+
+def read_colmap_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
+    """Read a model.
+
+    Parameters
+    ----------
+    path : path
+        Its directory, or one of its files.
+    sigma_px : float
+        Standard deviation of all image observations, pixels: a model has none.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block in axes of the model's own. Points go by their numbers; image points without
+        object point are left out.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is not installed.
+    InputError
+        A directory without model, a model that pycolmap does not read, a camera model that is none
+        of Brown's.
+    DataError
+        A `sigma_px` that is not positive.
+    """
+    positive_sigma(sigma_px, "COLMAP model")
+    model = _model(Path(path))
+    cameras = [_camera(path, number, camera) for number, camera in sorted(model.cameras.items())]
+    row_by_camera = {number: k for k, number in enumerate(sorted(model.cameras))}
+    images = [model.images[number] for number in sorted(model.images)]
+    names = file_names([image.name for image in images], path)
+    position, C_mc = no_poses(len(images))
+    image_row, point, uv = [], [], []
+    for k, image in enumerate(images):
+        if image.has_pose:
+            pose = image.cam_from_world()
+            C_mc[k] = pose.rotation.matrix().T
+            position[k] = -C_mc[k] @ pose.translation
+        seen = image.get_observation_points2D()
+        image_row += [k] * len(seen)
+        point += [str(p.point3D_id) for p in seen]
+        uv += [p.xy for p in seen]
+    measured, notes = image_points(names, image_row, point, uv, np.full(len(image_row), sigma_px))
+    return MeasuredBlock(
+        tuple(cameras),
+        np.array([row_by_camera[image.camera_id] for image in images], dtype=np.int64),
+        measured,
+        position,
+        C_mc,
+        None,
+        None,
+        local=True,
+        notes=notes,
+    )
+
+
+def read_colmap_poses(path: Source) -> tuple[tuple[str, ...], Array, Array]:
+    """Read the poses of a model, whatever its camera models.
+
+    Parameters
+    ----------
+    path : path
+        Its directory, or one of its files.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names of the images that have a pose.
+    position : ndarray, (n, 3)
+        Projection centres in the axes of the model.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to these axes.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is not installed.
+    InputError
+        A directory without model, or a model that pycolmap does not read.
+    """
+    model = _model(Path(path))
+    images = [model.images[number] for number in sorted(model.images)]
+    images = [image for image in images if image.has_pose]
+    poses = [image.cam_from_world() for image in images]
+    C = np.array([pose.rotation.matrix().T for pose in poses]).reshape(-1, 3, 3)
+    T = np.array([pose.translation for pose in poses]).reshape(-1, 3, 1)
+    return tuple(image.name for image in images), -(C @ T)[:, :, 0], C
+
+
+def _model(path: Path) -> Any:
+    """Return the reconstruction that pycolmap reads."""
+    try:
+        import pycolmap
+    except ImportError:
+        raise UsageError(
+            "a COLMAP model is read through pycolmap, which is not installed; pip install"
+            f" 'insgnss[colmap]', or write the image points as a table; {DOCTOR}"
+        ) from None
+    directory = path if path.is_dir() else path.parent
+    kinds = [
+        kind for kind in (".bin", ".txt") if all((directory / (p + kind)).is_file() for p in PARTS)
+    ]
+    if not kinds:
+        raise InputError.at_line(
+            directory,
+            None,
+            f"holds no COLMAP model ({', '.join(PARTS)}, all .bin or all .txt); give the directory"
+            " that does, such as sparse/0",
+        )
+    if kinds[0] == ".txt":
+        _refuse_text(directory)
+    try:
+        model = pycolmap.Reconstruction(str(directory))
+        _ = [image.name for image in model.images.values()]  # which must be UTF-8
+        return model
+    except MemoryError:
+        raise
+    except Exception as error:  # pycolmap raises what its C++ does
+        raise InputError.at_line(
+            directory,
+            None,
+            f"pycolmap does not read this model: {' '.join(str(error).split())[:120]}; write it"
+            " again from COLMAP",
+        ) from None
+
+
+def _refuse_text(directory: Path) -> None:
+    """Refuse lines with what is no number: pycolmap takes 5% for 5, and a missing one for others'.
+
+    In images.txt a line of an image is followed by that of its image points.
+    """
+    for name in ("cameras.txt", "images.txt"):
+        below, path = False, directory / name
+        data = load_bytes(path).tobytes() if path.stat().st_size else b""
+        for line, text in enumerate(lines_of(decode(data)), start=1):
+            if not below and (not text.strip() or text.lstrip().startswith("#")):
+                continue
+            words = text.split() if below or name == "cameras.txt" else text.split(maxsplit=9)
+            if below:
+                good = len(words) % 3 == 0 and _spells_numbers(text, words)
+            elif name == "images.txt":
+                good = len(words) == 10 and not np.isnan([*map(finite, words[:9])]).any()
+                good = good and words[0].isdigit() and words[8].isdigit()
+            else:
+                count = PARAMETERS.get(words[1] if len(words) > 1 else "", len(words) - 4)
+                values = [finite(word) for word in (*words[:1], *words[2:])]
+                good = len(words) == 4 + max(0, count) and not np.isnan(values).any()
+                good = good and all(words[k].isdigit() for k in (0, 2, 3))
+            below = name == "images.txt" and not below
+            if not good:
+                problem = f"{shown(text)}: a number is missing, or none"
+                raise InputError.at_line(path, line, f"{problem}; {PLAIN}")
+
+
+def _spells_numbers(text: str, words: list[str]) -> bool:
+    """Whether all words of a line are numbers, by `float`, which is quick, and their signs.
+
+    Each third is the whole number of a point.
+    """
+    try:
+        values, _ = [*map(float, words)], [*map(int, words[2::3])]
+    except ValueError:
+        return False
+    pairs = zip(words, values, strict=True) if 0.0 in values else ()
+    zeros = all(spells_zero(word) for word, x in pairs if x == 0.0)
+    return zeros and set(text) <= SIGNS and max(map(abs, values), default=0.0) < LARGEST
+
+
+def _camera(path: Source, number: int, given: Any) -> BrownCamera:
+    """Return a camera whose model is Brown's, or a part of it."""
+    model = given.model.name
+    if model not in BROWN_NAMES:
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {number}: model {model} is not Brown's; reconstruct with one of"
+            f" {', '.join(BROWN_NAMES)}",
+        )
+    value = dict(zip(BROWN_NAMES[model], map(float, given.params), strict=True))
+    if rational := [name for name in ("k4", "k5", "k6") if value.pop(name, 0.0) != 0.0]:
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {number}: {model} with {', '.join(rational)} other than zero, a rational"
+            " polynomial; reconstruct with OPENCV, or hold k4, k5, k6 at zero",
+        )
+    f = value.get("f", value.get("fy", 0.0))
+    value |= {"f": f, "b1": value.get("fx", f) - f, "k1": value.get("k1", value.get("k", 0.0))}
+    value |= {"p1": value.get("p2", 0.0), "p2": value.get("p1", 0.0)}
+    interior = np.array([value.get(name, 0.0) for name in INTERIOR])
+    return BrownCamera(str(number), int(given.width), int(given.height), interior)

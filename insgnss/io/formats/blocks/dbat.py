@@ -1,0 +1,422 @@
+"""Scripts of the Damped Bundle Adjustment Toolbox with their tables, data_specs/dbat.md.
+
+The script names the tables, says which parameters are estimated and what defines the datum. Object
+points and images go by whole numbers.
+
+Camera: millimetres, y up from the principal point; its *model 3* is backward, (J.5) of
+`insgnss.photogrammetry.adjust` with s the pixels of a millimetre. With y down, as in the records,
+P2 and the skew change their signs; K and P1 keep them. The aspect parameter is b_1: it stretches
+what is left when the principal point is subtracted (an adjustment that stretches pixels before that
+differs by 1e-5 of sigma_0 on DBAT's own demonstration).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, near
+from ....geodesy.rotation import CV_RUB, rotation_from_opk
+from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
+from ....records.block import ImageObservations as Observations
+from ..text.layout import shown
+from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
+from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
+from ..text.xml import parse_xml
+from .columns import first_repeat
+
+IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
+IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z", "sx", "sy", "sz")
+ANGLES = {"degrees": np.pi / 180.0, "radians": 1.0, "gon": np.pi / 200.0}
+BACKWARD_MODEL = "3"
+ESTIMATED = {  # elements of <io>, and the parameters that they switch
+    "cc": ("f",),
+    "pp": ("cx", "cy"),
+    "px": ("cx",),
+    "py": ("cy",),
+    "aspect": ("b1",),
+    "skew": ("b2",),
+    "P": ("p1", "p2"),
+    "P1": ("p1",),
+    "P2": ("p2",),
+    "K1": ("k1",),
+    "K2": ("k2",),
+    "K3": ("k3",),
+    "K4": ("k4",),
+}
+
+
+def read_dbat(path: Source) -> ImageBlock:
+    """Read a script of DBAT and the tables that it names.
+
+    Parameters
+    ----------
+    path : path
+        The script, an XML file.
+
+    Returns
+    -------
+    ImageBlock
+        The block: parameters that the script estimates are `free`, poses that define its datum are
+        `held`, images without prior orientation have NaN.
+
+    Raises
+    ------
+    InputError
+        The script or a table is not as data_specs/dbat.md has it.
+    """
+    path = Path(path)
+    root = _parsed(path, "dbat_script_version")
+    given = _one(path, root, "input")
+    base = path.parent / (given.get("base_dir") or "$HERE").replace("$HERE", ".").lstrip("/")
+    cameras = _cameras(path, base, given, root)
+    if len(cameras) != 1:
+        raise InputError.at_line(
+            path, None, f"{len(cameras)} cameras; blocks of one camera are read, split the script"
+        )
+    ids, names = _images(path, base, given)
+    order = {number: row for row, number in enumerate(ids)}
+    position, C_mc = _prior(path, base, given, order)
+    seen = list(_image_points(path, base, given, order))
+    control, check = (_ground(path, base, given, kind) for kind in ("ctrl_pts", "check_pts"))
+    every = [points for _, points, _, _ in seen] + [control[0], check[0]]
+    points, row = np.unique(np.concatenate(every), return_inverse=True)
+    rows = np.split(row, np.cumsum([len(x) for x in every])[:-1])
+    return ImageBlock(
+        cameras,
+        names,
+        np.zeros(len(ids), dtype=np.int64),
+        position,
+        C_mc,
+        _held(path, root, position),
+        tuple(str(p) for p in points),
+        Observations(
+            np.concatenate([image for image, *_ in seen]),
+            np.concatenate(rows[:-2]),
+            np.concatenate([uv for _, _, uv, _ in seen]),
+            np.concatenate([sigma for *_, sigma in seen]),
+        ),
+        GroundPoints(rows[-2], *control[1:]),
+        GroundPoints(rows[-1], *check[1:]),
+    )
+
+
+def _parsed(path: Path, version: str) -> Element:
+    """Return the root of a document of DBAT, which carries an attribute with its version."""
+    root = parse_xml(path, load_bytes(path).tobytes())
+    if root.tag != "document" or version not in root.attrib:
+        raise InputError.at_line(
+            path, None, f"no <document {version}=...>; this is another kind of XML file"
+        )
+    return root
+
+
+def _one(path: Path, parent: Element, name: str) -> Element:
+    """Return the element of that name below `parent`, at any depth."""
+    element = parent.find(f".//{name}")
+    if element is None:
+        raise InputError.at_line(path, None, f"no element <{name}>; the script is not complete")
+    return element
+
+
+def _text(element: Element | None) -> str:
+    return "" if element is None or element.text is None else element.text.strip()
+
+
+def _numbers(path: Path, text: str | None, name: str, count: int | None = None) -> Array:
+    """Return the numbers of a text with commas between them, of which there are `count`."""
+    values = np.array([finite(word) for word in (text or "").split(",")])
+    if (count is not None and values.size != count) or np.isnan(values).any():
+        raise InputError.at_line(
+            path,
+            None,
+            f"<{name}>: {shown(text)} is not {count or 'a list of'} numbers; {PLAIN}, with commas"
+            " between several",
+        )
+    return values
+
+
+def _files(
+    path: Path, base: Path, given: Element, name: str, needed: tuple[str, ...]
+) -> Iterator[tuple[Path, tuple[str, ...], Element, Element]]:
+    """Yield the tables of one kind: path, columns, the element <file> and its parent."""
+    for parent in given.findall(name):
+        for element in parent.findall("file"):
+            columns = tuple(c.strip() for c in (element.get("format") or "").split(","))
+            if missing := [c for c in needed if c not in columns]:
+                raise InputError.at_line(
+                    path,
+                    None,
+                    f"<{name}> {_text(element)}: format {','.join(columns)!r} has no column"
+                    f" {', '.join(missing)}; {near(missing[0], columns)}",
+                )
+            yield base / _text(element), columns, element, parent
+
+
+def _checked(table: Table | TextTable, columns: tuple[str, ...]) -> None:
+    """Refuse a table with another number of columns than the script says."""
+    if table.layout.n_fields != len(columns):
+        raise InputError.at_line(
+            table.path,
+            table.layout.first_line,
+            f"{table.layout.n_fields} fields, the script names {len(columns)}"
+            f" ({','.join(columns)}); correct its format",
+        )
+
+
+def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Return numbers and names of the images, in the order of the table."""
+    ids, names = [], []
+    for file, columns, _, _ in _files(path, base, given, "images", IMAGES):
+        table = read_text_table(file)
+        _checked(table, columns)
+        ids.append(whole_rows(table, table.floats(columns.index("id")), "image"))
+        names += [Path(name).name for name in table.strings(columns.index("path"))]
+    if not ids:
+        raise InputError.at_line(path, None, "no <images> with a <file>; name the list of images")
+    every = np.concatenate(ids)
+    if (twice := np.unique(every, return_counts=True))[1].max() > 1:
+        raise InputError.at_line(
+            path, None, f"image {twice[0][twice[1].argmax()]} is listed twice; number each once"
+        )
+    return every, tuple(names)
+
+
+def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
+    """Return the rows of images by their numbers."""
+    rows = np.array([order.get(int(i), -1) for i in ids], dtype=np.int64)
+    if (rows < 0).any():
+        row = int(np.argmax(rows < 0))
+        raise table.error_at(row, f"image {ids[row]} is not in the list of images; add it there")
+    return rows
+
+
+def _prior(path: Path, base: Path, given: Element, order: dict[int, int]) -> tuple[Array, Array]:
+    """Return first values of position (n, 3), m, and C_mc (n, 3, 3); NaN of images without."""
+    position, C_mc = np.full((len(order), 3), np.nan), np.full((len(order), 3, 3), np.nan)
+    for file, columns, element, _ in _files(path, base, given, "prior_eo", PRIOR_EO):
+        table = read_table(file)
+        _checked(table, columns)
+        unit = element.get("units", "degrees")
+        if unit not in ANGLES:
+            raise InputError.at_line(
+                path, None, f"prior_eo: angles in {unit!r}; {near(unit, ANGLES)}"
+            )
+        value = {name: table.values[:, k] for k, name in enumerate(columns)}
+        rows = _row_of(table, whole_rows(table, value["id"], "image"), order)
+        position[rows] = np.column_stack([value[name] for name in PRIOR_EO[1:4]])
+        opk = ANGLES[unit] * np.column_stack([value[name] for name in PRIOR_EO[4:]])
+        C_mc[rows] = rotation_from_opk(opk) @ CV_RUB
+    return position, C_mc
+
+
+def _image_points(
+    path: Path, base: Path, given: Element, order: dict[int, int]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]]:
+    """Yield image rows, point numbers, pixels and their standard deviations, table by table."""
+    empty = True
+    for file, columns, element, _ in _files(path, base, given, "image_pts", IMAGE_POINTS):
+        empty = False
+        table = read_table(file)
+        _checked(table, columns)
+        value = {name: table.values[:, k] for k, name in enumerate(columns)}
+        images = _row_of(table, whole_rows(table, value["im"], "image"), order)
+        points = whole_rows(table, value["id"], "point")
+        _once(table, images, points, value["im"])
+        both = element.get("sxy", "1")
+        sigma = np.full((len(images), 2), finite(both))
+        if np.isnan(sigma).any():
+            raise InputError.at_line(path, None, f"sxy={both!r} is no number of pixels; {PLAIN}")
+        for k, name in enumerate(("sx", "sy")):
+            if name in value:
+                sigma[:, k] = value[name]
+        yield images, points, np.column_stack([value["x"], value["y"]]), sigma
+    if empty:
+        raise InputError.at_line(path, None, "no <image_pts> with a <file>; name the measurements")
+
+
+def _once(
+    table: Table, images: NDArray[np.int64], points: NDArray[np.int64], numbers: Array
+) -> None:
+    """Refuse a table in which an image has two measurements of one point."""
+    if (twice := first_repeat(images, points)) is not None:
+        row = twice[1]
+        raise table.error_at(
+            row,
+            f"point {points[row]} is measured twice in image {numbers[row]:.0f}; delete one of the"
+            " lines",
+        )
+
+
+def _ground(
+    path: Path, base: Path, given: Element, name: str
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return numbers (n,), coordinates (n, 3), m, and covariances (n, 3, 3) of ground points."""
+    ids, position, sigma = [], [], []
+    for file, columns, _, parent in _files(path, base, given, name, GROUND):
+        table = read_text_table(file)
+        _checked(table, columns)
+        number, *values = (table.floats(columns.index(c)) for c in GROUND)
+        keep = np.ones(len(number), dtype=bool)
+        for rule in parent.findall("filter"):
+            listed = np.isin(number, _numbers(path, rule.get("id"), "filter"))
+            if (action := _text(rule)) not in ("keep", "remove"):
+                raise InputError.at_line(path, None, f"filter {action!r}; keep or remove")
+            keep &= listed if action == "keep" else ~listed
+        ids.append(whole_rows(table, number, "point")[keep])
+        position.append(np.column_stack(values[:3])[keep])
+        sigma.append(np.column_stack(values[3:])[keep])
+    if not ids:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))
+    every = np.concatenate(sigma)
+    cov = every[:, :, None] ** 2 * np.eye(3)
+    return np.concatenate(ids), np.concatenate(position), cov
+
+
+def _cameras(path: Path, base: Path, given: Element, root: Element) -> tuple[BrownCamera, ...]:
+    """Return the cameras of the script, or of the file that it names."""
+    cameras, free, values = [], _free(path, root), _initial(root)
+    for parent in given.findall("cameras"):
+        for camera in parent.findall("camera"):
+            _set_initial(path, camera, values)
+            cameras.append(_camera(path, camera, free))
+        for element in parent.findall("file"):
+            file = base / _text(element)
+            for camera in _parsed(file, "dbat_camera_version").iter("camera"):
+                _set_initial(path, camera, values)
+                cameras.append(_camera(file, camera, free))
+    return tuple(cameras)
+
+
+def _initial(root: Element) -> dict[str, str]:
+    """Return the values that the script sets in place of those of the camera."""
+    rules = [rule for io in root.iterfind(".//set_initial_values/io") for rule in [*io] or [io]]
+    return {rule.tag: _text(rule) for rule in rules if _text(rule) != "loaded" and rule.tag != "c"}
+
+
+def _set_initial(path: Path, camera: Element, values: dict[str, str]) -> None:
+    """Set numbers of a camera; InputError for what is none, such as 'default'."""
+    for key, text in values.items():
+        element = camera.find(key)
+        if element is None or np.isnan([finite(word) for word in text.split(",")]).any():
+            problem = f"set_initial_values: <{key}> {shown(text)} is no number of the camera's"
+            raise InputError.at_line(
+                path, None, f"{problem}; write it into <camera> and 'loaded' here"
+            )
+        element.text = text
+
+
+def _camera(path: Path, camera: Element, free: dict[str, bool]) -> BrownCamera:
+    """Return one camera; lengths in mm become pixels."""
+
+    def of(key: str, count: int | None = None) -> Array:
+        return _numbers(path, camera.findtext(key), key, count)
+
+    name = _text(camera.find("name")) or _text(camera.find("id")) or "1"
+    model, unit = _text(camera.find("model")), _text(camera.find("unit"))
+    if model != BACKWARD_MODEL or unit != "mm":
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {name}: model {model!r} in {unit!r}; read is {BACKWARD_MODEL} in mm: set"
+            " DBAT's camera to it and adjust again",
+        )
+    width, height = of("image", 2)
+    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+        problem = f"camera {name}: <image> {width:g},{height:g} is not whole pixels"
+        raise InputError.at_line(path, None, f"{problem}; correct it")
+    sensor = [word.strip() for word in _text(camera.find("sensor")).split(",")]
+    size = np.array([0.0 if word == "auto" else finite(word) for word in sensor])
+    if size.size != 2 or not (size > 0.0).any() or not (size >= 0.0).all():
+        raise InputError.at_line(
+            path,
+            None,
+            f"camera {name}: <sensor> {','.join(sensor)!r:.60} is not width,height in mm",
+        )
+    per_mm = (np.array([width, height]) / np.where(size > 0.0, size, np.inf)).max()
+    with np.errstate(all="ignore"):  # a size that is no number is none of the image's
+        apart = np.abs(size * per_mm - (width, height))
+    if not (apart[size > 0.0] <= 0.5).all():
+        raise InputError.at_line(
+            path, None, f"camera {name}: pixels are not square; give <sensor> auto,{size[1]:g}"
+        )
+    aspect, skew = of("aspect", 1)[0], of("skew", 1)[0]
+    K, P = (of(key) if camera.find(key) is not None else np.zeros(0) for key in "KP")
+    if K.size > 4 or P.size not in (0, 2):
+        raise InputError.at_line(
+            path, None, f"camera {name}: {K.size} K and {P.size} P; there are 4 at most, and 2"
+        )
+    for key, count in (("nK", K.size), ("nP", P.size)):  # K of decimal commas has more of them
+        if (text := camera.findtext(key)) is not None and whole(text) != count:
+            raise InputError.at_line(
+                path, None, f"camera {name}: <{key}> {shown(text)}, {count} stand there; correct it"
+            )
+    value = dict.fromkeys(INTERIOR, 0.0)
+    value["f"] = per_mm * of("cc", 1)[0]
+    value["cx"], value["cy"] = per_mm * of("pp", 2)
+    value |= {f"k{k}": K[k - 1] for k in range(1, K.size + 1)}
+    value |= dict(zip(("p1", "p2"), P * (1.0, -1.0) if P.size == 2 else (), strict=False))
+    value |= {"b1": aspect - 1.0, "b2": -skew}
+    mine = [f"k{k}" for k in range(1, K.size + 1)] + (["p1", "p2"] if P.size else [])
+    taken = [p for p in INTERIOR if free.get(p) and (p[0] not in "kp" or p in mine)]
+    interior = np.array([value[p] for p in INTERIOR])
+    return BrownCamera(name, int(width), int(height), interior, True, float(per_mm), tuple(taken))
+
+
+def _free(path: Path, root: Element) -> dict[str, bool]:
+    """Return which parameters of interior orientation the script estimates."""
+    wanted = root.find(".//set_bundle_estimate_params/io")
+    free = dict.fromkeys(INTERIOR, False)
+    if wanted is None:
+        return free
+    rules = list(wanted) or [wanted]
+    for rule in rules:
+        on = {"true": True, "false": False}.get(_text(rule))
+        names = INTERIOR if rule.tag in ("all", "io") else ESTIMATED.get(rule.tag)
+        if rule.tag == "K":
+            names = ("k1", "k2", "k3", "k4")
+        if on is None or names is None:
+            raise InputError.at_line(
+                path,
+                None,
+                f"set_bundle_estimate_params: <{rule.tag}>{_text(rule)}</{rule.tag}> is not"
+                f" understood; known are true and false of all, K, {', '.join(ESTIMATED)}",
+            )
+        free |= dict.fromkeys(names, on)
+    return free
+
+
+def _held(path: Path, root: Element, position: Array) -> NDArray[np.bool_]:
+    """Return which components of the poses the datum holds, (n, 6).
+
+    "depend": the pose of one image, and of another the coordinate in which it is farthest from it.
+    """
+    held = np.zeros((len(position), 6), dtype=bool)
+    datum = root.find(".//set_datum")
+    if datum is None:
+        return held
+    text, first = datum.get("ref_cam", "1"), _text(datum)
+    base = datum.get("ref_base", "longest")
+    if first != "depend" or not 0 < whole(text) <= len(position):
+        raise InputError.at_line(
+            path, None, f"set_datum: {first!r} of camera {text!r}; read is 'depend' of an image"
+        )
+    reference = whole(text) - 1
+    apart = np.abs(position - position[reference])
+    if not np.isfinite(apart).all():
+        raise InputError.at_line(
+            path,
+            None,
+            "set_datum: 'depend' needs a prior orientation of every image; give prior_eo",
+        )
+    if base != "longest":
+        if not 0 < whole(base) <= len(position):
+            raise InputError.at_line(
+                path, None, f"set_datum: ref_base {base!r} is no image; name one of the block"
+            )
+        apart[np.arange(len(apart)) != whole(base) - 1] = -1.0
+    held[reference] = True
+    held[np.unravel_index(int(np.argmax(apart)), apart.shape)] = True
+    return held

@@ -1,0 +1,221 @@
+"""Ground points as a plain table, data_specs/ground_points.md."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import near
+from ....geodesy.frames import TangentPlane
+from ....geodesy.projection import MapProjection, geodetic_from_geographic, is_geographic
+from ..orientation.exported import quoted_names
+from ..text.columns import Aliases, Columns, sigma_aliases
+from ..text.layout import shown
+from ..text.text import Source, read_text_table
+from .columns import first_repeat, named_columns, positive, rows_of, write_table
+
+Array = NDArray[np.float64]
+
+ALIASES: Aliases = {
+    "point": ("point", "point_id", "point_name", "id", "name", "label", "marker"),
+    "x": ("x", "e", "east", "easting"),
+    "y": ("y", "n", "north", "northing"),
+    "z": ("z", "u", "up", "h", "height", "elevation"),
+    "sigma_x": sigma_aliases("x", "e", "east", "easting"),
+    "sigma_y": sigma_aliases("y", "n", "north", "northing"),
+    "sigma_z": sigma_aliases("z", "u", "up", "h", "height", "elevation"),
+    "role": ("role", "use", "type", "kind"),
+}
+COLUMNS = tuple(ALIASES)
+REQUIRED = COLUMNS[:-1]
+METRES = ("m", "metre", "metres", "meter", "meters")
+ROLES = ("control", "check")
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTable:
+    """Points on the ground, by names.
+
+    Parameters
+    ----------
+    points : tuple of str
+        Names, each once.
+    position_m : ndarray
+        (n, 3) coordinates, m.
+    cov : ndarray
+        (n, 3, 3) covariance, m^2.
+    check : ndarray of bool
+        (n,) which are check points; the others are control points.
+    """
+
+    points: tuple[str, ...]
+    position_m: Array
+    cov: Array
+    check: NDArray[np.bool_]
+
+    def in_plane(self, axes: "GroundAxes", plane: TangentPlane) -> "GroundTable":
+        """Return points of a CRS in a tangent plane.
+
+        Parameters
+        ----------
+        axes : GroundAxes
+            The CRS of `position_m`.
+        plane : TangentPlane
+            The axes of the block.
+
+        Returns
+        -------
+        GroundTable
+            The same points; covariances are turned from the axes of the grid, or from east, north,
+            up at each point of a geographic CRS.
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
+        UsageError
+            A CRS that is not conformal or counts in left-handed axes.
+        """
+        lat, lon, h = axes.geodetic(self.position_m)
+        enu_from_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+        C = plane.C_mn(lat, lon) @ enu_from_ned.T
+        if axes.projection is not None:
+            C = C @ axes.projection.axes(lat, lon, h).transpose(0, 2, 1)
+        return replace(
+            self,
+            position_m=plane.position_from_geodetic(lat, lon, h),
+            cov=C @ self.cov @ C.transpose(0, 2, 1),
+        )
+
+
+@dataclass(frozen=True)
+class GroundAxes:
+    """The CRS in which ground points stand.
+
+    Parameters
+    ----------
+    crs : str
+        Projected or geographic, as `MapProjection` takes its definition.
+    geoid : Path, optional
+        Grid of geoid heights, for heights above sea level.
+    datum, epoch : optional
+        Of the tangent plane's positions; None: WGS 84.
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown or of other units, or a geoid beside heights of its own.
+    """
+
+    crs: str
+    geoid: Path | None = None
+    datum: str | None = None
+    epoch: float | None = None
+
+    @cached_property
+    def projection(self) -> MapProjection | None:
+        """The projected CRS; None of a geographic one."""
+        if is_geographic(self.crs):
+            return None
+        return MapProjection(self.crs, self.geoid, self.datum, self.epoch)
+
+    def geodetic(self, position: Array) -> tuple[Array, Array, Array]:
+        """Return the geodetic position of points.
+
+        Parameters
+        ----------
+        position : ndarray, (n, 3)
+            Easting, northing and height, m; of a geographic CRS longitude, latitude, deg, height.
+
+        Returns
+        -------
+        tuple of ndarray
+            Latitude and longitude, rad, height above the ellipsoid, m, each (n,).
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points.
+        """
+        if self.projection is not None:
+            return self.projection.inverse(position)
+        return geodetic_from_geographic(self.crs, position, self.geoid, self.datum, self.epoch)
+
+
+def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
+    """Read a table of ground points.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : sequence or mapping, optional
+        As of `insgnss.io.formats.text.columns.columns_of`; columns that it leaves out are not read.
+
+    Returns
+    -------
+    GroundTable
+        The points; without a column of roles all are control points.
+
+    Raises
+    ------
+    InputError
+        A column that is unknown, a field that is no number, a standard deviation that is not
+        positive, a role that is none, or a point that is there twice, with file and line.
+    """
+    table = read_text_table(path)
+    index = named_columns(table, ALIASES, REQUIRED, (COLUMNS, REQUIRED), METRES, columns)
+    points, rows = rows_of(table, index["point"], "point")
+    if (twice := first_repeat(rows)) is not None:
+        first, row = twice
+        raise table.error_at(
+            row,
+            f"point {shown(points[rows[row]])} is there twice, before in line"
+            f" {table.lines[first]}; delete one of the lines",
+        )
+    position = np.column_stack([table.floats(index[name]) for name in ("x", "y", "z")])
+    sigma = np.column_stack(
+        [positive(table, index[name], name, "m") for name in ("sigma_x", "sigma_y", "sigma_z")]
+    )
+    roles = [role.lower() for role in table.strings(index["role"])] if "role" in index else []
+    for row, role in enumerate(roles):
+        if role not in ROLES:
+            raise table.error_at(row, f"role {shown(role)}; {near(role, ROLES)}")
+    check = np.array([role == "check" for role in roles] or [False] * len(rows), dtype=bool)
+    return GroundTable(points, position, sigma[:, :, None] ** 2 * np.eye(3), check)
+
+
+def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[str] = ()) -> None:
+    """Write a table of ground points: coordinates with 4 decimals, standard deviations with 5.
+
+    Correlations of coordinates are not written.
+
+    Parameters
+    ----------
+    ground : GroundTable
+        The points.
+    path : path
+        The file, written whole or not at all.
+    comments : sequence of str
+        Lines before the header, such as what the axes are.
+
+    Raises
+    ------
+    InputError
+        A name that the table cannot hold.
+    UsageError
+        The file cannot be written.
+    """
+    points = quoted_names(ground.points, ",", "point")
+    sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
+    form = "%s" + ",%.4f" * 3 + ",%.5f" * 3 + ",%s\n"
+    rows = (
+        form % (name, *values, ROLES[int(check)])
+        for name, values, check in zip(
+            points, np.hstack([ground.position_m, sigma]).tolist(), ground.check, strict=True
+        )
+    )
+    write_table(path, comments, COLUMNS, rows)

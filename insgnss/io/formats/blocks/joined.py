@@ -1,0 +1,291 @@
+"""An image block from what its sources know: image observations, cameras, ground points, poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, near
+from ....records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
+from ....records.solutions import ExteriorOrientation
+from .ground_points import GroundTable
+from .image_points import ImagePoints
+from .measured_block import MeasuredBlock, no_poses
+
+BESIDE_PX = 1.0
+"""By how much an observation may lie beside the image: conventions of its border differ."""
+
+MANY = 200
+"""Of so many observations the part of the format says something in which they lie."""
+CORNER, QUARTER = 0.05, 0.52
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A block, and where its images stand in the orientation that it was joined with.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+    eo_row : ndarray of int
+        (n,) row of each image in the orientation; -1 of those that it does not have.
+    position_m, C_mc : ndarray
+        (n, 3) and (n, 3, 3) poses of its images in the axes of their program; NaN where it has
+        none.
+    """
+
+    block: ImageBlock
+    eo_row: NDArray[np.int64]
+    position_m: Array
+    C_mc: Array
+
+
+def joined(
+    source: MeasuredBlock,
+    ground: GroundTable | None = None,
+    eo: ExteriorOrientation | None = None,
+    all_oriented: bool = False,
+) -> Joined:
+    """Join what is known of a block by the names of images and points.
+
+    Names of images are the same where they differ by directory, ending or case alone, as those of
+    photographs and of their events do.
+
+    Parameters
+    ----------
+    source : MeasuredBlock
+        Image observations, cameras and poses.
+    ground : GroundTable, optional
+        Ground points in the axes of the block; those that are measured in no image are left out.
+    eo : ExteriorOrientation, optional
+        First values of the poses in these axes.
+    all_oriented : bool
+        Whether images of the orientation in which nothing was measured are images of the block;
+        they have the first camera.
+
+    Returns
+    -------
+    Joined
+        The block; other images without observations are left out.
+
+    Raises
+    ------
+    InputError
+        No camera, an observation that lies beside its image, or tables of which one knows no image
+        or no point of the other.
+    """
+    source = _observed(source)
+    if eo is not None and all_oriented:
+        source = _with_oriented(source, eo)
+    measured = source.measured
+    n = len(measured.images)
+    if not source.cameras:
+        raise InputError(
+            "no camera: the image observations come without one; give a camera file"
+            " (data_specs/camera_toml.md)"
+        )
+    _within(measured, source.cameras, source.camera)
+    position, C_mc = no_poses(n)
+    row = np.full(n, -1, dtype=np.int64)
+    if eo is not None:
+        row = matched(measured.images, eo.images)
+        _some(
+            int((row >= 0).sum()),
+            measured.images,
+            eo.images,
+            "image of the image observations is in the orientation",
+        )
+        there = row >= 0
+        position[there], C_mc[there] = eo.position_m[row[there]], eo.C_mc[row[there]]
+    control, check = _ground(measured, ground)
+    block = ImageBlock(
+        source.cameras,
+        measured.images,
+        source.camera,
+        position,
+        C_mc,
+        np.zeros((n, 6), dtype=bool),
+        measured.points,
+        measured.observations,
+        control,
+        check,
+    )
+    return Joined(block, row, source.position_m, source.C_mc)
+
+
+def matched(names: Sequence[str], others: Sequence[str]) -> NDArray[np.int64]:
+    """Return the row of each name among other names.
+
+    Parameters
+    ----------
+    names, others : sequence of str
+        Names of images.
+
+    Returns
+    -------
+    ndarray of int, (n,)
+        Rows of `others`: of the same name, else of the only one that differs by directory, ending
+        or case alone; -1 where there is none.
+
+    Raises
+    ------
+    InputError
+        Two names that would stand for one image.
+    """
+    exact = {name: k for k, name in enumerate(others)}
+    by_stem: dict[str, list[int]] = {}
+    for k, name in enumerate(others):
+        by_stem.setdefault(_stem(name), []).append(k)
+    rows = np.full(len(names), -1, dtype=np.int64)
+    for i, name in enumerate(names):
+        candidates = by_stem.get(_stem(name), [])
+        rows[i] = exact.get(name, candidates[0] if len(candidates) == 1 else -1)
+    taken = rows[rows >= 0]
+    if np.unique(taken).size < taken.size:
+        twice = int(taken[np.argmax(np.bincount(taken)[taken] > 1)])
+        same = [names[i] for i in np.flatnonzero(rows == twice)[:2]]
+        raise InputError(
+            f"images {same[0]!r} and {same[1]!r} would both be {others[twice]!r}; rename one"
+        )
+    return rows
+
+
+def _stem(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).stem.lower()
+
+
+def _observed(source: MeasuredBlock) -> MeasuredBlock:
+    """Return the block without images in which nothing was measured."""
+    seen = source.measured.observations
+    keep = np.unique(seen.image)
+    if keep.size == 0:
+        raise InputError("no image observation at all; give a table or project that has some")
+    if keep.size == len(source.measured.images):
+        return source
+    new = np.full(len(source.measured.images), -1, dtype=np.int64)
+    new[keep] = np.arange(keep.size)
+    images = tuple(source.measured.images[k] for k in keep)
+    observations = replace(seen, image=new[seen.image])
+    return replace(
+        source,
+        camera=source.camera[keep],
+        measured=replace(source.measured, images=images, observations=observations),
+        position_m=source.position_m[keep],
+        C_mc=source.C_mc[keep],
+    )
+
+
+def _with_oriented(source: MeasuredBlock, eo: ExteriorOrientation) -> MeasuredBlock:
+    """Return the block with the images that only the orientation has."""
+    own = matched(source.measured.images, eo.images)
+    missing = np.setdiff1d(np.arange(len(eo.images)), own)
+    names = tuple(eo.images[k] for k in missing)
+    position, C_mc = no_poses(missing.size)
+    return replace(
+        source,
+        camera=np.concatenate([source.camera, np.zeros(missing.size, dtype=np.int64)]),
+        measured=replace(source.measured, images=(*source.measured.images, *names)),
+        position_m=np.vstack([source.position_m, position]),
+        C_mc=np.concatenate([source.C_mc, C_mc]),
+    )
+
+
+def _ground(measured: ImagePoints, ground: GroundTable | None) -> tuple[GroundPoints, GroundPoints]:
+    """Return control and check points that are measured in some image."""
+    if ground is None:
+        ground = GroundTable((), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, dtype=bool))
+    row_by_name = {name: k for k, name in enumerate(measured.points)}
+    point = np.array([row_by_name.get(name, -1) for name in ground.points], dtype=np.int64)
+    if ground.points:
+        _some(
+            int((point >= 0).sum()),
+            ground.points,
+            measured.points,
+            "ground point is measured in any image",
+        )
+
+    def some(rows: NDArray[np.bool_]) -> GroundPoints:
+        return GroundPoints(point[rows], ground.position_m[rows], ground.cov[rows])
+
+    return some((point >= 0) & ~ground.check), some((point >= 0) & ground.check)
+
+
+def _some(matches: int, names: Sequence[str], others: Sequence[str], missing: str) -> None:
+    """Refuse tables that have no name in common."""
+    if matches == 0:
+        close = near(names[0], list(others)[:200])
+        if not close.startswith("did"):
+            close = f"there are {', '.join(map(repr, list(others)[:3]))} ..."
+        raise InputError(
+            f"no {missing}: {names[0]!r} is not there; {close}"
+            f"{'' if close.endswith('?') else ';'} the same names must stand in both"
+        )
+
+
+def _within(
+    measured: ImagePoints, cameras: Sequence[BrownCamera], camera: NDArray[np.int64]
+) -> None:
+    """Refuse observations beside the image: other units, another origin, another camera."""
+    seen: ImageObservations = measured.observations
+    size: Array = np.array([(c.width, c.height) for c in cameras], dtype=np.float64)
+    limit: Array = size[camera[seen.image]]
+    beside = np.maximum(-seen.uv, seen.uv - limit).max(axis=1)
+    out = beside > BESIDE_PX
+    if out.any():
+        row = int(np.argmax(out))
+        u, v = seen.uv[row]
+        width, height = limit[row]
+        raise InputError(
+            f"image {measured.images[seen.image[row]]!r}, point"
+            f" {measured.points[seen.point[row]]!r}: pixel ({u:.1f}, {v:.1f}) lies beside the image"
+            f" of {width:.0f} x {height:.0f} pixels ({int(out.sum())} of {len(out)} do);"
+            f" {_within_as(seen.uv, limit)}coordinates count from its upper left corner, right and"
+            " down, in pixels"
+        )
+    if len(out) >= MANY:
+        _spread(seen.uv, limit)
+
+
+def _within_as(uv: Array, size: Array) -> str:
+    """Say as what all observations would lie within their images."""
+    span = uv.max(axis=0) - uv.min(axis=0)
+    if len(uv) >= MANY and (span < CORNER * size.min(axis=0)).all():
+        return (
+            f"all {len(uv)} lie within {span[0]:.3g} x {span[1]:.3g}, as millimetres or normalised"
+            " coordinates from the middle of the image would; "
+        )
+    up = np.array([1.0, -1.0])
+    for text, other in (
+        ("x and y were exchanged, or images or camera file turned by 90 deg", uv[:, ::-1]),
+        ("they counted from the middle of the image", uv + 0.5 * size),
+        ("they counted from the middle of the image, y upwards", uv * up + 0.5 * size),
+        ("y counted upwards from below it", uv * up),
+    ):
+        if not ((other < -BESIDE_PX) | (other > size + BESIDE_PX)).any():
+            return f"all of them lie within as if {text}; "
+    for times in (0.5, 0.25):
+        if not (uv * times > size + BESIDE_PX).any() and (uv > -BESIDE_PX).all():
+            return (
+                f"all of them lie within an image of {1 / times:g} times the size: the camera file"
+                " is of other images; "
+            )
+    return ""
+
+
+def _spread(uv: Array, size: Array) -> None:
+    """Refuse many observations that all lie in one corner: other units, another camera."""
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    words = (
+        f"all {len(uv)} image observations lie within x {low[0]:.4g} to {high[0]:.4g} and y"
+        f" {low[1]:.4g} to {high[1]:.4g} of images of {size[0, 0]:.0f} x {size[0, 1]:.0f} pixels"
+    )
+    if (high - low < CORNER * size.min(axis=0)).all():
+        raise InputError(f"{words}; they look like millimetres or normalised: give pixels")
+    if (high < QUARTER * size.min(axis=0)).all():
+        raise InputError(
+            f"{words}, its upper left quarter; the camera file is of other images (of twice the"
+            " size, or of another camera): give f, cx, cy, width and height in pixels of these"
+        )

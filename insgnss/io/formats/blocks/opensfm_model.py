@@ -1,0 +1,291 @@
+"""Reconstructions of OpenSfM and OpenDroneMap with their tracks, data_specs/opensfm_model.md.
+
+Lengths in the image count in units of the longer side from its centre, so that the origin of
+pixels does not matter. Cameras are forward; the second tangential coefficient belongs to r^2 + 2
+x^2. A shot has R and t, the camera (x right, y down, z viewing direction) from the reconstruction's
+axes, X_c = R X + t: east, north, up at `reference_lla`.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....base.files import lines_of
+from ....base.received.nesting import parse_json
+from ....geodesy.frames import TangentPlane
+from ....geodesy.rotation import rotation_from_vector
+from ....records.block import INTERIOR, Array, BrownCamera
+from ..bundle.opensfm import REFERENCE
+from ..text.layout import decode, shown
+from ..text.numbers import EXACT, array_of, whole
+from ..text.text import Source, load_bytes
+from ..text.text import number as number_in
+from .columns import positive_sigma
+from .image_points import SIGMA_PX
+from .measured_block import MeasuredBlock, file_names, image_points, no_poses
+
+RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"
+VERSION = "OPENSFM_TRACKS_VERSION_v"
+FIELDS = {0: 8, 1: 9, 2: 11}  # of a line of tracks.csv, by version; from 1 on with the scale
+LARGEST = 1e12  # of a turn in rad or a place in m: far beyond any that is real
+MODELS = ("perspective", "brown", "radial", "simple_radial")
+
+
+def read_opensfm_model(path: Source, sigma_px: float = SIGMA_PX) -> MeasuredBlock:
+    """Read reconstruction.json and the tracks.csv beside it.
+
+    Parameters
+    ----------
+    path : path
+        reconstruction.json, its directory, or that of an OpenDroneMap project.
+    sigma_px : float
+        Standard deviation of an image observation of median scale, pixels; others have one in
+        proportion to the scale of their feature, as the program weighs them.
+
+    Returns
+    -------
+    MeasuredBlock
+        The block, in geocentric axes where a reference is known. Points are tracks that have been
+        reconstructed.
+
+    Raises
+    ------
+    InputError
+        A file that is missing or damaged, or a camera that is none of Brown's.
+    DataError
+        A `sigma_px` that is not positive.
+    """
+    positive_sigma(sigma_px, "OpenSfM")
+    file = _file(Path(path))
+    models, notes = _models(file)
+    cameras = [(key, c) for model in models for key, c in _table(file, model, "cameras").items()]
+    shots = [(key, s) for model in models for key, s in _table(file, model, "shots").items()]
+    used = list(dict.fromkeys(str(shot.get("camera")) for _, shot in shots))
+    camera_by_name = dict(cameras)
+    if missing := [key for key in used if key not in camera_by_name]:
+        raise InputError.at_line(file, None, f"no camera {shown(missing[0])}; export it again")
+    brown = tuple(_camera(file, key, camera_by_name[key]) for key in used)
+    tracks = {key for model in models for key in _table(file, model, "points")}
+    track = _tracks(file.with_name(TRACKS), {key: k for k, (key, _) in enumerate(shots)}, tracks)
+    image_row, point, xy, scale = track
+    camera = np.array([used.index(str(shot.get("camera"))) for _, shot in shots], dtype=np.int64)
+    size = np.array([(c.width, c.height) for c in brown], dtype=np.float64).reshape(-1, 2)
+    of = size[camera[image_row]]
+    uv = xy * of.max(axis=1, initial=0.0)[:, None] + 0.5 * of
+    names = file_names([key for key, _ in shots], file)
+    measured, repeated = image_points(names, image_row, point, uv, sigma_px * scale)
+    position, C_mc = _shot_poses(file, shots)
+    plane = _reference(file, models)
+    if plane is not None:
+        position, C_mc = plane.origin_ecef + position @ plane.C_em.T, plane.C_em @ C_mc
+    return MeasuredBlock(
+        brown,
+        camera,
+        measured,
+        position,
+        C_mc,
+        None,
+        None,
+        local=plane is None,
+        geocentric=plane is not None,
+        notes=(*notes, *repeated),
+    )
+
+
+def read_opensfm_poses(
+    path: Source,
+) -> tuple[tuple[str, ...], Array, Array, TangentPlane | None, tuple[str, ...]]:
+    """Read the shots of reconstruction.json alone, whatever their cameras.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_opensfm_model`.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names of the shots.
+    position : ndarray, (n, 3)
+        Projection centres in the axes of the reconstruction, m.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to these axes.
+    plane : TangentPlane or None
+        These axes; None where their place is not known.
+    notes : tuple of str
+        What was left out.
+
+    Raises
+    ------
+    InputError
+        A file that is missing or damaged.
+    """
+    file = _file(Path(path))
+    models, notes = _models(file)
+    shots = [(key, shot) for model in models for key, shot in _table(file, model, "shots").items()]
+    position, C = _shot_poses(file, shots)
+    return tuple(key for key, _ in shots), position, C, _reference(file, models), notes
+
+
+def _shot_poses(file: Path, shots: Sequence[tuple[str, Any]]) -> tuple[Array, Array]:
+    """Return projection centres (n, 3) and attitudes (n, 3, 3) of shots, in their own axes."""
+    position, C = no_poses(len(shots))
+    for k, (key, shot) in enumerate(shots):
+        C[k] = rotation_from_vector(_vector(file, shot, "rotation", key)).T
+        position[k] = -C[k] @ _vector(file, shot, "translation", key)
+    return position, C
+
+
+def _file(path: Path) -> Path:
+    """Return reconstruction.json of a directory, or the file itself."""
+    if not path.is_dir():
+        return path
+    for directory in (path, path / INSIDE):
+        if (directory / RECONSTRUCTION).is_file():
+            return directory / RECONSTRUCTION
+    raise InputError.at_line(
+        path, None, f"has no {RECONSTRUCTION}; give the directory of OpenSfM, or of the project"
+    )
+
+
+def _models(file: Path) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
+    """Return the reconstructions of a file that stand in common axes: all of them, or the largest.
+
+    Those without reference are not connected with each other.
+    """
+    given = parse_json(file, decode(load_bytes(file).tobytes()))
+    models = given if isinstance(given, list) else [given]
+    if not models or not all(isinstance(model, dict) and "shots" in model for model in models):
+        raise InputError.at_line(
+            file, None, "is no list of reconstructions with shots; give OpenSfM's file of that name"
+        )
+    references = {json.dumps(model.get("reference_lla")) for model in models}
+    if len(models) == 1 or (len(references) == 1 and references != {"null"}):
+        return models, ()
+    largest = max(models, key=lambda model: len(model["shots"]))
+    n_left = sum(len(model["shots"]) for model in models) - len(largest["shots"])
+    return [largest], (
+        f"{n_left} images left out: they stand in {len(models) - 1} reconstructions that are not"
+        " connected with the largest",
+    )
+
+
+def _table(file: Path, model: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = model.get(key, {})
+    if not (isinstance(value, dict) and all(isinstance(item, dict) for item in value.values())):
+        problem = f"{key} is no table of tables"
+        raise InputError.at_line(file, None, f"{problem}; export the reconstruction again")
+    return value
+
+
+def _value(file: Path, table: Any, key: str, default: float | None, of: str) -> float:
+    """Return a finite number of a table."""
+    value = table.get(key, default) if isinstance(table, dict) else None
+    if (number := array_of(value, ())) is None:
+        raise InputError.at_line(
+            file, None, f"{of}: {key} {value!r:.60} is no number; export it again"
+        )
+    return float(number)
+
+
+def _vector(file: Path, shot: Any, key: str, of: str) -> Array:
+    vector = array_of(shot.get(key), (3,))
+    if vector is None or not (np.abs(vector) < LARGEST).all():
+        raise InputError.at_line(
+            file, None, f"shot {shown(of)}: {key} is not three numbers below {LARGEST:g}"
+        )
+    return vector
+
+
+def _camera(file: Path, name: str, given: Any) -> BrownCamera:
+    """Return a camera in pixels."""
+    model = given.get("projection_type", "perspective")
+    if model not in MODELS:
+        raise InputError.at_line(
+            file,
+            None,
+            f"camera {shown(name)}: {model!r} is not Brown's; reconstruct with camera-lens brown",
+        )
+
+    def value(key: str, default: float | None = 0.0) -> float:
+        return _value(file, given, key, default, f"camera {shown(name)}")
+
+    width, height = value("width", None), value("height", None)
+    if not (width.is_integer() and height.is_integer() and max(width, height) < EXACT):
+        problem = f"camera {shown(name)}: width and height are no whole numbers of pixels"
+        raise InputError.at_line(file, None, f"{problem}; export it again")
+    size = max(width, height)
+    fx, fy = [
+        value("focal" if model == "perspective" else key, None) for key in ("focal_x", "focal_y")
+    ]
+    own = {k: value(k) for k in ("k1", "k2", "k3")}
+    own |= {"f": size * fy, "b1": size * (fx - fy), "p1": value("p2"), "p2": value("p1")}
+    own |= {"cx": 0.5 * width + size * value("c_x"), "cy": 0.5 * height + size * value("c_y")}
+    interior = np.array([own.get(key, 0.0) for key in INTERIOR])
+    return BrownCamera(name, int(width), int(height), interior)
+
+
+def _reference(file: Path, models: Sequence[Mapping[str, Any]]) -> TangentPlane | None:
+    """Return the tangent plane of the reconstruction, None where its place is not known."""
+    given, beside = models[0].get("reference_lla"), file.with_name(REFERENCE)
+    if given is None and beside.is_file():
+        given = parse_json(beside, decode(load_bytes(beside).tobytes()))
+    if given is None:
+        return None
+    lat, lon, height = (
+        _value(file, given, key, None, "reference_lla")
+        for key in ("latitude", "longitude", "altitude")
+    )
+    return TangentPlane(np.radians(lat), np.radians(lon), height)
+
+
+def _tracks(
+    file: Path, row_by_image: Mapping[str, int], wanted: set[str]
+) -> tuple[NDArray[np.int64], list[str], Array, Array]:
+    """Return image rows, tracks, coordinates (n, 2) and scales over their median.
+
+    Tracks that were not reconstructed are left out, unless none was.
+    """
+    if not file.is_file():
+        raise InputError.at_line(
+            file, None, "no such file; image observations stand in it: copy it beside the other"
+        )
+    lines = lines_of(decode(load_bytes(file).tobytes()))
+    version, first = 0, 0
+    if lines[0].startswith(VERSION):
+        text, first = lines[0][len(VERSION) :].strip(), 1
+        version = whole(text)
+    if version not in FIELDS:
+        raise InputError.at_line(file, 1, f"version {shown(lines[0])}; read are 0 to {max(FIELDS)}")
+    image_row, point, xy, scale = [], [], [], []
+    for line, text in enumerate(lines[first:], start=first + 1):
+        if not text.strip():
+            continue
+        words = text.split("\t")
+        if len(words) != FIELDS[version]:
+            raise InputError.at_line(
+                file, line, f"{len(words)} fields, expected {FIELDS[version]}: {shown(text)}"
+            )
+        row = row_by_image.get(words[0])
+        if row is None or (wanted and words[1] not in wanted):
+            continue
+        image_row.append(row)
+        point.append(words[1])
+        xy.append([number_in(word, file, line) for word in words[3:5]])
+        scale.append(number_in(words[5], file, line) if version else 1.0)
+        if scale[-1] < 0.0:
+            raise InputError.at_line(file, line, f"scale {scale[-1]:g}; it is zero or more")
+    if not image_row:
+        raise InputError.at_line(
+            file, None, "no observation of an image of the reconstruction; copy both of one run"
+        )
+    ratio = np.array(scale)
+    good = ratio > 0.0  # zero: not known
+    ratio[good] /= np.median(ratio[good]) if good.any() else 1.0
+    ratio[~good] = 1.0
+    return np.array(image_row, dtype=np.int64), point, np.array(xy).reshape(-1, 2), ratio

@@ -1,0 +1,148 @@
+"""A calibrated camera in COLMAP's notation: `MODEL WIDTH HEIGHT PARAMETERS`.
+
+Pixels count from the outer corner of the first one.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....base.errors import UsageError
+from ..text.numbers import finite, whole
+
+_OPENCV = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+BROWN_NAMES = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": _OPENCV,
+    "FULL_OPENCV": (*_OPENCV, "k3", "k4", "k5", "k6"),
+}
+"""Parameters of the models that are Brown's, or a part of it; p2 belongs to r^2 + 2 x^2."""
+PARAMETERS = {
+    **{model: len(names) for model, names in BROWN_NAMES.items()},
+    "OPENCV_FISHEYE": 8,
+    "FOV": 5,
+    "SIMPLE_RADIAL_FISHEYE": 4,
+    "RADIAL_FISHEYE": 5,
+    "THIN_PRISM_FISHEYE": 12,
+}
+HOW = (
+    "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"
+    " 5120 3840 5607 5607 2560 1920' (fx fy cx cy)"
+)
+ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Model, size in pixels, and parameters in the model's order.
+
+    The parameters are focal lengths, principal point and distortion.
+    """
+
+    model: str
+    width: int
+    height: int
+    parameters: tuple[float, ...]
+
+    @property
+    def line(self) -> str:
+        """The camera as cameras.txt has it."""
+        return " ".join(
+            [self.model, str(self.width), str(self.height), *(f"{p:.10g}" for p in self.parameters)]
+        )
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        """Focal lengths along x and y, pixels."""
+        f = self.parameters
+        return (f[0], f[0]) if self.model in ONE_FOCAL else (f[0], f[1])
+
+    @property
+    def principal_point(self) -> tuple[float, float]:
+        """Principal point from the image's upper left corner, pixels."""
+        first = 1 if self.model in ONE_FOCAL else 2
+        return self.parameters[first], self.parameters[first + 1]
+
+
+def cameras_of(text: str | None, names: Sequence[str], who: str) -> tuple[Camera, ...]:
+    """Parse the cameras of a rig.
+
+    Parameters
+    ----------
+    text : str, optional
+        "NAME=MODEL WIDTH HEIGHT PARAMETERS; NAME=...", or one camera for all of them.
+    names : sequence of str
+        Names of the cameras; an empty one of a single camera.
+    who : str
+        What needs them, for messages.
+
+    Returns
+    -------
+    tuple of Camera
+        One a name.
+
+    Raises
+    ------
+    UsageError
+        As `camera_of`, and for a name that is missing, unknown or given twice.
+    """
+    if not text or "=" not in text:
+        return (camera_of(text, who),) * len(names)
+    given: dict[str, str] = {}
+    for word in filter(None, (word.strip() for word in text.split(";"))):
+        name, _, model = word.partition("=")
+        if name.strip() not in names or name.strip() in given:
+            problem = "stands twice" if name.strip() in given else "is none of the orientation"
+            cameras = ", ".join(filter(None, names)) or "one without a name"
+            raise UsageError(f"{who}: camera {name.strip()!r} {problem}; it has {cameras}")
+        given[name.strip()] = model
+    if missing := [name for name in names if name not in given]:
+        raise UsageError(
+            f"{who}: camera {missing[0]!r} is missing; give each, such as --set"
+            f" camera='{names[0]}=PINHOLE 5120 3840 5607 5607 2560 1920; {missing[0]}=...'"
+        )
+    return tuple(camera_of(given[name], who) for name in names)
+
+
+def camera_of(text: str | None, who: str) -> Camera:
+    """Parse the camera of `text`.
+
+    Parameters
+    ----------
+    text : str, optional
+        "MODEL WIDTH HEIGHT PARAMETERS".
+    who : str
+        What needs the camera, for messages.
+
+    Returns
+    -------
+    Camera
+        The camera.
+
+    Raises
+    ------
+    UsageError
+        A camera that is missing, of another model, or with another number of parameters.
+    """
+    if not text:
+        raise UsageError(f"{who} holds a calibrated camera; {HOW}")
+    words = str(text).replace(",", " ").split()
+    if words[0] not in PARAMETERS:
+        raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {HOW}")
+    if len(words) < 3:
+        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
+    width, height = map(whole, words[1:3])
+    parameters = tuple(map(finite, words[3:]))
+    if min(width, height) < 0 or any(map(math.isnan, parameters)):
+        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}")
+    if len(parameters) != PARAMETERS[words[0]]:
+        raise UsageError(
+            f"camera {words[0]}: {len(parameters)} parameters, it has {PARAMETERS[words[0]]}; {HOW}"
+        )
+    camera = Camera(words[0], width, height, parameters)
+    if min(width, height) <= 0 or min(camera.focal) <= 0.0:
+        raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {HOW}")
+    return camera

@@ -1,0 +1,268 @@
+"""What a program needs besides the export to read it: scripts and descriptions, ready to be used.
+
+    metashape         a Python script that sets CRS and rotation angles and imports the reference
+    realitycapture    the description of the flight log's columns, for flightlogs.xml
+    micmac            the local tangent frame as a coordinate system (SysCoRTL.xml)
+
+Sources: Metashape's Python reference (importReference, Chunk.euler_angles); RealityScan's help,
+"Customize Import Formats" (elements and variables of a flight log); MicMac's wiki, "Coordinates
+Systems" (eTC_RTL about a geocentric centre).
+"""
+
+import uuid
+from pathlib import Path
+
+import numpy as np
+
+from ....base import __version__
+from ....base.output.staging import written
+from ....geodesy.frames import TangentPlane
+from ....records import FramedOrientation
+from ....records.framed import GEOGRAPHIC, TANGENT
+from ..orientation.exported import frame_words
+from ..positions.position_references import PlacedCameras
+
+LOCAL = (
+    'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],'
+    'UNIT["metre",1,AUTHORITY["EPSG","9001"]]]'
+)
+# of a reference csv: label, position, angles, accuracies of both, and the same without angles
+COLUMNS, WITHOUT_ANGLES = "nxyzabcXYZABC", "nxyzXYZ"
+SCRIPT = '''"""Import {file} into the active chunk of Metashape: Tools, Run Script.
+
+Written by insgnss {version}. Frame: {frame}.
+{note}
+"""
+
+import os
+
+import Metashape
+
+try:
+    FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), {name!r})
+except NameError:
+    FILE = {name!r}
+if not os.path.isfile(FILE):
+    FILE = Metashape.app.getOpenFileName("Select " + {name!r})
+CRS = Metashape.CoordinateSystem({crs!r})
+
+chunk = Metashape.app.document.chunk
+chunk.crs = CRS
+{angles}chunk.importReference(
+    path=FILE,
+    format=Metashape.ReferenceFormatCSV,
+    columns={columns!r},
+    delimiter=",",
+    skip_rows=1,
+    items=Metashape.ReferenceItemsCameras,
+    crs=CRS,
+)
+given = [camera for camera in chunk.cameras if camera.reference.{what} is not None]
+print(str(len(given)) + " of " + str(len(chunk.cameras)) + " cameras have a reference")
+if not given:
+    print("labels of cameras must be the names in the file, with their endings")
+'''
+APPLIED = "Lever arm and bore-sight are applied: leave the GPS/INS offset of the camera at zero."
+NO_ANGLES = "There are no angles: of these Metashape keeps what the images say."
+OFFSET = "Set the GPS/INS offset beside as well: the angles are those of the nominal camera."
+FLIGHT_LOG = """<!-- {comment} -->
+<FlightLogs>
+  <format id="{{{guid}}}" desc={words} reader="RealityScan.Import.CSVFlightLog">
+    <parser separator="," comment="#" showIgnoreFirstline="true">
+{columns}    </parser>
+  </format>
+</FlightLogs>
+"""
+HOW = (
+    "Copy the format element into FlightLogs of flightlogs.xml in the directory of RealityScan"
+    " (RealityCapture: with the reader of the other formats there), then choose it when importing"
+    " {file}."
+)
+RTL = """<SystemeCoord>
+     <BSC>
+          <TypeCoord>eTC_RTL</TypeCoord>
+          <AuxR>{:.4f}</AuxR>
+          <AuxR>{:.4f}</AuxR>
+          <AuxR>{:.4f}</AuxR>
+     </BSC>
+     <BSC>
+          <TypeCoord>eTC_GeoCentr</TypeCoord>
+     </BSC>
+</SystemeCoord>
+"""
+
+
+def metashape_script(eo: FramedOrientation, path: Path) -> dict[Path, str]:
+    """Return <name>_import.py beside a reference csv, whose header names its angles.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation that was written.
+    path : Path
+        The csv.
+
+    Returns
+    -------
+    dict
+        Text by path.
+    """
+    first = _header(path, "#Label").split(",")[4]
+    frame = eo.frame
+    note = OFFSET if first == "Nominal_yaw" else APPLIED
+    crs = LOCAL if frame.kind == TANGENT else metashape_crs(frame.crs, frame.wkt)
+    angles = "EulerAnglesOPK" if first == "Omega" else "EulerAnglesYPR"
+    return _script(path, frame_words(eo), note + _geoid_note(frame.heights), crs, angles)
+
+
+def metashape_positions_script(cameras: PlacedCameras, path: Path) -> dict[Path, str]:
+    """Return <name>_import.py beside a reference csv without angles.
+
+    Parameters
+    ----------
+    cameras : PlacedCameras
+        The positions that were written.
+    path : Path
+        The csv.
+
+    Returns
+    -------
+    dict
+        Text by path.
+    """
+    name = cameras.crs or "geographic coordinates of WGS84"
+    note = NO_ANGLES + _geoid_note(cameras.heights)
+    crs = metashape_crs(cameras.crs, cameras.wkt)
+    return _script(path, f"{name}, heights {cameras.heights}", note, crs)
+
+
+def _geoid_note(heights: str) -> str:
+    """Return what to do about heights above a geoid that is a file here; empty for others."""
+    if "geoid" not in heights:
+        return ""
+    return f"\nHeights are {heights}: choose the CRS with these heights in its place."
+
+
+def _header(path: Path, start: str) -> str:
+    """Return the first line of an export that begins with `start`."""
+    with written(path).open(encoding="utf-8") as stream:
+        return next(line for line in stream if line.startswith(start)).strip()
+
+
+def _script(path: Path, frame: str, note: str, crs: str, angles: str = "") -> dict[Path, str]:
+    text = SCRIPT.format(
+        file=path.name,
+        name=path.name,
+        version=__version__,
+        frame=frame.replace("\\", "/").replace('"', "'"),
+        note=note,
+        crs=crs,
+        angles=f"chunk.euler_angles = Metashape.{angles}\n" if angles else "",
+        columns=COLUMNS if angles else WITHOUT_ANGLES,
+        what="rotation" if angles else "location",
+    )
+    return {path.with_name(f"{path.stem}_import.py"): text}
+
+
+def metashape_crs(crs: str, wkt: str) -> str:
+    """Return a CRS as Metashape takes it: a code, or well-known text of the first kind.
+
+    Parameters
+    ----------
+    crs : str
+        Its code or name; empty for latitude and longitude of WGS84.
+    wkt : str
+        Its well-known text, where it is projected.
+
+    Returns
+    -------
+    str
+        The argument of Metashape.CoordinateSystem.
+    """
+    if not wkt:
+        return "EPSG::4979"
+    if crs.startswith("EPSG:") and not wkt.startswith("COMPOUNDCRS"):
+        return crs.replace(":", "::")
+    from pyproj import CRS
+
+    return str(CRS.from_wkt(wkt).to_wkt("WKT1_GDAL"))
+
+
+def flight_log_format(eo: FramedOrientation, path: Path) -> dict[Path, str]:
+    """Return <name>_format.xml beside a flight log of RealityScan.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation that was written.
+    path : Path
+        The flight log, whose header names its columns.
+
+    Returns
+    -------
+    dict
+        Text by path.
+    """
+    from xml.sax.saxutils import escape, quoteattr
+
+    fields = _header(path, "#name").lstrip("#").split(",")
+    variables = VARIABLES | (ON_GLOBE if eo.frame.kind == GEOGRAPHIC else {})
+    columns = "".join(
+        f'      <{variables[name][0]} index="{k}" format="{variables[name][1]}"/>\n'
+        for k, name in enumerate(fields)
+    )
+    words = "insgnss: " + ", ".join(fields)
+    comment = f"insgnss {__version__}: {HOW.format(file=path.name)} Frame: {frame_words(eo)}"
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, words)).upper()
+    text = FLIGHT_LOG.format(
+        comment=escape(comment).replace("--", "- -"),
+        guid=guid,
+        words=quoteattr(words),
+        columns=columns,
+    )
+    return {path.with_name(f"{path.stem}_format.xml"): text}
+
+
+VARIABLES = {
+    "name": ("Image", "name.ext"),
+    "x": ("X", "value"),
+    "y": ("Y", "value"),
+    "latitude": ("Latitude", "degrees"),
+    "longitude": ("Longitude", "degrees"),
+    "altitude": ("Altitude", "value"),
+    "yaw": ("Yaw", "value"),
+    "pitch": ("Pitch", "value"),
+    "roll": ("Roll", "value"),
+    "accX": ("XAccuracy", "value"),
+    "accY": ("YAccuracy", "value"),
+    "accZ": ("AltitudeAccuracy", "value"),
+    "accYaw": ("YawAccuracy", "value"),
+    "accPitch": ("PitchAccuracy", "value"),
+    "accRoll": ("RollAccuracy", "value"),
+}
+"""Variables of a flight log and their formats, by the columns of ours."""
+ON_GLOBE = {"accX": ("LongitudeAccuracy", "value"), "accY": ("LatitudeAccuracy", "value")}
+
+
+def tangent_system(eo: FramedOrientation, path: Path) -> dict[Path, str]:
+    """Return <name>_SysCoRTL.xml, MicMac's name for the tangent plane of an orientation.
+
+    Its origin is the geocentric one of ours, so that no order of angles can be mistaken.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation that was written.
+    path : Path
+        The text, or the directory.
+
+    Returns
+    -------
+    dict
+        Text by path; none of a frame that is no tangent plane.
+    """
+    if eo.frame.kind != TANGENT:
+        return {}
+    origin = TangentPlane(*eo.frame.origin).origin_ecef
+    text = RTL.format(*np.asarray(origin).tolist())
+    return {path.with_name(f"{path.stem}_SysCoRTL.xml"): text}

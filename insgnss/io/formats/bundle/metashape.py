@@ -1,0 +1,226 @@
+r"""Metashape's reference csv for cameras in its three variants, data_specs/metashape.md.
+
+Import with columns "nxyzabcXYZABC", delimiter ",", skip_rows 1 and the CRS that the header names. x
+is easting or longitude.
+
+`write_metashape` gives yaw, pitch, roll of the camera with axes right, up, back in east, north, up
+*at the camera*: true north, also in a projected CRS; in a tangent plane (LOCAL_CS) the axes of the
+plane (data_specs/metashape.md):
+
+    R = C_Ec CV_RUB = Rz(-yaw) Rx(pitch) Ry(roll)                                              (M.1)
+
+`write_metashape_opk` gives omega, phi, kappa in the axes of the CRS, C_fc CV_RUB = Rx(omega)
+Ry(phi) Rz(kappa). Both have lever arm and bore-sight applied, so that a GPS/INS offset must stay
+off.
+
+`write_metashape_offset` leaves the bore-sight B to Metashape, which multiplies a GPS/INS offset
+rotation to the camera's. With T the nominal mounting (`camera_from_body`) and G = CV_RUB T, body to
+camera right-up-back, the angles are those of the nominal camera and
+
+    C_Ec(nominal) = C_Ec T B T^T,        ypr2mat(offset) = G B G^T                             (M.2)
+
+The offset stands in a text beside the csv. The format takes no
+correlations.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.files import atomic_write
+from ....base.output.staging import together
+from ....geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
+from ....records import FramedOrientation
+from ....records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ..orientation.exported import (
+    OPK,
+    YPR,
+    AngleSet,
+    angles_of,
+    check_frame,
+    check_names,
+    comment_lines,
+    frame_attitude,
+    frame_words,
+    north_attitude,
+    one_line,
+    place_form,
+    places,
+    places_sigma,
+    table_text,
+)
+from ..text.columns import Aliases, columns_of
+from ..text.text import Source, read_text_table
+
+Array = NDArray[np.float64]
+
+POSE = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
+ACCURACY = tuple(f"{name}_acc" for name in POSE)
+COLUMNS = ("Label", *POSE, *ACCURACY)
+ALIASES: Aliases = {name: (name.lower(),) for name in COLUMNS}
+
+
+@dataclass(frozen=True, eq=False)
+class MetashapeReference:
+    """The content of the file.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    lat, lon, height : ndarray
+        (n,) rad and m.
+    ypr : ndarray
+        (n, 3) yaw, pitch, roll, rad.
+    accuracy_m, accuracy_ypr : ndarray
+        (n, 3) accuracies, m (east, north, up) and rad.
+    """
+
+    images: tuple[str, ...]
+    lat: Array
+    lon: Array
+    height: Array
+    ypr: Array
+    accuracy_m: Array
+    accuracy_ypr: Array
+
+    @property
+    def C_enu_camera(self) -> Array:
+        """(n, 3, 3) rotations of camera axes into east, north, up at the camera.
+
+        Camera axes are x image right, y image down, z viewing direction.
+        """
+        return np.asarray(rotation_from_ypr(self.ypr) @ CV_RUB)
+
+
+def write_metashape(eo: FramedOrientation, path: Source) -> None:
+    """Write yaw, pitch, roll (M.1) in a geographic, projected or tangent-plane frame.
+
+    Degrees have 10 decimals (position) and 6 (angles), metres 4, accuracies 5 and 6.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with commas.
+    DataError
+        Pitch is +-90 deg.
+    """
+    _write(eo, path, north_attitude(eo), YPR, ("Yaw", "Pitch", "Roll"))
+
+
+def write_metashape_opk(eo: FramedOrientation, path: Source) -> None:
+    """Write omega, phi, kappa in the axes of the CRS; digits and refusals as `write_metashape`."""
+    _write(eo, path, frame_attitude(eo), OPK, ("Omega", "Phi", "Kappa"))
+
+
+def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
+    """Write yaw, pitch, roll of the nominal camera, and the GPS/INS offset beside it (M.2).
+
+    The offset stands in <name>_gps_ins_offset.txt, of a rig one for each camera.
+    """
+    R, P = north_attitude(eo)
+    nominal = R @ CV_RUB @ _boresights(eo) @ CV_RUB
+    path = Path(path)
+    with together():
+        _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
+        atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
+
+
+def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
+    """Return yaw, pitch, roll (3,), rad, of the GPS/INS offset that stands for B and T (M.2)."""
+    G = CV_RUB @ camera_from_body
+    return ypr_from_rotation(G @ boresight @ G.T)
+
+
+def _offset_text(eo: FramedOrientation) -> str:
+    offsets = []
+    for name, boresight, T in _mountings(eo):
+        yaw, pitch, roll = np.degrees(offset_rotation(boresight, T))
+        offsets.append(
+            f"{f'{name}: ' if name else ''}X, Y, Z (m): 0, 0, 0\n"
+            f"Yaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"
+        )
+    lines = (
+        (
+            "GPS/INS offset of Metashape: Tools, Camera Calibration, GPS/INS Offset; fix or adjust"
+            " it there"
+        ),
+        (
+            "the csv beside holds the angles of the nominal camera; without this offset the"
+            " bore-sight is missing, with the angles of another export it would count twice"
+        ),
+        "the positions are those of the projection centre: the location stays 0",
+    )
+    head = comment_lines(
+        eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv"
+    )
+    return head + "".join(offsets)
+
+
+def _mountings(eo: FramedOrientation) -> list[tuple[str, Array, Array]]:
+    """Name, bore-sight and nominal turn of each camera; a single one has no name."""
+    if eo.rig is None:
+        return [("", eo.boresight, eo.camera_from_body)]
+    return [(camera.name, camera.boresight, camera.camera_from_body) for camera in eo.rig.cameras]
+
+
+def _boresights(eo: FramedOrientation) -> Array:
+    """T B T^T (M.2), (n, 3, 3) of a rig."""
+    each = [T @ boresight @ T.T for _, boresight, T in _mountings(eo)]
+    return each[0] if eo.rig is None else np.asarray(np.stack(each)[eo.rig.number])
+
+
+def _write(
+    eo: FramedOrientation,
+    path: Source,
+    attitude: tuple[Array, Array],
+    angle_set: AngleSet,
+    names: tuple[str, ...],
+) -> None:
+    check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
+    check_names(eo.images, ",")
+    angles, sigma = angles_of(eo, *attitude, angle_set)
+    table = np.hstack([places(eo), np.degrees(angles), places_sigma(eo), np.degrees(sigma)])
+    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
+    position = ("X", "Y", "Z")
+    if eo.frame.kind != GEOGRAPHIC:
+        position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
+    columns = ("#Label", *position, *names, *ACCURACY[:3], *(f"{name}_acc" for name in names))
+    atomic_write(path, table_text(",".join(columns) + "\n", eo.images, form, table))
+
+
+def read_metashape(path: Source) -> MetashapeReference:
+    """Read the geographic file back.
+
+    Raises
+    ------
+    InputError
+        A bad line, with file and line; also the other variants, whose columns have other names.
+    """
+    table = read_text_table(path)
+    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
+    lon, lat, height = (table.floats(index[name]) for name in "XYZ")
+
+    def block(names: tuple[str, ...]) -> Array:
+        return np.column_stack([table.floats(index[name]) for name in names])
+
+    return MetashapeReference(
+        table.strings(index["Label"]),
+        np.radians(lat),
+        np.radians(lon),
+        height,
+        np.radians(block(POSE[3:])),
+        block(ACCURACY[:3]),
+        np.radians(block(ACCURACY[3:])),
+    )

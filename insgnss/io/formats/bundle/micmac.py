@@ -1,0 +1,198 @@
+"""MicMac: the text that OriConvert reads, and Orientation-<image>.xml, data_specs/micmac.md.
+
+    text   #F=N X Y Z W P K Ix Iy Iz     W P K = omega phi kappa, degrees (eConvAngPhotoMDegre): R =
+                                         Rx(omega) Ry(phi) Rz(kappa) takes the camera (right, up,
+                                         back) to the frame; Ix Iy Iz standard deviations, m
+    xml    the matrix C_fc by rows: camera (right, down, viewing direction) to the frame
+           (eConvApero_DistM2C)
+
+MicMac takes the frame for Euclidean: a tangent plane or geocentric coordinates, no projected CRS.
+Standard deviations of angles have no place. An orientation in xml names the calibration file of its
+camera, which MicMac looks for when it uses one.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....base.files import atomic_write
+from ....base.output.staging import together
+from ....records import FramedOrientation
+from ....records.block import Array
+from ....records.framed import GEOCENTRIC, TANGENT
+from ..orientation.exported import (
+    OPK,
+    UnfitName,
+    angles_of,
+    check_frame,
+    check_names,
+    check_only,
+    comment_lines,
+    frame_attitude,
+    position_sigma,
+    table_text,
+    xml_text,
+)
+from ..text.layout import shown
+from ..text.numbers import PLAIN, finite
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
+
+XML = """<?xml version="1.0" ?>
+<ExportAPERO>
+     <OrientationConique>
+          <OrIntImaM2C>
+               <I00>0 0</I00>
+               <V10>1 0</V10>
+               <V01>0 1</V01>
+          </OrIntImaM2C>
+          <TypeProj>eProjStenope</TypeProj>
+          <ZoneUtileInPixel>true</ZoneUtileInPixel>
+{interior}          <Externe>
+               <KnownConv>eConvApero_DistM2C</KnownConv>
+               <Centre>%.4f %.4f %.4f</Centre>
+               <IncCentre>%.5f %.5f %.5f</IncCentre>
+               <ParamRotation>
+                    <CodageMatr>
+                         <L1>%.12f %.12f %.12f</L1>
+                         <L2>%.12f %.12f %.12f</L2>
+                         <L3>%.12f %.12f %.12f</L3>
+                    </CodageMatr>
+               </ParamRotation>
+          </Externe>
+          <ConvOri>
+               <KnownConv>eConvApero_DistM2C</KnownConv>
+          </ConvOri>
+     </OrientationConique>
+</ExportAPERO>
+"""
+
+
+def write_micmac(eo: FramedOrientation, path: Source) -> None:
+    """Write the text: metres with 4 decimals, degrees with 6, standard deviations with 5.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane or geocentric.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Euclidean.
+    InputError
+        Names with blanks.
+    DataError
+        phi is +-90 deg.
+    """
+    check_frame(eo, "micmac", TANGENT, GEOCENTRIC)
+    check_names(eo.images, None)
+    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
+    words = comment_lines(
+        eo,
+        "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
+        " right-up-back to the frame",
+    )
+    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo)])
+    atomic_write(path, table_text(f"#F=N X Y Z W P K Ix Iy Iz\n{words}", eo.images, form, table))
+
+
+def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
+    """Write Orientation-<image>.xml of every image into the directory `path`.
+
+    The directory is made where it is missing. Metres have 4 decimals, matrices 12.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane or geocentric.
+    path : path
+        The directory.
+    calibration : str
+        The camera's calibration file as MicMac is to find it; left out where empty.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Euclidean, a `path` that is a file or holds orientations of other
+        images.
+    InputError
+        Names that make no file name.
+    """
+    check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
+    check_names(eo.images, "/")
+    unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
+    if unfit is not None:
+        raise UnfitName(
+            f"image name {unfit!r} makes no file name Orientation-<image>.xml; rename the image"
+        )
+    directory = Path(path)
+    own = {f"Orientation-{name}.xml" for name in eo.images}
+    check_only(
+        directory,
+        own,
+        lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
+        "orientations",
+    )
+    interior = (
+        f"          <FileInterne>{xml_text(calibration)}</FileInterne>\n" if calibration else ""
+    )
+    form = XML.replace("{interior}", interior.replace("%", "%%"))
+    table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
+    with together() as staging:
+        into = staging.tree(directory)
+        for name, row in zip(eo.images, table.tolist(), strict=True):
+            path = f"{into}{os.sep}Orientation-{name}.xml"
+            with open(path, "w", encoding="utf-8", newline="\n") as stream:
+                stream.write(form % tuple(row))
+
+
+def read_micmac_xml(path: Source) -> tuple[tuple[str, ...], Array, Array]:
+    """Read Orientation-<image>.xml of a directory, as MicMac's bundle adjustment leaves them.
+
+    Parameters
+    ----------
+    path : path
+        The directory, such as Ori-Compensated.
+
+    Returns
+    -------
+    images : tuple of str
+        (n,) names.
+    position_m : ndarray, (n, 3)
+        Projection centres in the axes of the orientation.
+    C_mc : ndarray, (n, 3, 3)
+        Camera (right, down, viewing direction) to these axes.
+
+    Raises
+    ------
+    InputError
+        No orientation stands there, or one is damaged or of another convention.
+    """
+    files = sorted(Path(path).glob("Orientation-*.xml"))
+    if not files:
+        raise InputError.at_line(path, None, "no Orientation-<image>.xml in it; give Ori-<name>")
+    names, centres, matrices = [], [], []
+    for file in files:
+        root = parse_xml(file, load_bytes(file).tobytes())
+        outer = root.find(".//Externe")
+        convention = None if outer is None else outer.findtext("KnownConv")
+        if outer is None or convention not in (None, "eConvApero_DistM2C"):
+            problem = f"convention {convention}; eConvApero_DistM2C, a matrix, is read"
+            raise InputError.at_line(file, None, problem)
+        texts = [outer.findtext("Centre"), *(outer.findtext(f".//L{k}") for k in (1, 2, 3))]
+        rows = [[finite(word) for word in (text or "").split()] for text in texts]
+        for text, row in zip(texts, rows, strict=True):
+            if len(row) != 3 or np.isnan(row).any():
+                problem = f"Centre and L1 to L3 are not three numbers each: {shown(text)}"
+                raise InputError.at_line(file, None, f"{problem}; {PLAIN}, or copy it again")
+        values = np.array(rows)
+        names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
+        centres.append(values[0])
+        matrices.append(values[1:])
+    return tuple(names), np.array(centres), np.array(matrices)

@@ -1,0 +1,66 @@
+"""OpenDroneMap's geo.txt: positions with accuracies, data_specs/odm.md.
+
+    EPSG:4326
+    # comments from the second line on
+    name x y z NaN NaN NaN horizontal vertical
+
+x is longitude or easting. The angles are left out (NaN NaN NaN) on purpose: OpenDroneMap turns yaw,
+pitch, roll into omega, phi, kappa with points in ECEF where the world's CRS is meant, which is
+right nowhere (data_specs/odm.md), and zeros would be taken for real angles. The accuracies are the
+root mean square of the two horizontal standard deviations, and the vertical one, m.
+"""
+
+import numpy as np
+
+from ....base.errors import UsageError
+from ....base.files import atomic_write
+from ....records import FramedOrientation
+from ....records.framed import GEOGRAPHIC, PROJECTED
+from ..orientation.exported import (
+    check_frame,
+    check_names,
+    comment_lines,
+    place_form,
+    places,
+    plan_and_height_sigma,
+    table_text,
+)
+from ..text.text import Source
+
+
+def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
+    """Write a geographic frame, or a projected one that has a code.
+
+    Degrees have 10 decimals, metres 4, accuracies 5.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame, or a CRS without code.
+    InputError
+        Names with blanks.
+    """
+    check_frame(eo, "odm", GEOGRAPHIC, PROJECTED)
+    check_names(eo.images, None)
+    code = "EPSG:4326" if eo.frame.kind == GEOGRAPHIC else eo.frame.crs
+    if not code.startswith("EPSG:"):
+        raise UsageError(
+            f"odm: {eo.frame.name} has no EPSG code, which the first line of geo.txt needs; export"
+            " a CRS that has, or geographic"
+        )
+    form = f"%s {place_form(eo, ' ')} NaN NaN NaN %.5f %.5f\n"
+    columns = (
+        "columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader"
+        " turns them"
+    )
+    head = f"{code}\n{comment_lines(eo, columns)}"
+    atomic_write(
+        path, table_text(head, eo.images, form, np.hstack([places(eo), plan_and_height_sigma(eo)]))
+    )

@@ -1,0 +1,83 @@
+"""OpenSfM's exif_overrides.json with reference_lla.json beside it, data_specs/opensfm.md.
+
+omega, phi, kappa, R = Rx(omega) Ry(phi) Rz(kappa), take the camera (right, up, back) to east,
+north, up of the reconstruction's reference, not of the image: 32 seconds of arc a kilometre. So the
+frame is a tangent plane, and its origin is written as the reference, which OpenSfM would otherwise
+choose itself. `dop` and `accuracy` are single numbers: root mean squares of three standard
+deviations, of the position in m and of psi in degrees.
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import UsageError
+from ....base.files import atomic_writes
+from ....base.output.staging import destination
+from ....records import FramedOrientation
+from ....records.framed import TANGENT
+from ..orientation.exported import CHUNK, OPK, angles_of, check_frame, frame_attitude
+from ..text.text import Source
+
+REFERENCE = "reference_lla.json"
+
+
+def write_opensfm(eo: FramedOrientation, path: Source) -> None:
+    """Write a tangent plane's positions, angles and accuracies, and its origin beside `path`.
+
+    The origin stands in reference_lla.json. Degrees have 10 decimals (position) and 6 (angles),
+    metres 4.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame, or another reference_lla.json beside `path`.
+    DataError
+        phi is +-90 deg.
+    """
+    check_frame(eo, "opensfm", TANGENT)
+    lat, lon, height = (float(x) for x in eo.frame.origin)
+    reference = json.dumps(
+        {
+            "latitude": float(np.degrees(lat)),
+            "longitude": float(np.degrees(lon)),
+            "altitude": height,
+        },
+        indent=1,
+    )
+    beside = Path(path).with_name(REFERENCE)
+    present = destination(beside)
+    if present.exists() and present.read_text(encoding="utf-8") != reference:
+        raise UsageError(
+            f"{present}: another reference stands there, and the angles are to hold in this"
+            " export's; delete it or export elsewhere"
+        )
+    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    # of position, of psi
+    sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
+    table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    atomic_writes({Path(path): _entries(eo.images, table), beside: reference})
+
+
+def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
+    gps = '{"gps": {"latitude": %.10f, "longitude": %.10f, "altitude": %.4f, "dop": %.5f}'
+    form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
+    yield "{\n"
+    for first in range(0, len(images), CHUNK):
+        chunk = slice(first, first + CHUNK)
+        text = [
+            form % (json.dumps(name), *values)
+            for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)
+        ]
+        yield (",\n" if first else "") + ",\n".join(text)
+    yield "\n}\n"

@@ -1,0 +1,333 @@
+"""Open Photogrammetry Format of Pix4D: an OPF project of input cameras, data_specs/opf.md.
+
+    input_cameras.json            what was measured: EPSG:4979, latitude, longitude, height; omega,
+                                  phi, kappa to the projected CRS
+    projected_input_cameras.json  the same in the processing CRS: coordinates + shift of
+                                  scene_reference_frame.json
+    camera_list.json              which file belongs to which camera
+    project.opf                   the index of these
+
+R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (right, top, back) into the axes of the CRS. The
+yaw, pitch, roll of the format are left alone, since its text does not say their navigation frame.
+Standard deviations are those of the components; the full 6 x 6 covariance stands in the extension
+`INSGNSS_covariance` of each input capture, position (m) and psi (rad) in the axes of the projected
+CRS.
+
+OPF takes heights with a CRS of two axes to be above that CRS's own ellipsoid. Where they are not
+(LV95 with heights above WGS84's: 50 m), or above a geoid that no CRS names, the processing CRS
+cannot be said: then scene frame and projected cameras are left out, which the program makes itself,
+and the project's description says so.
+"""
+
+import hashlib
+import json
+import re
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from ....base import __version__
+from ....base.errors import UsageError
+from ....base.files import atomic_write
+from ....base.output.staging import together
+from ....records import Array, FramedOrientation, MapFrame
+from ....records.framed import PROJECTED
+from ..orientation.exported import (
+    OPK,
+    angles_of,
+    check_frame,
+    check_only,
+    frame_attitude,
+    position_sigma,
+)
+from ..orientation.poses import local_sigma, positive, sentences, utc
+from ..text.text import Source
+from .camera import Camera, cameras_of
+
+FORMAT = "application/opf-{}+json"
+FILES = {
+    "scene_reference_frame": "scene_reference_frame.json",
+    "camera_list": "camera_list.json",
+    "input_cameras": "input_cameras.json",
+    "projected_input_cameras": "projected_input_cameras.json",
+}
+OPF_FILES = (".opf", "_cameras.json", *FILES.values())
+SOURCES = {
+    "input_cameras": ("camera_list",),
+    "projected_input_cameras": ("input_cameras", "scene_reference_frame"),
+}
+PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
+BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
+ROUND_M = 100.0
+SENSOR = 1
+
+
+def write_opf(
+    eo: FramedOrientation,
+    path: Source,
+    camera: str | None = None,
+    pixel_size_um: float | None = None,
+    pixel_type: str = "uint8",
+    bands: str = "rgb",
+    images: str = "",
+) -> None:
+    """Write the project into the directory `path`, which is made where it is missing.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a projected frame.
+    path : path
+        The directory.
+    camera : str
+        In COLMAP's notation, PINHOLE or OPENCV with one focal length; of a rig "NAME=MODEL ...;
+        NAME=...", each camera a sensor of its own.
+    pixel_size_um : float
+        Size of the sensor's pixels, micrometres.
+    pixel_type : {"uint8", "uint12", "uint16"}
+        Type of the pixels.
+    bands : {"rgb", "gray"}
+        Bands of the sensor.
+    images : str
+        Folder of the images, as seen from `path`.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not projected, whose CRS names northing first, or whose heights were scaled;
+        a missing camera; a `path` with items of another project.
+    """
+    check_frame(eo, "opf", PROJECTED)
+    definition, horizontal = crs_definition(eo.frame)
+    names, number = eo.cameras
+    sensors = [
+        {"id": k, "name": name or "camera"} | _sensor(model, pixel_size_um, pixel_type, bands)
+        for k, (model, name) in enumerate(
+            zip(cameras_of(camera, names, "opf"), names, strict=True), start=SENSOR
+        )
+    ]
+    shift = -np.round(eo.coordinates.mean(axis=0) / ROUND_M) * ROUND_M if eo.images else np.zeros(3)
+    opk, sigma_opk = (np.degrees(a) for a in angles_of(eo, *frame_attitude(eo), OPK))
+    ids = [(_uid("capture", name), _uid("camera", name)) for name in eo.images]
+    uris = [f"{images.rstrip('/')}/{name}" if images else name for name in eo.images]
+    cameras = (
+        f'{{"id":{pair[1]},"uri":{json.dumps(quote(uri))}}}'
+        for pair, uri in zip(ids, uris, strict=True)
+    )
+    directory = Path(path)
+    made = (
+        set(FILES.values())
+        if definition is not None
+        else {FILES["camera_list"], FILES["input_cameras"]}
+    )
+    check_only(
+        directory, {"project.opf", *made}, lambda file: file.endswith(OPF_FILES), "an OPF project"
+    )
+    with together() as staging:
+        into = staging.tree(directory)
+
+        def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
+            atomic_write(into / FILES[name], _json(name, head, lists))
+
+        item("camera_list", {}, {"cameras": cameras})
+        sensor_ids = number + SENSOR
+        captures = _captures(eo, (ids, sensor_ids), opk, sigma_opk, horizontal, pixel_type)
+        item("input_cameras", {"sensors": sensors}, {"captures": captures})
+        if definition is not None:
+            frame = {
+                "base_to_canonical": {
+                    "scale": [1, 1, 1],
+                    "shift": shift.tolist(),
+                    "swap_xy": False,
+                },
+                "crs": {"definition": definition},
+            }
+            item("scene_reference_frame", frame, {})
+            projected = _projected(eo, ids, eo.coordinates + shift, opk, sigma_opk)
+            of_ids = {"sensors": [{"id": sensor["id"]} for sensor in sensors]}
+            item("projected_input_cameras", of_ids, {"captures": projected})
+        atomic_write(
+            into / "project.opf", json.dumps(_project(eo, definition is not None), indent=1) + "\n"
+        )
+
+
+def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
+    """Return the CRS with its heights, and its horizontal part.
+
+    The first is None where OPF cannot name the heights.
+
+    Raises
+    ------
+    UsageError
+        A CRS that names northing first, or heights that were scaled.
+    """
+    if frame.northing_first:
+        raise UsageError(
+            f"{frame.name} names northing first, which makes OPF's axes left-handed; use its"
+            " east-north sibling"
+        )
+    if frame.scaled_from_m is not None:
+        raise UsageError(
+            "heights that were scaled stand in no CRS that OPF could name; export without the"
+            " ground's height"
+        )
+    if frame.wkt.startswith("COMPOUNDCRS"):
+        return frame.wkt, frame.crs or _horizontal(frame.wkt)
+    horizontal = frame.crs or frame.wkt
+    ellipsoid = re.search(r'ELLIPSOID\["[^"]*",([\d.]+),([\d.]+)', frame.wkt)
+    own = (
+        ellipsoid is not None
+        and float(ellipsoid[1]) == 6378137.0
+        and abs(float(ellipsoid[2]) - 298.2572) < 1e-4
+    )
+    return (horizontal if own and "ellipsoid" in frame.heights else None), horizontal
+
+
+def _horizontal(wkt: str) -> str:
+    from pyproj import CRS
+
+    return str(CRS.from_wkt(wkt).sub_crs_list[0].to_wkt())
+
+
+def _uid(kind: str, name: str) -> int:
+    """Return 64 bits that belong to a name, the same in every export."""
+    return int.from_bytes(hashlib.blake2b(f"{kind}:{name}".encode(), digest_size=8).digest(), "big")
+
+
+def _sensor(
+    camera: Camera, pixel_size_um: float | None, pixel_type: str, bands: str
+) -> dict[str, Any]:
+    if pixel_type not in PIXELS or bands not in BANDS:
+        raise UsageError(
+            f"opf: pixel_type {pixel_type!r} or bands {bands!r}; give one of {', '.join(PIXELS)}"
+            f" and of {', '.join(BANDS)}"
+        )
+    fx, fy = camera.focal
+    if camera.model not in ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV") or fx != fy:
+        raise UsageError(
+            f"opf: camera {camera.model} with focal lengths {fx:g} and {fy:g}; give PINHOLE or"
+            " OPENCV with one focal length"
+        )
+    if pixel_size_um is None:
+        raise UsageError(
+            "opf: needs pixel_size_um, the size of the sensor's pixels; give it in micrometres,"
+            " such as --set pixel_size_um=3.76"
+        )
+    pixel = positive(
+        pixel_size_um, "opf: pixel_size_um, the size of the sensor's pixels", "micrometres"
+    )
+    k1, k2, p1, p2 = camera.parameters[4:] if camera.model == "OPENCV" else (0.0,) * 4
+    return {
+        "bands": [{"name": name, "weight": weight} for name, weight in BANDS[bands]],
+        "image_size_px": [camera.width, camera.height],
+        "internals": {
+            "type": "perspective",
+            "focal_length_px": fx,
+            "principal_point_px": list(camera.principal_point),
+            "radial_distortion": [k1, k2, 0.0],
+            "tangential_distortion": [p1, p2],
+        },
+        "pixel_size_um": pixel,
+        "shutter_type": "global",
+    }
+
+
+def _json(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> Iterator[str]:
+    """A core item; its long lists line by line, since only json's plain encoder is compiled."""
+    start = {"format": FORMAT.format(name.replace("_", "-")), "version": "1.0", **head}
+    yield json.dumps(start, indent=1).removesuffix("\n}")
+    for key, items in lists.items():
+        yield f',\n "{key}": ['
+        between = "\n  "
+        for text in items:
+            yield between + text
+            between = ",\n  "
+        yield "\n ]"
+    yield "\n}\n"
+
+
+def _captures(
+    eo: FramedOrientation,
+    numbered: tuple[list[tuple[int, int]], Any],
+    opk: Array,
+    sigma_opk: Array,
+    crs: str,
+    pixel_type: str,
+) -> Iterator[str]:
+    pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
+    camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":%d}}'
+    geolocation = (
+        '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],'
+        '"sigmas":[%.5f,%.5f,%.5f]}'
+    )
+    turn = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace("%", "%%")
+    turn += ',"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}'
+    square = ",".join("[" + ",".join(["%.9g"] * 6) + "]" for _ in range(6))
+    full = f'"extensions":{{"INSGNSS_covariance":{{"version":"1.0","cov6":[{square}]}}}}'
+    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,'
+    form += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
+    sigma = local_sigma(eo)[:, [1, 0, 2]]
+    table = np.column_stack(
+        [
+            np.degrees(eo.geodetic[:, :2]),
+            eo.geodetic[:, 2],
+            sigma,
+            opk,
+            sigma_opk,
+            eo.cov.reshape(-1, 36),
+        ]
+    )
+    for (capture, own), sensor, time, row in zip(*numbered, utc(eo), table.tolist(), strict=True):
+        yield form % (capture, own, sensor, own, time, *row)
+
+
+def _projected(
+    eo: FramedOrientation, ids: list[tuple[int, int]], x: Array, opk: Array, sigma_opk: Array
+) -> Iterator[str]:
+    form = '{"id":%d,"geolocation":{"position":[%.4f,%.4f,%.4f],"sigmas":[%.5f,%.5f,%.5f]},'
+    form += '"orientation":{"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}}'
+    table = np.column_stack([x, position_sigma(eo), opk, sigma_opk])
+    for (capture, _), row in zip(ids, table.tolist(), strict=True):
+        yield form % (capture, *row)
+
+
+def _project(eo: FramedOrientation, whole: bool) -> dict[str, Any]:
+    space = uuid.uuid5(
+        uuid.NAMESPACE_URL, "insgnss:" + "\n".join([eo.frame.name, str(eo.gps_week), *eo.images])
+    )
+    names = list(FILES) if whole else ["camera_list", "input_cameras"]
+    ids = {name: str(uuid.uuid5(space, name)) for name in names}
+    left = (
+        []
+        if whole
+        else [
+            "projected cameras are left out, since OPF would take these heights to be above another"
+            " surface"
+        ]
+    )
+    return {
+        "format": FORMAT.format("project"),
+        "version": "1.0",
+        "id": str(space),
+        "name": "exterior orientation",
+        "description": "; ".join(sentences(eo, *left)),
+        "generator": {"name": "insgnss", "version": __version__},
+        "items": [
+            {
+                "id": ids[name],
+                "name": name,
+                "type": name,
+                "resources": [
+                    {"format": FORMAT.format(name.replace("_", "-")), "uri": FILES[name]}
+                ],
+                "sources": [
+                    {"id": ids[source], "type": source} for source in SOURCES.get(name, ())
+                ],
+            }
+            for name in names
+        ],
+    }

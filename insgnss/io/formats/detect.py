@@ -1,0 +1,52 @@
+"""A file's format by its first bytes and ending, and the loaders of files of named arrays."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ...base.inputs import first_bytes
+
+LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
+_BY_ENDING = {
+    ".mat": "matlab",
+    ".npy": "npy",
+    ".npz": "npy",
+    ".ulg": "ulog",
+    ".bin": "ardupilot",
+    ".sbet": "sbet",
+}
+
+
+def by_bytes(path: str | Path, head: bytes) -> str:
+    """Return the format by the first bytes, or by the ending; an empty text for all others.
+
+    The ending decides for binary formats that have no such bytes.
+    """
+    if head.startswith(b"ULog\x01\x12\x35"):
+        return "ulog"
+    if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
+        return "ardupilot"
+    if head.startswith((b"#ROSBAG V2.0", b"\x89MCAP0\r\n")):
+        return "rosbag"
+    if head.startswith(b"SQLite format 3\0") and Path(path).suffix.lower() == ".db3":
+        return "rosbag"
+    if head.startswith(b"\x93NUMPY"):
+        return "npy"
+    if head.startswith(b"MATLAB 5.0 MAT-file"):
+        return "matlab"
+    name = Path(path).name.lower()
+    return (
+        "sbet"
+        if name.startswith("sbet") and name.endswith(".out")
+        else _BY_ENDING.get(Path(path).suffix.lower(), "")
+    )
+
+
+def head_of(path: str | Path) -> bytes:
+    """Return the first bytes of a file. Raises InputError where it cannot be read."""
+    return first_bytes(path, 1 << 14, "check the path in the flight file")
+
+
+def load_content(form: str, path: str | Path) -> Any:
+    """Load the named arrays of a file of the formats that are read by a column map."""
+    return getattr(import_module(f".arrays.{form}", __package__), LOADERS[form])(path)

@@ -1,0 +1,339 @@
+"""Exposures by dates: tables `file name, date and time` of geotagging tools and of exiftool, and
+the Exif of the images themselves; data_specs/event_dates.md.
+
+A date is not a time of the Global Positioning System until somebody says of which scale it is: UTC
+is 18 s behind GPST since 2017, and a camera's clock is of some time zone. The scale is taken from
+the file where it says (a Z or an offset behind the time, UTC or GPST in the name of the column) and
+from `time_scale` ("utc", "gpst", "utc+02:00") where it does not; with neither the file is refused.
+
+A stamp of few digits is one of many instants. Whole seconds, which cameras cut off, are taken in
+the middle, and every stamp has the standard deviation of its last digit d,
+
+    sigma = d / sqrt(12)                                                                       (T.1)
+
+0.29 s of whole seconds. Digits that all stamps have as zeros are none. What a camera's clock lacks
+besides is not in it: `camera.time_offset_s` takes off a constant.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InputError, UsageError
+from ....base.wording import named
+from ....geodesy.gpstime import WEEK_S, gps_from_calendar
+from ....records import Array, CameraEvents, Check
+from ..text.columns import Aliases, Columns, columns_of
+from ..text.layout import Layout, decode, is_comment, shown
+from ..text.order import Lines, note
+from ..text.text import Source, TextTable, load
+from .events import events_in_order
+
+STAMP = re.compile(
+    r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})[ T_]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,](\d{1,9}))?"
+    r"\s*(Z|UTC|GPST|[+-]\d{2}:?\d{2})?",
+    re.ASCII,
+)
+DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
+ALIASES: Aliases = {
+    "image": (
+        *("image", "images", "img", "photo", "name", "label", "filename", "file", "file name"),
+        *("file_name", "image name", "image_name", "imagename", "photo name", "photo_name"),
+        *("sourcefile", "picture", "camera"),
+    ),
+    "date": ("date", "day", "gps date", "gps_date", "gpsdate", "date_utc", "utc_date", "gpst_date"),
+    "time": (
+        *("datetime", "date time", "date_time", "date/time", "timestamp", "time", "utc", "gpst"),
+        *("gps time", "gps_time", "gpstime", "gps datetime", "gpsdatetime", "utc time"),
+        *("utc_time", "time_utc", "time (utc)", "timestamp_utc", "datetime_utc", "utc_datetime"),
+        *("datetimeoriginal", "subsecdatetimeoriginal", "date taken", "createdate"),
+        *("gpst_time", "time_gpst", "datetime_gpst", "timestamp_gpst"),
+    ),
+}
+FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
+TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
+OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
+MATTERS_S = 5e-3  # a last digit from which on the standard deviation of a stamp is carried along
+SCALES = 'time_scale "utc", "gpst", or of a camera in local time "utc+02:00"'
+
+
+def is_dated(head: bytes) -> bool:
+    """Tell whether the first lines of a table hold dates with a time of day and no time of week."""
+    lines = [
+        line
+        for line in decode(head).splitlines()[:6]
+        if line.strip() and not line.lstrip().startswith("%")
+    ]
+    if any(re.search(TIME_OF_WEEK, line.lower()) for line in lines[:1]):
+        return False
+    return any(STAMP.search(line) or _date_and_time(line) for line in lines)
+
+
+def _date_and_time(line: str) -> bool:
+    """Tell whether one field of a line is a date and another a time of day."""
+    fields = [field.strip(" \"'") for field in re.split(r"[,;\t]", line)]
+    dates = [field for field in fields if DAY.fullmatch(field)]
+    return bool(dates) and any(re.fullmatch(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?", f) for f in fields)
+
+
+def offset_of(time_scale: str) -> float | None:
+    """Return how far a scale is ahead of UTC, s; None for GPST.
+
+    Raises
+    ------
+    UsageError
+        For a text that names no scale.
+    """
+    text = time_scale.strip().lower()
+    if text in ("gpst", "gps"):
+        return None
+    match = OFFSET.fullmatch(text)
+    if match is None:
+        raise UsageError(f"time_scale {time_scale!r} is none; give {SCALES}")
+    sign, hours, minutes = match.groups()
+    seconds = 3600.0 * int(hours or 0) + 60.0 * int(minutes or 0)
+    return -seconds if sign == "-" else seconds
+
+
+def read_dated_events(
+    path: Source,
+    columns: Columns = None,
+    gps_week: int | None = None,
+    time_scale: str | None = None,
+) -> CameraEvents:
+    """Read exposures of a table of image names and dates.
+
+    Parameters
+    ----------
+    path : path
+        The table, with a header, or `image, date and time` without.
+    columns : sequence or mapping, optional
+        Which columns are image, date and time.
+    gps_week : int, optional
+        The caller's week; times count from its beginning.
+    time_scale : str, optional
+        "utc", "gpst" or "utc+hh:mm", where the file does not say.
+
+    Returns
+    -------
+    CameraEvents
+        GPST, with standard deviations where stamps have few digits.
+
+    Raises
+    ------
+    InputError
+        A date that is none, with file and line, or dates of which nothing says the scale.
+    UsageError
+        A `time_scale` that is none.
+    """
+    table = _table(path)
+    defaults = (("time",), ("image", "time"), ("image", "date", "time"))
+    chosen = columns if columns is not None else _finest(table)
+    index = columns_of(table, ALIASES, ("time",), defaults, chosen)
+    texts = table.strings(index["time"])
+    if "date" in index and not STAMP.search(texts[0]):
+        texts = tuple(
+            f"{day} {clock}" for day, clock in zip(table.strings(index["date"]), texts, strict=True)
+        )
+    header = table.layout.header_fields or ()
+    named_columns = [index[key] for key in ("time", "date") if key in index]
+    title = " ".join(header[k] for k in named_columns if k < len(header))
+    images = table.strings(index["image"]) if "image" in index else None
+    if images is not None:
+        images = tuple(Path(name.replace("\\", "/")).name for name in images)
+    return dated_events(images, texts, table, str(path), (title, time_scale), gps_week)
+
+
+def _table(path: Source) -> TextTable:
+    """The fields of a table without numbers; its header is a first line without a date."""
+    buf, complete = load(path)
+    texts = decode(bytes(buf[:-1])).split("\n")
+    lines = [
+        (line, text.rstrip("\r"))
+        for line, text in enumerate(texts, 1)
+        if text.strip() and not is_comment(text)
+    ]
+    if not lines:
+        raise InputError.at_line(path, None, "holds no line; check that the file was copied whole")
+    delimiter = max(",;\t", key=lines[-1][1].count)
+    rows = [(line, _fields(path, line, text, delimiter)) for line, text in lines]
+    header = None if STAMP.search(lines[0][1]) or _date_and_time(lines[0][1]) else rows.pop(0)
+    if not rows:
+        raise InputError.at_line(path, None, "holds a header and no exposure; copy it again")
+    count = len(rows[0][1])
+    for line, fields in rows:
+        if len(fields) != count:
+            raise InputError.at_line(
+                path, line, f"{len(fields)} fields, expected {count}; correct or delete the line"
+            )
+    names = None if header is None else tuple(name.strip() for name in header[1])
+    if names is not None and len(names) != count:
+        names = None
+    layout = Layout(
+        delimiter,
+        ".",
+        count,
+        None if header is None else lines[0][1],
+        names,
+        None if header is None else header[0],
+        0,
+        rows[0][0],
+    )
+    cells = [[cell.strip() for cell in row] for _, row in rows]
+    return TextTable(str(path), layout, cells, [line for line, _ in rows], complete)
+
+
+def _fields(path: Source, line: int, text: str, delimiter: str) -> list[str]:
+    try:
+        return next(csv.reader([text], delimiter=delimiter))
+    except csv.Error:
+        most = csv.field_size_limit()
+        problem = f"{shown(text)} has a carriage return or a field of more than {most} characters"
+        raise InputError.at_line(path, line, f"{problem}; save it with line ends LF") from None
+
+
+def dated_events(
+    images: tuple[str, ...] | None,
+    texts: Sequence[str],
+    lines: Lines,
+    source: str,
+    scales: tuple[str, str | None],
+    gps_week: int | None = None,
+) -> CameraEvents:
+    """Make events of names, or numbers from 1, and dates.
+
+    Parameters
+    ----------
+    images : tuple of str, optional
+        Names.
+    texts : sequence of str
+        Date and time of each, with Z or an offset, or without.
+    lines : Lines
+        Where they stand, for refusals.
+    source : str
+        Where they come from.
+    scales : tuple of str, and str or None
+        Name of the column, which may state the scale, and the caller's `time_scale`.
+    gps_week : int, optional
+        The caller's week.
+
+    Returns
+    -------
+    CameraEvents
+        GPST, with standard deviations where stamps have few digits.
+    """
+    time, week, sigma, notes, scale = _times(texts, *scales, lines)
+    if gps_week is not None:
+        time, week = time + (week - gps_week) * WEEK_S, gps_week
+    events = events_in_order(images, time, lines, source, week, notes)
+    events = replace(events, time_scale=scale)
+    if sigma * 12.0**0.5 < MATTERS_S:
+        return events
+    return replace(events, sigma_s=np.full(events.time.size, sigma))
+
+
+def _finest(table: TextTable) -> Columns:
+    """The columns of a table of exiftool, which has several times of an image: the one of most
+    digits, or of the receiver.
+    """
+    header = [name.strip().lower() for name in table.layout.header_fields or ()]
+    times = [name for name in FINEST if name in header]
+    if len(times) < 2:
+        return None
+    image = next((k for k, name in enumerate(header) if name in ALIASES["image"]), None)
+    chosen = {"time": f"[{header.index(times[0]) + 1}]"}
+    return chosen if image is None else chosen | {"image": f"[{image + 1}]"}
+
+
+def _times(
+    texts: Sequence[str], title: str, time_scale: str | None, lines: Lines
+) -> tuple[Array, int, float, tuple[Check, ...], str]:
+    """Seconds (n,) GPST of a week, that week, the standard deviation (T.1), notes, and the scale
+    where the file does not state it.
+    """
+    parts = []
+    for row, text in enumerate(texts):
+        match = STAMP.fullmatch(text.strip(" \"'"))
+        if match is None:
+            raise lines.error_at(
+                row,
+                f"{shown(text)} where date and time must stand, such as 2021-03-18 12:19:04.623;"
+                " correct the line or name the columns",
+            )
+        parts.append(match)
+    stated = stated_scale(title, {match[8] for match in parts if match[8]})
+    scale = stated or time_scale
+    if scale is None:
+        raise lines.error_at(
+            0,
+            "dates do not say whether they are UTC or GPS time, which are 18 s apart; give"
+            f" {named('camera.time_scale')}: {SCALES}",
+        )
+    times = [_gpst(match, scale, lines, row) for row, match in enumerate(parts)]
+    week = times[0][0]
+    time = np.array([tow + (own_week - week) * WEEK_S for own_week, tow in times])
+    time, sigma, notes = rounded(time, max(len((match[7] or "").rstrip("0")) for match in parts))
+    return time, week, sigma, notes, "" if stated else scale.strip().lower()
+
+
+def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Check, ...]]:
+    """Return times in the middle of what their digits leave open, their sigma (T.1), and a note.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, as stamped.
+    digits : int
+        Decimals of a second that the stamps have.
+    """
+    digit = 10.0**-digits
+    sigma = digit / 12.0**0.5
+    if digit < MATTERS_S:
+        return time, sigma, ()
+    finding = f"stamps of {digit:g} s: standard deviation {sigma:.2g} s"
+    if digits == 0:
+        time = time + 0.5
+        finding += ", taken in the middle of their seconds, which cameras cut off"
+    advice = (
+        f"at 10 m/s these are {10.0 * sigma:.2g} m along the path; use the camera's event marks at"
+        " the receiver (hot-shoe), or stamps of more digits"
+    )
+    check = note("exposure times", finding, f"stamps finer than {MATTERS_S:g} s", advice)
+    return time, sigma, (check,)
+
+
+def stated_scale(title: str, signs: set[str]) -> str | None:
+    """Return the scale that a column's name or the signs behind its times state; None for none."""
+    if signs:
+        return "gpst" if signs == {"GPST"} else "utc"
+    words = re.split(r"[^a-z]+", title.lower())
+    if any(word in ("utc", "gmt") for word in words):
+        return "utc"
+    return "gpst" if any(word in ("gpst", "gpstime") for word in words) else None
+
+
+def _gpst(match: re.Match[str], scale: str, lines: Lines, row: int) -> tuple[int, float]:
+    """GPS week and seconds of a stamp with an offset of its own, or of a scale."""
+    own = match[8] if match[8] and match[8][0] in "+-" else ""
+    offset = offset_of(scale)
+    year, month, day, hour, minute, second = (int(match[k]) for k in range(1, 7))
+    try:
+        if second > 60:  # which a leap second is called
+            raise ValueError(second)
+        when = datetime(year, month, day, hour, minute) + timedelta(seconds=second)
+        if own:
+            offset = offset_of(f"utc{own}")
+        if offset is None:
+            week, tow = gps_from_calendar(when, "gpst")
+        else:
+            week, tow = gps_from_calendar(when - timedelta(seconds=offset), "utc")
+    except (ValueError, OverflowError, UsageError):
+        raise lines.error_at(row, f"{shown(match[0])} is no date; correct the line") from None
+    except InputError as error:
+        raise lines.error_at(row, str(error)) from None
+    return week, tow + (float(f"0.{match[7]}") if match[7] else 0.0)

@@ -1,0 +1,31 @@
+"""Exposures of RTKLIB and its kin (`*_events.pos`): the epochs of a .pos at the time marks.
+
+RTKNAVI, RTKPOST and Emlid Studio interpolate the solution to the time marks of the rover and write
+them as a .pos, GPST or UTC as its header says. Its times are the exposures; its positions are used
+by nothing here. They take one mark between two epochs at most: of a mark that follows another
+within the same interval they write none.
+"""
+
+import numpy as np
+
+from ....records import CameraEvents
+from ..gnss.rtklib_pos import read_pos_rows
+from ..text.order import note
+from ..text.text import Source
+from .events import numbered
+
+
+def read_events_pos(path: Source, gps_week: int | None = None) -> CameraEvents:
+    """Read the exposures, numbered from 1; InputError with file and line."""
+    rows = read_pos_rows(path, gps_week)
+    images, numbering = numbered(rows.time.size)
+    usual = float(np.median(np.diff(rows.time))) if rows.time.size > 1 else 0.0
+    one_each = note(
+        "event positions",
+        f"{rows.time.size} time marks, {usual:.3g} s apart in the median; the program that wrote"
+        " them leaves out marks that follow another one within an epoch of the rover",
+        "as many events as images",
+        "where images are more than events take the rover's RINEX, which has all marks",
+    )
+    notes = (numbering, one_each, *rows.notes)
+    return CameraEvents(images, rows.time, rows.gps_week, str(path), notes)

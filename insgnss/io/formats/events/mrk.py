@@ -1,0 +1,203 @@
+"""Camera events of DJI and Autel drones (Timestamp.MRK), data_specs/mrk.md.
+
+One line an exposure: number, time of week, [week], offsets of the camera from the antenna north,
+east, down (mm), latitude, longitude, height of the camera, standard deviations north, east, up and
+the quality of the fix, each value with or without its name:
+
+    1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon
+        170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
+
+The line is read as its numbers and names, whatever separates them. What the drone computed at the
+exposure must be numbers and is used by nothing here: positions come from `gnss.file`.
+"""
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....records import Array, CameraEvents
+from ..text.columns import gps_time
+from ..text.layout import BINARY, decode, is_binary, shown
+from ..text.text import Source, load, number
+from .events import events_in_order
+
+_WEEK = re.compile(r"\[\s*([0-9]+)\s*\]")
+_TOKEN = re.compile(r"[^\s,;]+")
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+NAMES = ("n", "e", "v", "lat", "lon", "ellh", "q")
+OFFSET = ("n", "e", "v")
+LONGEST_OFFSET_M = 5.0  # beyond it the columns hold something else than millimetres of a drone
+SIGMAS = ("sd_n", "sd_e", "sd_u")
+MOST = 999999
+LEAST = 2  # number and time of week
+
+
+@dataclass(frozen=True, eq=False)
+class MrkFile:
+    """What the lines hold of the exposures' times.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    lines : tuple of int
+        The line of each row.
+    number, week : ndarray
+        (n,) number and GPS week (-1 without a week).
+    tow : ndarray
+        (n,) time of week, s.
+    offset_ned : ndarray, optional
+        (n, 3) m, camera minus antenna, north, east, down; None where the lines do not state it.
+    """
+
+    path: str
+    lines: tuple[int, ...]
+    number: NDArray[np.int64]
+    tow: Array
+    week: NDArray[np.int64]
+    offset_ned: Array | None = None
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at_line(self.path, self.lines[row], message)
+
+
+def is_mrk(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are those of an .MRK.
+
+    Its numbers have names behind commas, such as `-26,N`.
+    """
+    return (
+        re.search(
+            rb"^[ \t]*\d+[ \t,;]+\d+\.\d*[^\n]*[\d.][ \t]*,[ \t]*(?:Lat|Ellh|[NEVQ])\b",
+            head,
+            re.MULTILINE,
+        )
+        is not None
+    )
+
+
+def read_mrk(path: Source) -> MrkFile:
+    """Read every line.
+
+    Raises
+    ------
+    InputError
+        The first line that is no event, or of another kind than the first, with file and line.
+    """
+    buf, complete = load(path)
+    rows, lines = [], []
+    texts = decode(bytes(buf[:-1])).split("\n")
+    for line, text in enumerate(texts, 1):
+        if text.strip() and not text.lstrip().startswith(("#", "%")):
+            rows.append(_values(path, line, text))
+            lines.append(line)
+    if not rows:
+        raise InputError.at_line(path, None, "holds no event; check that the file was copied whole")
+    for row, line in zip(rows, lines, strict=True):
+        if row.keys() != rows[0].keys():
+            differ = " ".join(sorted(row.keys() ^ rows[0].keys()))
+            cut = "truncated: the file ends within this line; " if line == lines[-1] else ""
+            raise InputError.at_line(
+                path,
+                line,
+                f"{cut}{len(row)} values, expected {len(rows[0])} as in line {lines[0]} (differing:"
+                f" {differ}); copy the file again",
+            )
+    if not complete and texts[-1].strip() and "q" not in rows[-1]:
+        raise InputError.at_line(
+            path,
+            lines[-1],
+            "truncated: the file ends within this line; copy it again or delete the line",
+        )
+    number, tow, week = (
+        np.array([row.get(name, -1.0) for row in rows]) for name in ("number", "tow", "week")
+    )
+    offset = (
+        1e-3 * np.array([[row[name] for name in OFFSET] for row in rows])
+        if all(name in rows[0] for name in OFFSET)
+        else None
+    )
+    return MrkFile(
+        str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64), offset
+    )
+
+
+def _values(path: Source, line: int, text: str) -> dict[str, float]:
+    """Return the values of a line by name.
+
+    Those without a name are number, time of week, and then three standard deviations.
+    """
+    if is_binary(text):
+        raise InputError.at_line(path, line, f"is no text; {BINARY}")
+    row: dict[str, float] = {}
+    if week := _WEEK.search(text):
+        row["week"] = number(week[1], path, line)
+        text = text[: week.start()] + " " + text[week.end() :]
+    tokens, unnamed, i = _TOKEN.findall(text), [], 0
+    while i < len(tokens):
+        if not _NUMBER.fullmatch(tokens[i]):
+            raise InputError.at_line(
+                path,
+                line,
+                f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}; correct the"
+                " line",
+            )
+        value = number(tokens[i], path, line)
+        name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
+        if name in NAMES:
+            if name in row:
+                raise InputError.at_line(
+                    path, line, f"{tokens[i + 1]} stands twice; correct or delete the line"
+                )
+            row[name] = value
+        else:
+            unnamed.append(value)
+        i += 2 if name in NAMES else 1
+    if len(unnamed) not in (LEAST, LEAST + 3):
+        message = (
+            f"{len(unnamed)} values without a name, expected number, time of week and three"
+            " standard deviations, or the first two"
+        )
+        raise InputError.at_line(
+            path, line, f"{message}: {shown(text.strip())}; copy the file again"
+        )
+    row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
+    if odd := [
+        name
+        for name in ("number", "week", "q")
+        if name in row and not (row[name].is_integer() and 0.0 <= row[name] <= MOST)
+    ]:
+        raise InputError.at_line(
+            path,
+            line,
+            f"{odd[0]} {row[odd[0]]:g} is no whole number from 0 to {MOST}; correct or delete the"
+            " line",
+        )
+    return row
+
+
+def read_events_mrk(path: Source, gps_week: int | None = None) -> CameraEvents:
+    """Read the exposures; images are named by their number in the file.
+
+    Where the lines state the offset from antenna to camera, the events have it.
+    """
+    mrk = read_mrk(path)
+    week = mrk.week.astype(np.float64) if (mrk.week >= 0).all() else None
+    time, gps_week = gps_time(mrk, mrk.tow, week, gps_week)
+    names = tuple(str(k) for k in mrk.number.tolist())
+    events = events_in_order(names, time, mrk, str(path), gps_week)
+    if mrk.offset_ned is None:
+        return events
+    if (long := np.linalg.norm(mrk.offset_ned, axis=1) > LONGEST_OFFSET_M).any():
+        row = int(np.argmax(long))
+        raise mrk.error_at(
+            row,
+            f"the camera is {np.linalg.norm(mrk.offset_ned[row]):.1f} m from the antenna (limit"
+            f" {LONGEST_OFFSET_M:g} m); N, E, V are millimetres: correct or delete the line",
+        )
+    row_of = {name: row for row, name in enumerate(names)}
+    return replace(events, offset_ned=mrk.offset_ned[[row_of[name] for name in events.images]])

@@ -1,0 +1,301 @@
+"""Fixes from named columns: units, clock, order, velocity, ranges, standard deviations.
+
+Speed s and course c of the ground track stand for the horizontal velocity: vn = s cos c, ve = s sin
+c. Where nothing says how fast the antenna rises, its vertical velocity is given as 0 with a
+standard deviation of `UNKNOWN_MPS`, which is none.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....base.errors import InputError, UsageError
+from ....records import Check, GnssFixes
+from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
+from ..text.columns import clock_of, gps_time
+from ..text.order import Lines, Picked, note, put_in_order
+from .rounding import floor_of_zeros
+
+Array = NDArray[np.float64]
+
+SIGMA, VELOCITY, VELOCITY_SIGMA = (
+    ("sd_n", "sd_e", "sd_u"),
+    ("vn", "ve", "vd", "vu"),
+    ("sd_vn", "sd_ve", "sd_vd"),
+)
+ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
+QUALITY_CODES = ("rtklib", "nmea")
+VARIANCE = {"var_n", "var_e", "var_u"}
+MOST_QUALITY = 7  # of RTKLIB
+# GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
+NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
+UNKNOWN_DOP = 99.0  # receivers write 99.9 or 99.99 for a dilution of precision they do not know
+LARGEST = 1e7  # m, m/s; beyond it no antenna is
+
+
+@dataclass(frozen=True)
+class FixScales:
+    """Factors of the columns to SI and radians, the unit of time and the codes of quality."""
+
+    angle: float = 1.0
+    length: float = 1.0
+    velocity: float = 1.0
+    course: float = 1.0
+    time: str = "s"
+    quality: str = "rtklib"
+
+
+def fixes_from_columns(
+    cols: Mapping[str, Array],
+    lines: Lines,
+    source: str,
+    scales: FixScales,
+    gps_week: int | None,
+    sigma_m: ArrayLike | None,
+    sigma_velocity: ArrayLike | None,
+    undulation_m: float = 0.0,
+    notes: tuple[Check, ...] = (),
+) -> GnssFixes:
+    """Make fixes of columns, each stamp once, in order.
+
+    Parameters
+    ----------
+    cols : mapping
+        Columns (n,) by canonical name; those of `OF_THE_SOLUTION` may hold what is no number.
+    lines : Lines
+        Where the rows stand, for refusals.
+    source : str
+        The file, for messages.
+    scales : FixScales
+        Units of the columns.
+    gps_week : int, optional
+        The week, where no column holds it.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down where no columns hold them, m and m/s.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to the heights.
+    notes : tuple of Check
+        Notes that come before those of the order.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        The first row with an impossible value, or no standard deviation at all.
+    """
+    cols, described = _apart(cols)
+    time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    rows, order_notes = put_in_order(
+        lines,
+        time,
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        "GNSS rows",
+    )
+    if rows is not None:
+        time, lines = time[rows], Picked(lines, rows)
+        cols, described = (
+            {name: column[rows] for name, column in columns.items()}
+            for columns in (cols, described)
+        )
+    lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
+    for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
+        if (beyond := np.abs(value) > limit + 1e-12).any():
+            row = int(np.argmax(beyond))
+            message = (
+                f"{name} {np.degrees(value[row]):.6f} deg exceeds {np.degrees(limit):.0f}; check"
+                " the columns and their unit"
+            )
+            raise lines.error_at(row, message)
+    cols, floor_notes = with_floors_of_zeros(cols)
+    height = cols["h"] * scales.length + undulation_m
+    _within(lines, "height", height, "m")
+    cov, assumed = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
+    velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)
+    quality = _quality(cols, lines, scales.quality) if "q" in cols else None
+    return GnssFixes(
+        time,
+        lat,
+        lon,
+        height,
+        cov,
+        velocity,
+        velocity_cov,
+        quality,
+        gps_week,
+        source,
+        (*notes, *order_notes, *floor_notes),
+        sigma_assumed=assumed if assumed.any() else None,
+        **of_the_solution(described),
+    )
+
+
+def of_the_solution(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return what describes the solutions of fixes, as fields of `GnssFixes`.
+
+    Parameters
+    ----------
+    columns : mapping
+        Columns (n,) by the names of `OF_THE_SOLUTION`. A number that cannot be, such as a negative
+        one of satellites, is not known: not-a-number. Of a program that does not know them there
+        are zeros alone: then the column is left out. An age may be zero throughout, or negative.
+    """
+    given = {}
+    for name, column in columns.items():
+        most = UNKNOWN_DOP if name.endswith("dop") else np.inf
+        possible = np.isfinite(column) & ((name == "age_s") | (column >= 0.0)) & (column < most)
+        given[name] = np.where(possible, column, np.nan)
+    informative = {name for name, column in given.items() if (np.nan_to_num(column) != 0.0).any()}
+    if informative and "age_s" in given and np.isfinite(given["age_s"]).any():
+        informative.add("age_s")
+    return {name: column for name, column in given.items() if name in informative}
+
+
+def _apart(cols: Mapping[str, Array]) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
+    """Return the columns that are needed, and those that describe the solution."""
+    needed = {name: column for name, column in cols.items() if name not in OF_THE_SOLUTION}
+    return needed, {name: column for name, column in cols.items() if name in OF_THE_SOLUTION}
+
+
+def with_floors_of_zeros(
+    cols: Mapping[str, Array],
+) -> tuple[Mapping[str, Array], tuple[Check, ...]]:
+    """Return the columns with half of the last printed digit for rounded zeros, and the note.
+
+    Only zeros of standard deviations whose other values reach down to the last digit are rounded
+    (`rounding`).
+    """
+    floored, findings = dict(cols), []
+    for name in (*SIGMA, "sd_ne", *VELOCITY_SIGMA):
+        if name in cols and (floor := floor_of_zeros(cols[name])) is not None:
+            zero = cols[name] == 0.0
+            floored[name] = np.where(zero, floor, cols[name])
+            findings.append(
+                f"{name} 0 in {int(zero.sum())} of {zero.size} fixes taken as {floor:g}"
+            )
+    if not findings:
+        return cols, ()
+    expected = "positive standard deviations"
+    advice = "they were printed with too few digits; half of the last one is the least they can be"
+    return floored, (note("GNSS rows", "; ".join(findings), expected, advice),)
+
+
+def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
+    if (beyond := np.abs(value) > LARGEST).any():
+        row = int(np.argmax(beyond))
+        raise lines.error_at(
+            row,
+            f"{name} {value[row]:g} {unit} exceeds {LARGEST:g}; check the columns and their unit",
+        )
+
+
+def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
+    """Return the column q, whose codes are `codes`, as RTKLIB's codes."""
+    if codes not in QUALITY_CODES:
+        raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
+    q = cols["q"]
+    accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
+    if (odd := ~np.isin(q, list(accepted))).any():
+        row = int(np.argmax(odd))
+        raise lines.error_at(
+            row,
+            f"quality {q[row]:g} is no code of {codes}; check the columns, or set units = {{"
+            ' quality = "nmea" }',
+        )
+    return (
+        np.array([NMEA_QUALITY[k] for k in q.astype(np.int64).tolist()], dtype=np.int64)
+        if codes == "nmea"
+        else q.astype(np.int64)
+    )
+
+
+def _velocity(
+    cols: Mapping[str, Array],
+    scales: FixScales,
+    lines: Lines,
+    source: str,
+    sigma_velocity: ArrayLike | None,
+) -> tuple[Array | None, Array | None]:
+    """Return velocity (n, 3) north, east, down and its covariances; None without such columns."""
+    up = "vu" if "vu" in cols else "vd"
+    named = [name for name in ("vn", "ve", "speed", "course", up) if name in cols]
+    if not named:
+        return None, None
+    polar = "speed" in cols or "course" in cols
+    needed = ("speed", "course") if polar else ("vn", "ve", up)
+    if missing := [name for name in needed if name not in cols]:
+        raise InputError(
+            f"{source}: velocity without {' '.join(missing)}; name vn ve vd, or speed course and"
+            " vd, or '-' to leave all out"
+        )
+    if polar:
+        course = cols["course"] * scales.course
+        north, east = cols["speed"] * np.cos(course), cols["speed"] * np.sin(course)
+    else:
+        north, east = cols["vn"], cols["ve"]
+    has_vertical = up in cols
+    down = np.zeros(north.size) if not has_vertical else cols["vd"] if up == "vd" else -cols["vu"]
+    velocity = scales.velocity * np.column_stack([north, east, down])
+    _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
+    cov, _ = _covariance(
+        cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
+    )
+    if not has_vertical:
+        cov[:, 2, 2] = UNKNOWN_MPS**2
+    return velocity, cov
+
+
+def _covariance(
+    cols: Mapping[str, Array],
+    names: tuple[str, ...],
+    factor: float,
+    lines: Lines,
+    source: str,
+    given: ArrayLike | None,
+    option: str,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return diagonal covariances (n, 3, 3), and of which rows (n,) the file states none.
+
+    They are of the file's standard deviations times `factor`, else of the `given` three.
+    """
+    n = cols["tow"].size
+    present = [name for name in names if name in cols]
+    assumed = cols[ASSUMED] != 0.0 if ASSUMED in cols else np.zeros(n, dtype=np.bool_)
+    if len(present) == 3:
+        sigma = factor * np.column_stack([cols[name] for name in names])
+    elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
+        sigma = factor * np.column_stack([cols["sd_ne"], cols["sd_ne"], cols["sd_u"]])
+    elif names == SIGMA and cols.keys() >= VARIANCE:
+        sigma = factor * np.sqrt(
+            np.maximum(np.column_stack([cols["var_n"], cols["var_e"], cols["var_u"]]), 0.0)
+        )
+    elif present or given is None:
+        missing = " ".join(name for name in names if name not in cols)
+        raise InputError(
+            f"{source}: no standard deviations {missing}; name their columns, or set {option} ="
+            " [north, east, down]"
+        )
+    else:
+        sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
+        assumed = np.ones(n, dtype=np.bool_)
+        if not (np.isfinite(sigma) & (sigma > 0.0)).all():
+            raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
+    bad = ~((sigma > 0.0) & (sigma <= LARGEST))
+    if bad.any():
+        row, k = (int(i) for i in np.argwhere(bad)[0])
+        limit = (
+            f"must be positive and at most {LARGEST:g}"
+            if sigma[row, k] > 0.0
+            else "must be positive"
+        )
+        raise lines.error_at(
+            row,
+            f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
+            " correct it",
+        )
+    return np.asarray((sigma**2)[:, :, None] * np.eye(3)), assumed

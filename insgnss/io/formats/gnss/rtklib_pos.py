@@ -1,0 +1,632 @@
+"""Positions of RTKLIB (.pos) with their full covariance, data_specs/rtklib_pos.md.
+
+RTKLIB writes a covariance c as its signed root s, c = sign(s) s^2, over north, east, up:
+
+    sdn sde sdu sdne sdeu sdun    or over ECEF    sdx sdy sdz sdxy sdyz sdzx
+
+and down is minus up, so cov(n, d) = -cov(u, n), cov(e, d) = -cov(e, u). Baselines (east, north, up
+at the base, `sde sdn sdu sden sdnu sdue`) become positions where the header gives the base: r =
+r_base + C_e,enu b. Four decimals of the roots can leave a matrix of strong correlations not quite
+positive definite: such epochs keep their standard deviations, lose their correlations, and are
+counted in a note.
+"""
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....base.errors import InputError
+from ....base.files import atomic_write
+from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
+from ....records import Check, GnssFixes
+from ..text.layout import sniff
+from ..text.order import note, open_end, put_in_order
+from ..text.sentences import BAD_SHARE_LIMIT
+from ..text.text import Source, Table, format_rows, load, parse
+from .fixes import of_the_solution
+from .heights import GIVE, above_already
+from .pos_header import (
+    DATE,
+    POSITION,
+    ROOTS,
+    SOLUTION,
+    VELOCITY,
+    VELOCITY_ROOTS,
+    Header,
+    is_rtklib_pos,
+    read_header,
+)
+
+__all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos", "write_rtklib_pos"]
+
+Array = NDArray[np.float64]
+SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
+
+NED = np.diag([1.0, 1.0, -1.0])
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+JST_S = 9 * 3600.0
+LARGEST_ROOT = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class PosRows:
+    """The rows of a `.pos`, each stamp once and in order, and what was done for that.
+
+    Attributes
+    ----------
+    header : Header
+        The header.
+    table : Table
+        The rows as they stand.
+    columns : dict
+        Arrays (n,) by RTKLIB's name.
+    time : ndarray
+        (n,) GPST, s of `gps_week`.
+    gps_week : int
+        The week of the first row.
+    complete : bool
+        Whether the last line has its end.
+    notes : tuple of Check
+        Notes on rows left out or sorted.
+    """
+
+    header: Header
+    table: Table
+    columns: dict[str, Array]
+    time: Array
+    gps_week: int
+    complete: bool
+    notes: tuple[Check, ...]
+
+    @property
+    def base_ecef(self) -> Array | None:
+        """ECEF position (3,) m of the base, None where the header has none, or no place.
+
+        In a file of geocentric positions the header's is geocentric.
+        """
+        if self.header.base is not None and self.header.kind == "x-ecef":
+            return np.array(self.header.base)
+        geodetic = _base_place(self.header)
+        return None if geodetic is None or _is_no_place(geodetic) else _frame_at(geodetic)[0]
+
+
+def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
+    """Read the columns of a `.pos` as they stand.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
+    buf, complete = load(path)
+    header = read_header(path, buf)
+    if header.dated:
+        buf = _dates_apart(buf)
+    return pos_rows(parse(path, buf, complete, sniff(path, buf)), header, gps_week)
+
+
+def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRows:
+    """Return the columns of the numbers of a `.pos`, each stamp once and in order.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
+    columns = _columns(table, header)
+    time, week = _time(table, columns, header)
+    if gps_week is not None and week != gps_week:
+        raise table.error_at(
+            0,
+            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
+            " the file",
+        )
+    rows, notes = put_in_order(
+        table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
+    )
+    if rows is not None:
+        table = replace(table, values=table.values[rows], lines=table.lines[rows])
+        time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
+    return PosRows(header, table, columns, time, week, table.complete, tuple(notes))
+
+
+def read_rtklib_pos(
+    path: Source,
+    undulation_m: float | None = None,
+    gps_week: int | None = None,
+    sigma_m: ArrayLike | None = None,
+) -> GnssFixes:
+    """Read fixes with full covariance, and velocities where the file has them.
+
+    The notes count what could not be taken as it stands.
+
+    Parameters
+    ----------
+    path : path
+        The `.pos`.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, to add to a file of `geodetic` heights, which is refused
+        without it.
+    gps_week : int, optional
+        The week that the file must be of.
+    sigma_m : array_like, optional
+        Standard deviations north, east, down of epochs whose six roots are all zero, which RTKLIB
+        writes for unknown.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
+    return fixes_of_rows(read_pos_rows(path, gps_week), undulation_m, sigma_m)
+
+
+def fixes_of_rows(
+    read: PosRows, undulation_m: float | None = None, sigma_m: ArrayLike | None = None
+) -> GnssFixes:
+    """Return the fixes of the rows of a `.pos`, as `read_rtklib_pos` does.
+
+    Parameters
+    ----------
+    read : PosRows
+        The rows.
+    undulation_m, sigma_m : optional
+        As in `read_rtklib_pos`.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be, with file and line.
+    """
+    header, table, cols = read.header, read.table, read.columns
+    notes = [*open_end("GNSS rows", read.complete)] + (
+        []
+        if header.given
+        else [
+            note(
+                "GNSS rows",
+                f"no header; read as {header.scale}, heights above the"
+                f" {'geoid' if undulation_m else 'ellipsoid'}",
+                "RTKLIB's header",
+                "check both; gnss.undulation_m is the geoid's height, where they are above it",
+            )
+        ]
+    )
+    base, geodetic = read.base_ecef, _base_place(header)
+    if base is None and geodetic is not None:
+        advice = "its standard deviations are taken as they are; correct % ref pos of the header"
+        notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
+    lat, lon, height, C = _position(table, cols, header, undulation_m)
+    cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    velocity, velocity_cov = _velocity(table, cols, header, C, notes)
+    quality = _quality(table, cols["Q"]) if "Q" in cols else None
+    return GnssFixes(
+        read.time,
+        lat,
+        lon,
+        height,
+        cov,
+        velocity,
+        velocity_cov,
+        quality,
+        read.gps_week,
+        table.path,
+        (*notes, *read.notes),
+        base_ecef=base,
+        sigma_assumed=assumed if assumed.any() else None,
+        **of_the_solution(
+            {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
+        ),
+    )
+
+
+def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the file with its dates and times of day as six fields, separated as the others."""
+    data = buf.tobytes()
+    first = DATE.search(data)
+    line = data[first.start() :].partition(b"\n")[0] if first else b""
+    sign = next((sign for sign in (b"\t", b";", b",") if sign in line), b" ")
+    return np.frombuffer(
+        bytearray(DATE.sub(sign.join([rb"\1", rb"\2", rb"\3", rb"\4", rb"\5", b""]), data)),
+        dtype=np.uint8,
+    )
+
+
+def _columns(table: Table, header: Header) -> dict[str, Array]:
+    """Return columns by RTKLIB's name, sexagesimal angles joined.
+
+    Time stands as year ... second or week, tow.
+    """
+    names = header.columns
+    if len(names) != table.values.shape[1]:
+        message = (
+            f"{table.values.shape[1]} fields, but the header names {len(names)}:"
+            f" {' '.join(names)[:400]}; is it two files?"
+        )
+        raise table.error_at(0, message)
+    needed = [
+        name if not header.sexagesimal or name == "height" else f"{name}:d"
+        for name in POSITION[header.kind]
+    ]
+    if missing := [name for name in needed if name not in names] + [
+        name for name in names if names.count(name) > 1
+    ]:
+        raise InputError.at_line(
+            table.path,
+            None,
+            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}; let"
+            " RTKLIB write the header",
+        )
+    cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
+    if header.sexagesimal:
+        for name in ("latitude", "longitude"):
+            d, m, s = (cols[f"{name}:{component}"] for component in "dms")
+            cols[name] = np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)
+    return cols
+
+
+def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
+    """Return GPST seconds of the first epoch's week, and that week."""
+    shift = JST_S if header.scale == "JST" else 0.0
+    if header.dated:
+        ymd = np.column_stack([cols["year"], cols["month"], cols["day"]])
+        days, back = np.unique(ymd, axis=0, return_inverse=True)
+        try:
+            starts = [
+                gps_from_calendar(datetime(int(day[0]), int(day[1]), int(day[2])), "gpst")
+                for day in days
+            ]
+        except ValueError as error:
+            raise InputError.at_line(
+                table.path, None, f"holds no date: {error}; correct it"
+            ) from None
+        seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
+        tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
+        _refuse(
+            table,
+            (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0),
+            tod,
+            "{:.3f} s is no time of day",
+        )
+    else:
+        _refuse(
+            table,
+            (cols["week"] < 0.0) | (cols["week"] > 9999.0) | (cols["week"] % 1.0 != 0.0),
+            cols["week"],
+            "{:g} is no GPS week",
+        )
+        _refuse(
+            table,
+            (cols["tow"] < 0.0) | (cols["tow"] > 2.0 * WEEK_S),
+            cols["tow"],
+            "{:.3f} s is no time of week",
+        )
+        seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
+    if header.scale != "GPST":
+        tod = tod + leap_seconds(seconds + GPS_EPOCH_UNIX_S + np.floor(tod))
+    week = int((seconds[0] + tod[0]) // WEEK_S)
+    return (seconds - week * WEEK_S) + tod, week
+
+
+def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
+    """Refuse the first bad row; `message` has a format field for its value."""
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise table.error_at(row, f"{message.format(value[row])}; check the columns")
+
+
+def _position(
+    table: Table, cols: dict[str, Array], header: Header, undulation_m: float | None
+) -> tuple[Array, Array, Array, Array]:
+    """Return latitude, longitude, height, and rotations (n, 3, 3) into north, east, down.
+
+    The rotations are of the axes in which the file gives vectors.
+    """
+    if undulation_m and header.given and (header.ellipsoidal or header.kind != "latitude"):
+        message = above_already("heights, by the header,", undulation_m)
+        raise InputError.at_line(table.path, None, message)
+    given = _stack(cols, POSITION[header.kind])
+    if header.kind == "latitude":
+        n = len(given)
+        for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
+            _refuse(
+                table,
+                np.abs(cols[name]) > limit,
+                cols[name],
+                f"{name} {{:.6f}} deg exceeds {limit:.0f}",
+            )
+        lat, lon, height = (
+            np.radians(given[:, 0]),
+            np.radians(given[:, 1]),
+            _above_ellipsoid(table, header, given[:, 2], undulation_m),
+        )
+        return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
+    C_e = np.eye(3)
+    if header.kind == "e-baseline":
+        origin, C_e = _base_frame(table, header)
+        given = origin + given @ C_e.T
+    with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
+        radius = np.linalg.norm(given, axis=1)
+    _refuse(
+        table,
+        (radius < 6e6) | (radius > 6e7),
+        radius,
+        "{:.0f} m from the Earth's centre is no antenna",
+    )
+    lat, lon, height = ecef_to_geodetic(given)
+    return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
+
+
+def _above_ellipsoid(
+    table: Table, header: Header, height: Array, undulation_m: float | None
+) -> Array:
+    _refuse(table, np.abs(height) > 1e7, height, "{:g} m is no height")
+    if header.ellipsoidal and header.given:
+        return height
+    if undulation_m is None and header.given:
+        message = f"heights are above the geoid (geodetic, by the header); {GIVE}"
+        raise InputError.at_line(table.path, None, message)
+    return height + (undulation_m or 0.0)
+
+
+def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
+    """Return the base's ECEF position (3,), and the rotation (3, 3) of its east, north, up.
+
+    The rotation takes them into ECEF.
+    """
+    geodetic = _base_place(header)
+    if geodetic is None:
+        message = (
+            "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
+            " RTKLIB write out-solformat = llh"
+        )
+        raise InputError.at_line(table.path, None, message)
+    if _is_no_place(geodetic):
+        raise InputError.at_line(table.path, None, f"{_no_place(geodetic)}; check % ref pos")
+    return _frame_at(geodetic)
+
+
+def _base_place(header: Header) -> tuple[float, ...] | None:
+    """Latitude and longitude, deg, and height, m, of the header's base."""
+    base = header.base
+    if base is None or len(base) == 3:
+        return base
+    lat, lon = (
+        float(np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k]))
+        for k in (0, 3)
+    )
+    return (lat, lon, base[6])
+
+
+def _is_no_place(geodetic: tuple[float, ...]) -> bool:
+    return abs(geodetic[0]) > 90.0 or abs(geodetic[1]) > 360.0
+
+
+def _no_place(geodetic: tuple[float, ...]) -> str:
+    numbers = " ".join(f"{x:g}" for x in geodetic)
+    return f"the base at {numbers} is no latitude, longitude, height"
+
+
+def _frame_at(geodetic: tuple[float, ...]) -> tuple[Array, Array]:
+    lat, lon = np.radians(geodetic[0]), np.radians(geodetic[1])
+    origin = geodetic_to_ecef(lat, lon, np.float64(geodetic[2]))
+    return origin, rotation_en(lat, lon) @ ENU_FROM_NED.T
+
+
+def _quality(table: Table, q: Array) -> NDArray[np.int64]:
+    _refuse(table, ~np.isin(q, range(8)), q, "{:g} is no quality of RTKLIB (0 to 7)")
+    return q.astype(np.int64)
+
+
+def _velocity(
+    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Check]
+) -> tuple[Array | None, Array | None]:
+    """Return velocity and covariances in north, east, down, where the file has estimated them."""
+    names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]
+    if names[0] not in cols:
+        return None, None
+    if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
+        finding = (
+            "velocities without standard deviations, or of zero, were not estimated and are"
+            " left out"
+        )
+        notes.append(
+            note(
+                "GNSS rows",
+                finding,
+                "velocities with their standard deviations",
+                "let RTKLIB use Doppler, or leave velocities out",
+            )
+        )
+        return None, None
+    velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
+    fastest = np.abs(velocity).max(axis=1, initial=0.0)
+    _refuse(table, fastest > LARGEST_ROOT, fastest, "{:g} m/s is no velocity")
+    return velocity, _covariance(table, cols, roots, C, notes, None)[0]
+
+
+def _stack(cols: dict[str, Array], names: tuple[str, ...]) -> Array:
+    return np.column_stack([cols[name] for name in names])
+
+
+def _covariance(
+    table: Table,
+    cols: dict[str, Array],
+    names: tuple[str, ...],
+    C: Array,
+    notes: list[Check],
+    sigma: ArrayLike | None,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
+
+    Roots that are all zero have those of `sigma`; the second of the results is where (n,).
+    """
+    missing = [name for name in names if name not in cols]
+    if missing:
+        raise InputError.at_line(
+            table.path,
+            None,
+            f"the header does not name {' '.join(missing)}; let RTKLIB write standard deviations"
+            " (out-outstd)",
+        )
+    roots = _stack(cols, names)
+    unknown = np.asarray(
+        (roots == 0.0).all(axis=1) if sigma is not None else np.zeros(len(roots)), dtype=np.bool_
+    )
+    zero = (
+        ((roots[:, :3] <= 0.0) & ~unknown[:, None])
+        | (np.abs(roots[:, 3:]) > LARGEST_ROOT)
+        | (roots[:, :3] > LARGEST_ROOT)
+    )
+    if zero.any():
+        row, k = (int(i) for i in np.argwhere(zero)[0])
+        message = (
+            f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
+            " solution with a covariance?"
+        )
+        raise table.error_at(row, message)
+    P = covariance_of_roots(roots)
+    P[unknown] = np.eye(3)
+    _drop_odd_correlations(table, P, names, notes)
+    P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
+    if unknown.any():
+        P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
+        notes.append(
+            note(
+                "GNSS rows",
+                f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m",
+                "a covariance each",
+                "sigma_m must suit them",
+            )
+        )
+    return P, unknown
+
+
+def _drop_odd_correlations(
+    table: Table, P: Array, names: tuple[str, ...], notes: list[Check]
+) -> None:
+    """Take the correlations out of matrices that are not positive definite, where they are few."""
+    bad = without_inverse(P)
+    if not bad.any():
+        return
+    row = int(np.argmax(bad))
+    summary = (
+        f"{bad.sum()} of {len(P)} covariances of {names[0]} ... {names[5]} are not positive"
+        " definite"
+    )
+    if bad.mean() > BAD_SHARE_LIMIT:
+        raise table.error_at(
+            row,
+            f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns",
+        )
+    P[bad] *= np.eye(3)
+    finding = (
+        f"{summary}, the first in line {table.lines[row]}; these keep their standard deviations"
+        " only"
+    )
+    notes.append(
+        note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
+    )
+
+
+def covariance_of_roots(roots: Array) -> Array:
+    """Return covariances (n, 3, 3) of signed roots (n, 6), in the order of the file's axes."""
+    c = np.sign(roots) * roots**2
+    return np.ascontiguousarray(c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]])
+
+
+def without_inverse(P: Array) -> NDArray[np.bool_]:
+    """Tell where covariances (n, 3, 3) are not positive definite (n,).
+
+    The least eigenvalue of a singular matrix is rounding of either sign, so that the limit is
+    `SINGULAR` of the trace and not zero.
+    """
+    return np.asarray(np.linalg.eigvalsh(P)[:, 0] <= SINGULAR * np.trace(P, axis1=1, axis2=2))
+
+
+def signed_roots(P: Array) -> Array:
+    """Return signed roots (n, 6) of covariances (n, 3, 3) in north, east, down.
+
+    Their order is RTKLIB's over north, east, up.
+    """
+    U = NED @ P @ NED
+    c = np.stack([U[:, 0, 0], U[:, 1, 1], U[:, 2, 2], U[:, 0, 1], U[:, 1, 2], U[:, 2, 0]], axis=1)
+    return np.sign(c) * np.sqrt(np.abs(c))
+
+
+def write_rtklib_pos(
+    fixes: GnssFixes,
+    path: Source,
+    satellites: Array | None = None,
+    age_s: Array | None = None,
+    ratio: Array | None = None,
+) -> None:
+    """Write fixes as RTKLIB does, the signed roots with 6 decimals instead of 4.
+
+    The columns are week, time of week, degrees, height above the ellipsoid, signed roots.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The fixes.
+    path : path
+        The file.
+    satellites, age_s, ratio : ndarray, optional
+        (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
+        position; those of the fixes where not given, 0 where these have none.
+
+    Raises
+    ------
+    InputError
+        Fixes without a GPS week.
+    """
+    if fixes.gps_week is None:
+        raise InputError(
+            f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
+        )
+    n = fixes.time.size
+    quality, ns, age, ratios = (
+        np.zeros(n) if column is None else np.nan_to_num(column)
+        for column in (
+            fixes.quality,
+            fixes.satellites if satellites is None else satellites,
+            fixes.age_s if age_s is None else age_s,
+            fixes.ratio if ratio is None else ratio,
+        )
+    )
+    beyond = np.floor(fixes.time / WEEK_S)
+    parts = [
+        fixes.gps_week + beyond,
+        fixes.time - WEEK_S * beyond,
+        np.degrees(fixes.lat),
+        np.degrees(fixes.lon),
+        fixes.height,
+    ]
+    table = [*parts, quality, ns, signed_roots(fixes.cov_ned), age, ratios]
+    head = (
+        "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
+        " sdun(m) age(s) ratio"
+    )
+    form = "%4d %10.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        head += " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
+        form += " %10.5f" * 3 + " %9.6f" * 6
+        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
+    legend = (
+        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
+        " satellites)\n"
+    )
+    atomic_write(path, [legend, head + "\n", *format_rows(form + "\n", np.column_stack(table))])

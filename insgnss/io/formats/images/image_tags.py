@@ -1,0 +1,491 @@
+r"""Position and attitude in JPEG and TIFF copies: Exif and XMP tags, data_specs/image_tags.md.
+
+Exif GPS has one pair of numbers for a height and two meanings. Up to Exif 2.32 GPSAltitudeRef 0 and
+1 are above and below *sea level*; in Exif 3.0 they are above and below the *ellipsoid*, and 2 and 3
+sea level. Heights above the ellipsoid therefore go with ExifVersion 0300; heights above sea level
+with 0 and 1 where the image's Exif is older than 3.0, and with 2 and 3 where it is not.
+
+    GPSTimeStamp, GPSDateStamp     UTC, that is GPST less the leap seconds
+    GPSImgDirection                azimuth of the image's top from true north: of a camera pitched
+                                   forward that of its view
+    CameraElevationAngle           of the viewing direction above the horizon: -90 deg in the nadir
+    Camera:Yaw Pitch Roll          of Pix4D: Rz(-yaw) Rx(pitch) Ry(roll) takes right, up, back into
+                                   east, north, up
+    drone-dji:Gimbal...            of DJI: north-east-down, Z-Y-X, of a camera that looks forward at
+                                   zero
+
+A DJI gimbal that looks into the nadir is at the singularity of its own angles: exact ones are large
+and nearly opposite there, and many readers take the yaw alone for the heading. So `gimbal` "nadir"
+writes the yaw of the image's top, -90 and 0 and leaves the tilt to `Camera:`; "exact" writes the
+angles of the definition, with (x view, y right, z down) of the camera in north, east, down
+
+    C_nE C_Ec [[0,1,0],[0,0,1],[1,0,0]] = Rz(yaw) Ry(pitch) Rx(roll)                           (I.1)
+
+OpenDroneMap takes a gimbal's pitch before that of `Camera:`, and counts it from the horizon only
+where the image says that DJI or Hasselblad made its camera, from the nadir elsewhere. So "auto"
+writes angles of a gimbal for those alone: a camera of others would be turned by 90 degrees by them,
+and one of DJI without them.
+
+Nothing is decoded: of a JPEG the segments of Exif and XMP are replaced, to a TIFF a directory is
+appended (`tiff_tags`).
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import numpy as np
+
+from ....base import __version__
+from ....base.errors import DataError, InputError, UsageError
+from ....base.files import atomic_write
+from ....base.inputs import opened
+from ....base.output.staging import together
+from ....geodesy.gpstime import calendar_from_gps
+from ....geodesy.rotation import NED_ENU, rpy_from_rotation
+from ....records import Array, FramedOrientation
+from ..orientation.exported import check_only, frame_words
+from ..orientation.poses import local_sigma, sea_level, true_north_ypr
+from ..text.text import Source
+from .exif import camera_maker
+from .jpeg import with_tags
+from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, Value
+from .xmp import Properties, set_properties
+
+SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
+PIX4D, DJI, OWN = (
+    "http://pix4d.com/camera/1.0",
+    "http://www.dji.com/drone-dji/1.0/",
+    "urn:insgnss:exterior-orientation:1.0#",
+)
+STALE = {
+    "http://ns.adobe.com/exif/1.0/": (
+        *(
+            "GPSLatitude",
+            "GPSLongitude",
+            "GPSAltitude",
+            "GPSAltitudeRef",
+            "GPSTimeStamp",
+            "GPSDateStamp",
+            "GPSVersionID",
+        ),
+        *("GPSImgDirection", "GPSImgDirectionRef", "GPSHPositioningError", "GPSMapDatum"),
+    ),
+    PIX4D: ("VertCS",),
+    DJI: (
+        *(
+            "AltitudeType",
+            "GimbalYawDegree",
+            "GimbalPitchDegree",
+            "GimbalRollDegree",
+            "GpsLatitude",
+            "GpsLongitude",
+            "GpsLongtitude",
+        ),
+        *("AbsoluteAltitude", "RtkFlag", "RtkStdLon", "RtkStdLat", "RtkStdHgt", "RtkDiffAge"),
+    ),
+}
+FORWARD_FROM_CV = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+MOST_TILT_DEG = 45.0
+GIMBALS = ("auto", "none", "nadir", "exact")
+LEFT_OUT = "left out"
+OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
+RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
+CHUNK = 1 << 22
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """The tags of one image, in m and degrees.
+
+    Attributes
+    ----------
+    place : tuple
+        Latitude, longitude, height above sea level or the ellipsoid.
+    sigma : tuple
+        Standard deviations east, north, up.
+    ypr, sigma_ypr : tuple
+        Yaw, pitch, roll and their standard deviations.
+    elevation : float
+        Elevation of the viewing direction.
+    gimbal : tuple, optional
+        Yaw, pitch, roll of the gimbal.
+    gimbal_words : str
+        What the gimbal's angles mean.
+    when : datetime
+        The exposure, UTC.
+    sea_level : bool
+        Whether the height is above sea level.
+    frame : str
+        The frame and its heights in words.
+    rtk_flag : int, optional
+        RtkFlag of drone-dji.
+    """
+
+    place: tuple[float, float, float]
+    sigma: tuple[float, float, float]
+    ypr: tuple[float, float, float]
+    sigma_ypr: tuple[float, float, float]
+    elevation: float
+    gimbal: tuple[float, float, float] | None
+    gimbal_words: str
+    when: datetime
+    sea_level: bool
+    frame: str
+    rtk_flag: int | None
+
+    @property
+    def plan_sigma(self) -> float:
+        """Root mean square of the two horizontal standard deviations."""
+        return math.sqrt(0.5 * (self.sigma[0] ** 2 + self.sigma[1] ** 2))
+
+
+def write_image_tags(
+    eo: FramedOrientation,
+    path: Source,
+    images: Source | None = None,
+    missing: Literal["refuse", "skip"] = "refuse",
+    heights: Literal["ellipsoid", "sea level"] = "ellipsoid",
+    undulation_m: float | Sequence[float] | Array | None = None,
+    gimbal: Literal["auto", "none", "nadir", "exact"] = "auto",
+    rtk_flag: int | None = None,
+) -> None:
+    """Copy the images of the directory `images`, with their tags, into the directory `path`.
+
+    `path` is made where it is missing.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation.
+    path : path
+        Directory of the copies.
+    images : path
+        Directory of the images.
+    missing : {"refuse", "skip"}
+        What to do about images without orientation and orientations without image.
+    heights : {"ellipsoid", "sea level"}
+        Heights of Exif and drone-dji.
+    undulation_m : float or (n,), optional
+        Geoid heights, m, for sea level.
+    gimbal : {"auto", "none", "nadir", "exact"}
+        Angles of a DJI gimbal, see the module's description; by default for cameras of DJI alone.
+    rtk_flag : {0, 16, 34, 50}, optional
+        RtkFlag of drone-dji.
+
+    Raises
+    ------
+    UsageError
+        Wrong options, or a `path` that is `images` or holds other images.
+    InputError
+        Images that do not match or are none.
+    DataError
+        A camera that looks more than 45 deg off the nadir with gimbal "nadir".
+    """
+    source, directory = _directories(images, path)
+    for name, value, accepted in (
+        ("missing", missing, ("refuse", "skip")),
+        ("gimbal", gimbal, GIMBALS),
+    ):
+        if value not in accepted:
+            raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
+    if rtk_flag is not None and rtk_flag not in RTK:
+        raise UsageError(
+            f"rtk_flag {rtk_flag!r} is none of {', '.join(f'{k} ({v})' for k, v in RTK.items())}"
+        )
+    pairs = _pairs(eo, source, missing == "skip")
+    tags = _tags(eo, _heights(eo, heights, undulation_m), heights == "sea level", gimbal, rtk_flag)
+    check_only(
+        directory,
+        {file.name for _, file in pairs},
+        lambda file: file.lower().endswith(SUFFIXES),
+        "images",
+    )
+    with together() as staging:
+        into = staging.tree(directory)
+        for k, file in pairs:
+            target = directory / file.name
+            if target.exists() and target.samefile(file):
+                raise UsageError(
+                    f"{target}: is the image itself, which is not touched; give another directory"
+                    " for the copies"
+                )
+            _write(file, into / file.name, tags(k), gimbal == "auto")
+
+
+def _directories(images: Source | None, path: Source) -> tuple[Path, Path]:
+    if images is None:
+        raise UsageError(
+            "image_tags writes into copies of images; give the directory where they are: --set"
+            " images=DIR"
+        )
+    source, directory = Path(str(images)), Path(path)
+    if not source.is_dir():
+        raise UsageError(f"{source}: is no directory; give the one that holds the images")
+    if directory.exists() and directory.samefile(source):
+        raise UsageError(
+            f"{directory}: holds the images themselves, which are not touched; give another"
+            " directory for the copies"
+        )
+    return source, directory
+
+
+def _heights(
+    eo: FramedOrientation, heights: str, undulation_m: float | Sequence[float] | Array | None
+) -> Array:
+    if heights == "sea level":
+        return sea_level(eo, undulation_m, "image_tags with heights above sea level")
+    if heights != "ellipsoid" or undulation_m is not None:
+        raise UsageError(
+            f"heights {heights!r}: give 'ellipsoid', or 'sea level' and the geoid's heights"
+            " (undulation_m)"
+        )
+    return eo.geodetic[:, 2]
+
+
+def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, Path]]:
+    """Return rows and image files that belong together.
+
+    They match by name, or by name without suffix where the orientation's has none.
+    """
+    files = {
+        file.name: file
+        for file in sorted(source.iterdir())
+        if file.suffix.lower() in SUFFIXES and file.is_file()
+    }
+    stems: dict[str, list[Path]] = {}
+    for file in files.values():
+        stems.setdefault(file.stem, []).append(file)
+    pairs, missing = [], []
+    for k, name in enumerate(eo.images):
+        bare = stems.get(name, []) if Path(name).suffix.lower() not in SUFFIXES else []
+        matches = [files[name]] if name in files else bare
+        if len(matches) > 1:
+            raise InputError(
+                f"{source}: {matches[0].name} and {matches[1].name} could both be image {name!r};"
+                " give names with suffixes"
+            )
+        pairs += [(k, file) for file in matches]
+        missing += [] if matches else [name]
+    spare = sorted(set(files.values()) - {file for _, file in pairs})
+    hint = "correct the names, or skip what does not match: --set missing=skip"
+    if missing and not skip:
+        raise InputError(
+            f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)}"
+            f" orientations lack theirs); {hint}"
+        )
+    if spare and not skip:
+        raise InputError(
+            f"{source}: {spare[0].name} has no orientation ({len(spare)} of {len(files)} images"
+            f" lack theirs); {hint}"
+        )
+    if not pairs:
+        raise InputError(
+            f"{source}: none of its {len(files)} images is one of the {len(eo.images)}"
+            " orientations; is it another flight?"
+        )
+    return pairs
+
+
+def _tags(
+    eo: FramedOrientation, height: Array, at_sea: bool, gimbal: str, rtk_flag: int | None
+) -> Callable[[int], Tags]:
+    """Return a function that makes the tags of a row."""
+    ypr, sigma_ypr = true_north_ypr(eo)
+    sigma = local_sigma(eo)
+    view = eo.C_Ec[:, :, 2]
+    turn, words = _gimbal(eo, ypr, view, gimbal)
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
+    elevation = np.degrees(np.arcsin(np.clip(view[:, 2], -1.0, 1.0)))
+
+    def triple(a: Array, k: int) -> tuple[float, float, float]:
+        x, y, z = a[k].tolist()
+        return x, y, z
+
+    def of(k: int) -> Tags:
+        return Tags(
+            triple(position, k),
+            triple(sigma, k),
+            triple(np.degrees(ypr), k),
+            triple(np.degrees(sigma_ypr), k),
+            float(elevation[k]),
+            None if turn is None else triple(turn, k),
+            words,
+            calendar_from_gps(eo.gps_week, float(eo.time[k])),
+            at_sea,
+            frame_words(eo),
+            rtk_flag,
+        )
+
+    return of
+
+
+def _gimbal(
+    eo: FramedOrientation, ypr: Array, view: Array, gimbal: str
+) -> tuple[Array | None, str]:
+    """Return yaw, pitch, roll (n, 3), deg, of DJI, and what they mean."""
+    if gimbal == "none":
+        return None, LEFT_OUT
+    tilt = np.degrees(np.arccos(np.clip(-view[:, 2], -1.0, 1.0)))
+    far = tilt > MOST_TILT_DEG
+    if gimbal == "exact" or (gimbal == "auto" and far.any()):
+        turn = np.degrees(rpy_from_rotation(NED_ENU @ eo.C_Ec @ FORWARD_FROM_CV)[:, ::-1])
+        return turn, "exact: north east down, Z-Y-X, camera forward at zero"
+    if far.any():
+        k = int(np.argmax(far))
+        message = (
+            f"looks {tilt[k]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
+            " 'nadir')"
+        )
+        raise DataError(f"image {eo.images[k]}: {message}; take gimbal 'exact' or 'none'")
+    yaw = (np.degrees(ypr[:, 0]) + 180.0) % 360.0 - 180.0
+    turn = np.column_stack([yaw, np.full_like(yaw, -90.0), np.zeros_like(yaw)])
+    return (
+        turn,
+        "nadir: yaw of the image's top, the tilt is left out; Camera:Yaw, Pitch, Roll are exact",
+    )
+
+
+def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
+    try:
+        with opened(source) as stream:
+            if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
+                tags = replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
+            atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
+    except OSError as error:
+        raise InputError.at_line(
+            source, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
+
+
+def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
+    """The bytes of the copy."""
+
+    def read(offset: int, length: int) -> bytes:
+        stream.seek(offset)
+        return stream.read(length)
+
+    who = str(source)
+    if read(0, 2) == b"\xff\xd8":
+        head, rest = with_tags(
+            read,
+            size,
+            who,
+            lambda exif: patched_exif(exif, tags, who),
+            lambda xmp: packet(xmp, tags, who),
+        )
+        yield head
+        yield from _from(stream, rest)
+        return
+    if read(0, 2) not in (b"II", b"MM"):
+        raise InputError.at_line(
+            source, None, "is neither JPEG nor TIFF; convert it, or export a table instead"
+        )
+    tiff = Tiff(read, size, who)
+    xmp = (BYTE, packet(tiff.bytes_of(tiff.first, XMP), tags, who))
+    header, tail = tiff.changed({XMP: xmp}, *exif_tags(tiff, tags))
+    yield header
+    yield from _from(stream, len(header))
+    yield tail
+
+
+def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
+    stream.seek(offset)
+    while chunk := stream.read(CHUNK):
+        yield chunk
+
+
+def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
+    """Return the TIFF within a JPEG's Exif segment, or a new one, with the tags."""
+    old = exif or b"II\x2a\x00\x00\x00\x00\x00"
+    tiff = Tiff(lambda offset, length: old[offset : offset + length], len(old), who)
+    header, tail = tiff.changed({}, *exif_tags(tiff, tags))
+    return header + old[len(header) :] + tail
+
+
+def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int, Value]]:
+    """Return the tags of the Exif and of the GPS directory."""
+    existing = tiff.bytes_of(tiff.exif, 0x9000) or b""
+    version = b"0300" if not tags.sea_level else existing if existing[:4].isdigit() else b"0232"
+    third = version >= b"0300"
+    lat, lon, height = tags.place
+    reference = 2 * (tags.sea_level and third) + (height < 0.0)
+    when = tags.when
+    clock = [
+        (when.hour, 1),
+        (when.minute, 1),
+        (when.second * 1_000_000 + when.microsecond, 1_000_000),
+    ]
+    exif: dict[int, Value] = {
+        0x9000: (UNDEFINED, version),
+        0x9405: (SRATIONAL, [(round(tags.elevation * 1e6), 1_000_000)]),
+    }
+    gps: dict[int, Value] = {
+        0: (BYTE, bytes((2, 4 if third else 3, 0, 0))),
+        1: (ASCII, b"N\x00" if lat >= 0.0 else b"S\x00"),
+        2: (RATIONAL, _sexagesimal(lat)),
+        3: (ASCII, b"E\x00" if lon >= 0.0 else b"W\x00"),
+        4: (RATIONAL, _sexagesimal(lon)),
+        5: (BYTE, bytes((reference,))),
+        6: (RATIONAL, [(round(abs(height) * 1e4), 10_000)]),
+        7: (RATIONAL, clock),
+        16: (ASCII, b"T\x00"),
+        17: (RATIONAL, [(round(tags.ypr[0] * 1e6) % 360_000_000, 1_000_000)]),
+        18: (ASCII, b"WGS-84\x00"),
+        29: (ASCII, when.strftime("%Y:%m:%d").encode() + b"\x00"),
+        31: (RATIONAL, [(round(tags.plan_sigma * 1e5), 100_000)]),
+    }
+    return exif, gps
+
+
+def _sexagesimal(degrees: float) -> list[tuple[int, int]]:
+    """Return degrees, minutes, seconds to a millionth of a second, 0.03 mm."""
+    minutes, rest = divmod(round(abs(degrees) * 3.6e9), 60_000_000)
+    return [(minutes // 60, 1), (minutes % 60, 1), (rest, 1_000_000)]
+
+
+def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
+    """Return the XMP packet with the tags."""
+    lat, lon, height = tags.place
+    east, north, up = tags.sigma
+    camera = dict(zip(("Yaw", "Pitch", "Roll"), (f"{a:.6f}" for a in tags.ypr), strict=True))
+    accuracy = (f"{a:.6f}" for a in tags.sigma_ypr)
+    camera |= dict(
+        zip(("IMUYawAccuracy", "IMUPitchAccuracy", "IMURollAccuracy"), accuracy, strict=True)
+    )
+    camera |= {
+        "GPSXYAccuracy": f"{tags.plan_sigma:.5f}",
+        "GPSZAccuracy": f"{up:.5f}",
+        "HorizCS": "EPSG:4326",
+    }
+    dji = {
+        "GpsLatitude": f"{lat:+.10f}",
+        "GpsLongitude": f"{lon:+.10f}",
+        "GpsLongtitude": f"{lon:+.10f}",
+    }
+    dji |= {
+        "AbsoluteAltitude": f"{height:+.4f}",
+        "RtkStdLon": f"{east:.5f}",
+        "RtkStdLat": f"{north:.5f}",
+        "RtkStdHgt": f"{up:.5f}",
+    }
+    if tags.gimbal is not None:
+        dji |= {
+            f"Gimbal{name}Degree": f"{a:+.6f}"
+            for name, a in zip(("Yaw", "Pitch", "Roll"), tags.gimbal, strict=True)
+        }
+    if tags.rtk_flag is not None:
+        dji["RtkFlag"] = str(tags.rtk_flag)
+    own = {
+        "Software": f"insgnss {__version__}",
+        "Frame": tags.frame,
+        "Heights": "above mean sea level" if tags.sea_level else "above the ellipsoid of WGS84",
+        "GimbalAngles": tags.gimbal_words,
+        "Position": "projection centre; lever arm and bore-sight applied",
+    }
+    new: Properties = {("Camera", PIX4D): camera, ("drone-dji", DJI): dji, ("insgnss", OWN): own}
+    return set_properties(xmp, new, STALE, who)

@@ -1,0 +1,111 @@
+"""The Exif and XMP segments of a JPEG, read or replaced; everything else stays byte by byte.
+
+A JPEG is a chain of segments (marker, length, content) up to the scan, which is not looked into.
+Exif and XMP are APP1 segments, known by how they begin. The new ones stand behind the JFIF segment,
+where there is one, Exif before XMP: before a segment of several pictures (MPF), which counts from
+its own place and must not have its pictures pushed away.
+"""
+
+from collections.abc import Callable
+
+from ....base.errors import InputError
+
+EXIF, PACKET = b"Exif\x00\x00", b"http://ns.adobe.com/xap/1.0/\x00"
+MOST = 0xFFFF - 2
+APP0, APP1 = 0xE0, 0xE1
+Read = Callable[[int, int], bytes]
+Change = Callable[[bytes | None], bytes]
+
+
+def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tuple[bytes, int]:
+    """Return the head of the new file, and the byte of the old one where its rest begins.
+
+    Parameters
+    ----------
+    read : callable
+        Returns bytes at an offset and of a length.
+    size : int
+        Bytes of the whole.
+    who : str
+        The file, for messages.
+    exif, xmp : callable
+        Makes the new content of the segment from the old one, which is None where there is none.
+
+    Raises
+    ------
+    InputError
+        A broken chain, a segment that stands twice, or a new one too long for a JPEG.
+    """
+    segments, rest = _segments(read, size, who)
+    for start, change, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
+        places = [
+            k
+            for k, (marker, content) in enumerate(segments)
+            if marker == APP1 and content.startswith(start)
+        ]
+        if len(places) > 1:
+            raise InputError(
+                f"{who}: has {len(places)} segments of {kind}; which one is valid is"
+                " ambiguous; remove the others"
+            )
+        content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
+        if len(content) > MOST:
+            raise InputError(
+                f"{who}: its {kind} would need {len(content)} bytes (limit {MOST}); remove the"
+                " thumbnail or the makers' note"
+            )
+        segments.insert(_insert_index(segments, start), (APP1, content))
+    parts = [
+        b"\xff" + bytes([marker]) + (len(content) + 2).to_bytes(2, "big") + content
+        for marker, content in segments
+    ]
+    return b"\xff\xd8" + b"".join(parts), rest
+
+
+def exif_of(read: Read, size: int, who: str) -> bytes:
+    """Return the TIFF within the first Exif segment, empty without one.
+
+    Raises
+    ------
+    InputError
+        A broken chain of segments.
+    """
+    segments, _ = _segments(read, size, who)
+    return next(
+        (
+            content[len(EXIF) :]
+            for marker, content in segments
+            if marker == APP1 and content.startswith(EXIF)
+        ),
+        b"",
+    )
+
+
+def _insert_index(segments: list[tuple[int, bytes]], start: bytes) -> int:
+    """Return where to insert: behind JFIF, and XMP behind Exif."""
+    before = [
+        marker == APP0 or (marker == APP1 and start == PACKET and content.startswith(EXIF))
+        for marker, content in segments
+    ]
+    return before.index(False) if False in before else len(before)
+
+
+def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]], int]:
+    """Return markers and contents of the head's segments, and the byte where the rest begins."""
+    position = 2
+    segments: list[tuple[int, bytes]] = []
+    while True:
+        head = read(position, 4)
+        while head[:2] == b"\xff\xff":  # fill bytes
+            position += 1
+            head = read(position, 4)
+        length = int.from_bytes(head[2:4], "big")
+        if len(head) < 4 or head[0] != 0xFF or length < 2 or position + 2 + length > size:
+            raise InputError(
+                f"{who}: no JPEG from byte {position} of {size} on; it was cut off; copy it again"
+                " from its source"
+            )
+        if not (APP0 <= head[1] <= 0xEF or head[1] == 0xFE):
+            return segments, position
+        segments.append((head[1], read(position + 4, length - 2)))
+        position += 2 + length

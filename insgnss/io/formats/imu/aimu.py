@@ -1,0 +1,109 @@
+"""IMU log of tilt-RTK receivers, `$AIMU` sentences, data_specs/aimu.md.
+
+    $AIMU,sync,time,boot,yaw,pitch,roll,gx,gy,gz,ax,ay,az,temperature*hh
+
+Gyro deg/s, accelerometer m/s^2, axes forward right down; time is Unix time (UTC). Samples with sync
+1 were stamped before the clock was locked to the receiver's pulse and are left out by rule; their
+number is reported in a note. A float64 Unix time holds 0.24 microseconds, so GPST is rounded to
+whole microseconds.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....geodesy.gpstime import gps_from_unix_utc
+from ....records import ImuSamples, Quantity
+from ..text.order import note, put_in_order
+from ..text.sentences import SentenceLines, read_sentences
+from ..text.text import Source, number
+
+Array = NDArray[np.float64]
+
+N_FIELDS = 13
+SYNC, TIME, GYRO, ACCEL = 0, 1, slice(6, 9), slice(9, 12)
+LOCKED = 2
+
+
+def read_aimu(
+    path: Source, quantity: Quantity = "mean_rate", gps_week: int | None = None
+) -> ImuSamples:
+    """Read the samples of a locked clock into SI and GPST; notes count what was left out.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
+    sentences = read_sentences(path)
+    bodies, lines = sentences.bodies(b"$AIMU,")
+    table = _numbers(path, bodies, lines)
+    locked = table[:, SYNC] == LOCKED
+    if not locked.any():
+        message = (
+            f"none of {len(table)} $AIMU samples has a locked clock (sync {LOCKED}); start moving"
+            " only after the receiver's lock"
+        )
+        raise InputError.at_line(path, None, message)
+    table = table[locked]
+    kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
+    try:
+        week, time = gps_from_unix_utc(table[:, TIME])
+    except InputError as refusal:
+        raise kept.error_at(int(np.argmin(table[:, TIME])), str(refusal)) from None
+    time = np.round(time, 6)
+    if gps_week is not None and week != gps_week:
+        raise kept.error_at(
+            0,
+            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
+            " the file",
+        )
+    rows, notes = put_in_order(
+        kept, time, lambda i, k: bool((table[i] == table[k]).all()), "IMU rows"
+    )
+    if rows is not None:
+        table, time = table[rows], time[rows]
+    n_free = int(locked.size - locked.sum())
+    if n_free or sentences.n_bad:
+        finding = (
+            f"{n_free} samples before the clock was locked and {sentences.n_bad} lines without a"
+            " right checksum left out"
+        )
+        notes = (
+            note(
+                "IMU rows",
+                finding,
+                "a locked clock, whole sentences",
+                "start moving only after the receiver's lock",
+            ),
+            *notes,
+        )
+    return ImuSamples(
+        time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), notes
+    )
+
+
+def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
+    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first wrong one."""
+    from ..text import _kernels
+
+    if not bodies:
+        raise InputError.at_line(path, None, "holds no $AIMU sentence; is it the IMU's log?")
+    buf = np.frombuffer(b"\n".join(bodies) + b"\n", dtype=np.uint8).copy()
+    table, counted = np.empty((len(bodies), N_FIELDS)), np.empty(len(bodies), dtype=np.int64)
+    bad = np.full((N_FIELDS, 2), -1, dtype=np.int64)
+    row, status, _, _ = _kernels.parse_rows(buf, 0, 1, ord(","), ord("."), table, counted, bad)
+    if (bad >= 0).any():
+        row, status = int(bad[bad[:, 0] >= 0, 1].min()) - 1, _kernels.BAD_NUMBER
+    if status != _kernels.OK:
+        fields = bodies[row].decode("ascii", "replace").split(",")
+        if len(fields) != N_FIELDS:
+            raise InputError.at_line(
+                path,
+                lines[row],
+                f"{len(fields)} fields in $AIMU, expected {N_FIELDS}; is it another version of the"
+                " format?",
+            )
+        for field in fields:
+            number(field, path, lines[row])
+    return table

@@ -1,0 +1,118 @@
+"""Gyros and accelerometers in files of their own, joined to samples under one stamp.
+
+Loggers of telephones write a file a sensor. Both have one clock; where the stamps are the same the
+columns are put side by side, else the accelerometers are brought to the stamps of the gyros: means
+over an interval as differences of their integral, which keeps every change of velocity,
+
+    I(t_j) = sum over i <= j of f_i (t_i - t_i-1),    f(k) = (I(t_k) - I(t_k-1)) / (t_k - t_k-1)
+
+linear between its stamps, and rates at an instant as a straight line between two of them. Samples
+of gyros for which the accelerometers lack more than `LACKING` of their intervals are left out, and
+stand as a gap of the IMU like any other.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....geodesy.gpstime import WEEK_S
+from ....records import ImuSamples, Quantity
+from ..text.order import note
+
+Array = NDArray[np.float64]
+
+LACKING = 2.5  # intervals of the accelerometers: a single sample may be lost
+LEAST_COMMON = 0.5  # of the gyro samples
+
+
+def joined(gyro: ImuSamples, accel: ImuSamples) -> ImuSamples:
+    """Join gyros and accelerometers.
+
+    Parameters
+    ----------
+    gyro : ImuSamples
+        The gyros, with any accelerometers.
+    accel : ImuSamples
+        The accelerometers, with any gyros.
+
+    Returns
+    -------
+    ImuSamples
+        At the stamps of the gyros, with a note of what was done where those differ.
+
+    Raises
+    ------
+    InputError
+        Where they have less than `LEAST_COMMON` of the gyro samples in common, and for increments
+        under stamps of their own.
+    """
+    time = accel.time
+    if gyro.gps_week is not None and accel.gps_week is not None:
+        time = time + WEEK_S * (accel.gps_week - gyro.gps_week)
+    units = {**gyro.units, **{key: unit for key, unit in accel.units.items() if key == "accel"}}
+    notes = (*gyro.notes, *(one for one in accel.notes if one not in gyro.notes))
+    if np.array_equal(time, gyro.time):
+        return replace(gyro, accel=accel.accel, units=units, notes=notes)
+    if gyro.quantity == "increments":
+        raise InputError(
+            f"{accel.source}: increments under other stamps than those of {gyro.source}; write both"
+            " under one stamp, or rates"
+        )
+    force, there = _resampled(gyro.time, time, accel.accel, gyro.quantity)
+    kept = np.count_nonzero(there)
+    if kept < LEAST_COMMON * there.size:
+        raise InputError(
+            f"{accel.source}: has samples for {kept} of the {there.size} gyro samples of"
+            f" {gyro.source} ({time[0]:.3f} to {time[-1]:.3f} s against {gyro.time[0]:.3f} to"
+            f" {gyro.time[-1]:.3f} s); they must be of one recording, on one clock"
+        )
+    rates = [1.0 / float(np.median(np.diff(t))) for t in (time, gyro.time)]
+    inside = np.count_nonzero((gyro.time > time[0]) & (gyro.time <= time[-1]))
+    missing = inside - kept  # the first may lack the begin of its interval
+    left = f"; {missing} gyro samples without any left out" if missing > 1 else ""
+    done = note(
+        "IMU files",
+        f"accelerometers ({rates[0]:.4g} Hz) brought to the stamps of the gyros ({rates[1]:.4g} Hz)"
+        f"{left}",
+        "both under one stamp",
+        "" if not left else "look at the gaps of the accelerometers",
+    )
+    return ImuSamples(
+        gyro.time[there],
+        gyro.gyro[there],
+        force[there],
+        gyro.quantity,
+        gyro.gps_week,
+        gyro.source,
+        (*notes, done),
+        units,
+    )
+
+
+def _resampled(
+    wanted: Array, time: Array, force: Array, quantity: Quantity
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return forces (n, 3) at the wanted stamps (n,), and where there are any."""
+    step = np.diff(wanted)
+    usual = float(np.median(step))
+    begin = wanted - np.concatenate([[usual], np.where(step > LACKING * usual, usual, step)])
+    if quantity == "instant_rate":
+        begin = wanted
+        out = np.column_stack([np.interp(wanted, time, force[:, c]) for c in range(3)])
+    else:
+        steps = np.diff(time, prepend=time[0])
+        integral = np.cumsum(force * steps[:, None], axis=0)
+        out = np.column_stack(
+            [
+                (np.interp(wanted, time, integral[:, c]) - np.interp(begin, time, integral[:, c]))
+                / (wanted - begin)
+                for c in range(3)
+            ]
+        )
+    there = (begin >= time[0]) & (wanted <= time[-1])
+    lacking = np.diff(time) > LACKING * float(np.median(np.diff(time)))
+    for k in np.flatnonzero(lacking):
+        there &= (wanted <= time[k]) | (begin >= time[k + 1])
+    return out, there

@@ -1,0 +1,69 @@
+"""The `columns` with which a file's samples are read with two axes exchanged in both triads."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....base.errors import InsgnssError
+from ..text.columns import Columns, columns_of
+from ..text.layout import sniff
+from ..text.text import Source, Table, loaded
+from .imu_csv import ALIASES, KINDS, required_columns
+
+
+def exchanged_columns(
+    path: Source,
+    pair: tuple[int, int],
+    columns: Columns = None,
+    rate_hz: float | None = None,
+    accel_file: Source | None = None,
+) -> dict[str, str] | list[str] | None:
+    """Return `columns` of a flight file in which two axes have changed places.
+
+    Parameters
+    ----------
+    path : path
+        The file of the samples.
+    pair : tuple of int
+        The axes, 0 to 2.
+    columns : sequence or mapping, optional
+        Those by which it is read.
+    rate_hz : float, optional
+        The rate of a table without a column of time.
+    accel_file : path, optional
+        The file of the accelerometers, where they have their own.
+
+    Returns
+    -------
+    mapping, list or None
+        Of the kind that was given; a list where none was. None where the format takes no
+        `columns`, or each of two files has its own header.
+    """
+    from .. import IMU_OPTIONS, sniff_imu
+
+    if "columns" not in IMU_OPTIONS[sniff_imu(Path(path))]:
+        return None
+    a, b = ("xyz"[k] for k in pair)
+    other = {f"g{a}": f"g{b}", f"g{b}": f"g{a}", f"a{a}": f"a{b}", f"a{b}": f"a{a}"}
+    if isinstance(columns, Mapping):
+        return {name: columns[other.get(name, name)] for name in columns}
+    names = columns or (None if accel_file is not None else _names(path, rate_hz))
+    return None if names is None else [other.get(name, name) for name in names]
+
+
+def _names(path: Source, rate_hz: float | None) -> list[str] | None:
+    """Names of all columns of a text table in their order; None where it is no such table."""
+    required: Any = required_columns(rate_hz)
+    try:
+        with loaded(path) as (buf, _):
+            layout = sniff(path, buf)
+            table = Table(str(path), layout, np.empty((0, 0)), np.empty(0, dtype=np.int64))
+            index = columns_of(table, ALIASES, required, (required,), None, KINDS)
+    except InsgnssError:
+        return None
+    names = ["-"] * layout.n_fields
+    for name, k in index.items():
+        names[k] = name
+    return names

@@ -1,0 +1,456 @@
+"""Published Haar wavelet or Allan variances of an IMU instead of its recording.
+
+The format is data_specs/variances.md.
+
+A JSON file as the R packages of SMAC-Group hold them (class `imu_wvar` or `imu_avar` written out),
+or a text table with its rate and length in comment lines. Levels follow from the scales: 2^j
+samples long, twice the averaging time of the Allan variance, which is 2 nu.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, UsageError
+from ....base.files import lines_of
+from ....base.received.nesting import parse_json
+from ....base.tables import is_number
+from ....base.units import LARGEST
+from ....records import WaveletVariance, chi_square_interval
+from ..text.columns import Aliases, columns_of
+from ..text.layout import decode, is_comment, shown
+from ..text.text import Source, TextTable, load_bytes, number, read_text_table
+from ..text.units import check_units, unit_factor
+
+Array = NDArray[np.float64]
+Refusal = Callable[[str], InputError]
+RowRefusal = Callable[[int, str], InputError]  # of a row of the curve, from 0
+
+COLUMNS: Aliases = {
+    "axis": ("axis",),
+    "scale_s": ("scale_s", "scale"),
+    "tau_s": ("tau_s", "tau", "averaging_time_s", "averaging_time"),
+    "wavelet_variance": ("wavelet_variance", "wvar"),
+    "allan_variance": ("allan_variance", "avar"),
+    "allan_deviation": ("allan_deviation", "deviation", "adev", "oadev"),
+    "variance": ("variance",),
+    "low": ("low", "ci_low"),
+    "high": ("high", "ci_high"),
+}
+KEYS = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_unit")
+_VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
+_EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
+_ROUNDING = 0.01  # relative, of a published scale
+_AXIS = re.compile(r"(gyro|accel|acc|g|a)[a-z]*[\s._]*([xyz])", re.IGNORECASE)
+LARGEST_COUNT = 1e15
+_COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:](.*)")
+
+
+@dataclass(frozen=True)
+class PublishedVariances:
+    """Published curves of one sensor.
+
+    Attributes
+    ----------
+    sensor : str
+        Its name, or "".
+    curves : mapping
+        Curves by axis, "gyro_x" ... "accel_z", those that the file has, in rad/s and m/s^2.
+    """
+
+    sensor: str
+    curves: Mapping[str, WaveletVariance]
+
+
+def read_variances(
+    path: Source,
+    *,
+    member: str | None = None,
+    units: Mapping[str, str] | None = None,
+    rate_hz: float | None = None,
+    samples: int | None = None,
+    axis: str | None = None,
+) -> PublishedVariances:
+    """Read published variances, JSON or text table.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    member : str, optional
+        Which of the sensors of a JSON file.
+    units : mapping, optional
+        Units of `gyro` and `accel`, rad/s and m/s^2 where neither caller nor file says.
+    rate_hz, samples, axis
+        Of a text table whose comments do not say.
+
+    Returns
+    -------
+    PublishedVariances
+        The curves.
+
+    Raises
+    ------
+    InputError
+        The first thing that is wrong.
+    UsageError
+        A member that does not exist, or what is no unit.
+    """
+    check_units(units, ("gyro", "accel"))
+    raw = bytes(load_bytes(path)).removeprefix(b"\xef\xbb\xbf")
+    if raw.lstrip()[:1] in (b"{", b"["):
+        return _read_json(path, decode(raw), member, units or {})
+    if member is not None:
+        raise UsageError(f"{path}: member {member!r} of a text table; only JSON files have members")
+    given = {"rate_hz": rate_hz, "samples": samples, "axis": axis}
+    comments = _comments(decode(raw))
+    text = {key: str(value) for key, value in given.items() if value is not None}
+    for sensor, unit in (units or {}).items():
+        text[f"{sensor}_unit"] = unit
+    return _read_text(path, comments | {key: (None, value) for key, value in text.items()})
+
+
+def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
+    """Read a text table; `stated` holds line and value of each of `KEYS`, of comments or caller."""
+    table = read_text_table(path)
+    if table.layout.header_fields is None:
+        raise InputError.at_line(
+            path,
+            table.layout.first_line,
+            f"no header; the line before the numbers must name the columns, {_EXAMPLE}",
+        )
+    index = columns_of(table, COLUMNS, (), ())
+    line = table.layout.header_line
+    time, value = _meaning(path, line, index)
+    for key in ("rate_hz", "samples"):
+        if key not in stated:
+            raise InputError.at_line(
+                path,
+                line,
+                f"{key} is not said; write it into a comment before the header, as in '# {key} ="
+                " 250'",
+            )
+    rate = _positive(path, *stated["rate_hz"], "rate_hz")
+    n = _positive(path, *stated["samples"], "samples")
+    names = np.array(_axis_names(table, index, stated))
+    data = {
+        name: table.floats(index[name]) for name in (time, value, "low", "high") if name in index
+    }
+    curves = {}
+    for name in dict.fromkeys(names.tolist()):
+        factor = _stated_factor(path, name.partition("_")[0], stated)
+        curves[name] = _text_curve(
+            table, np.flatnonzero(names == name), data, (time, value), factor, rate, int(n)
+        )
+    return PublishedVariances(stated["sensor"][1] if "sensor" in stated else "", curves)
+
+
+def _axis_names(
+    table: TextTable, index: Mapping[str, int], stated: Mapping[str, tuple[int | None, str]]
+) -> list[str]:
+    """Return the axis of every row."""
+    if "axis" in index:
+        return [
+            _axis_name(name, partial(table.error_at, row))
+            for row, name in enumerate(table.strings(index["axis"]))
+        ]
+    if "axis" in stated:
+        line, text = stated["axis"]
+        return [_axis_name(text, partial(InputError.at_line, table.path, line))] * len(table.rows)
+    message = (
+        "axis is not said; write it into a comment, as in '# axis = gyro_x', or into a column axis"
+    )
+    raise InputError.at_line(table.path, table.layout.header_line, message)
+
+
+def _text_curve(
+    table: TextTable,
+    rows: NDArray[np.int64],
+    data: Mapping[str, Array],
+    names: tuple[str, str],
+    factor: float,
+    rate_hz: float,
+    samples: int,
+) -> WaveletVariance:
+    """Return the curve that stands in `rows`; `names` are the columns of time and value."""
+    time, value = names
+    scale = data[time][rows] * (2.0 if time == "tau_s" else 1.0)
+    nu = {
+        key: factor**2 * _wavelet_variance(data[key][rows], value)
+        for key in (value, "low", "high")
+        if key in data
+    }
+    return _curve(
+        scale,
+        nu[value],
+        nu.get("low"),
+        nu.get("high"),
+        rate_hz,
+        samples,
+        lambda k, message: table.error_at(int(rows[k]), message),
+    )
+
+
+def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str, str]:
+    """Return the names of the column of time and of the column of values.
+
+    "variance" beside scale_s alone is one of wavelets.
+    """
+    time = [name for name in ("scale_s", "tau_s") if name in index]
+    if "variance" in index and time == ["scale_s"]:
+        index["wavelet_variance"] = index.pop("variance")
+    if "variance" in index:
+        raise InputError.at_line(
+            path,
+            line,
+            "'variance' over tau_s may be either; name the column wavelet_variance or"
+            " allan_variance",
+        )
+    value = [name for name in _VALUES if name in index]
+    if len(time) != 1 or len(value) != 1:
+        raise InputError.at_line(
+            path,
+            line,
+            f"one column of scale_s, tau_s and one of {', '.join(_VALUES)} must be named,"
+            f" {_EXAMPLE}",
+        )
+    if ("low" in index) != ("high" in index):
+        raise InputError.at_line(
+            path, line, "of the interval only one end is there; give both, low and high, or none"
+        )
+    return time[0], value[0]
+
+
+def _wavelet_variance(values: Array, kind: str) -> Array:
+    """Return nu of a wavelet variance, of an Allan variance 2 nu or of its root.
+
+    Negative values stay negative.
+    """
+    if kind == "wavelet_variance":
+        return values
+    return 0.5 * values if kind == "allan_variance" else 0.5 * values * np.abs(values)
+
+
+def _comments(text: str) -> dict[str, tuple[int | None, str]]:
+    """Return line and value of the comments "# key = value" with one of `KEYS`."""
+    comments: dict[str, tuple[int | None, str]] = {}
+    for number_, line in enumerate(lines_of(text), 1):
+        match = _COMMENT.fullmatch(line) if is_comment(line) else None
+        if match and match[1].lower() in KEYS:
+            comments[match[1].lower()] = (number_, match[2].strip())
+    return comments
+
+
+def _positive(path: Source, line: int | None, text: str, key: str) -> float:
+    value = number(text, path, line or 0) if line else float(text)
+    if not 0.0 < value < math.inf or (key == "samples" and value % 1.0):
+        must = "it must be a whole number," if value > 0.0 else "it must be"
+        raise InputError.at_line(path, line, f"{key} {text}; {must} greater than zero")
+    return value
+
+
+def _stated_factor(
+    path: Source, sensor: str, stated: Mapping[str, tuple[int | None, str]]
+) -> float:
+    """Return the factor to rad/s or m/s^2, 1 where no unit is stated."""
+    line, unit = stated.get(f"{sensor}_unit") or stated.get("unit") or (None, "")
+    try:
+        return unit_factor(unit, sensor) if unit else 1.0
+    except UsageError as error:
+        raise (
+            InputError.at_line(path, line, f"unit of {sensor}: {error}") if line else error
+        ) from None
+
+
+def _axis_name(text: str, refuse: Refusal) -> str:
+    match = _AXIS.fullmatch(text.strip())
+    if match is None:
+        raise refuse(
+            f"axis {shown(text)}; write gyro_x, gyro_y, gyro_z, accel_x, accel_y or accel_z"
+        )
+    return f"{'gyro' if match[1].lower().startswith('g') else 'accel'}_{match[2].lower()}"
+
+
+def _curve(
+    scale_s: Array,
+    nu: Array,
+    low: Array | None,
+    high: Array | None,
+    rate_hz: float,
+    samples: int,
+    refuse: RowRefusal,
+) -> WaveletVariance:
+    """Return the record, after a check of all values.
+
+    Without intervals it has those of `stochastic.wavelet` (W.3).
+    """
+    exact = np.log2(np.maximum(scale_s * rate_hz, 1e-300))
+    level = np.rint(exact).astype(np.int64)
+    count = samples - 2.0**level + 1
+    for k, s in enumerate(scale_s):
+        if level[k] < 1 or abs(exact[k] - level[k]) > _ROUNDING / math.log(2.0):
+            raise refuse(
+                k,
+                f"scale {s:g} s is {s * rate_hz:g} samples of {rate_hz:g} Hz; only powers of two,"
+                " from 2 on, can be fitted",
+            )
+        if k and level[k] <= level[k - 1]:
+            raise refuse(
+                k, f"scale {s:g} s follows {scale_s[k - 1]:g} s; scales must increase, each once"
+            )
+        if count[k] < 1:
+            raise refuse(
+                k,
+                f"scale {s:g} s is longer than the {samples} samples of {rate_hz:g} Hz; correct"
+                " these",
+            )
+        if nu[k] <= 0.0:
+            raise refuse(k, f"variance {nu[k]:g} at scale {s:g} s; it must be greater than zero")
+        if low is not None and high is not None and not 0.0 < low[k] < nu[k] < high[k]:
+            raise refuse(
+                k,
+                f"the interval at scale {s:g} s does not hold its value, or starts below zero;"
+                " leave it out",
+            )
+    if not (np.abs(count) < LARGEST_COUNT).all():
+        raise refuse(0, f"{count.max():g} coefficients at a scale; a recording has fewer")
+    if low is None or high is None:
+        low, high = chi_square_interval(nu, np.maximum(count / 2.0**level, 1.0))
+    return WaveletVariance(level, nu, low, high, count.astype(np.int64), rate_hz, samples)
+
+
+def _read_json(
+    path: Source, text: str, member: str | None, units: Mapping[str, str]
+) -> PublishedVariances:
+    content, name = _member(path, parse_json(path, text), member)
+
+    prefix = f"{name}: " if name else ""
+    refuse = partial(_refusal, path, prefix)
+    allan = "avar" in content
+    named = content["avar" if allan else "wvar"]
+    kinds, letters = (_strings(content.get(key), key, refuse) for key in ("type", "axis"))
+    if not isinstance(named, dict) or not len(named) == len(kinds) == len(letters) > 0:
+        raise refuse(
+            f"{'avar' if allan else 'wvar'}, type and axis must name the same axes, one or more"
+        )
+    rate, n = (float(_numbers(content.get(key), key, refuse)[0]) for key in ("freq", "n"))
+    if not (rate > 0.0 and n >= 4.0 and n % 1.0 == 0.0):
+        raise refuse(
+            f"freq {rate:g} and n {n:g}; a rate in Hz and a number of samples are expected"
+        )
+    curves = {}
+    for (label, curve), kind, letter in zip(named.items(), kinds, letters, strict=True):
+        axis = _axis_name(f"{kind} {letter}", refuse)
+        if axis in curves or not isinstance(curve, dict):
+            raise refuse(f"{label}: {axis} is there twice, or its curve is no object")
+        factor = (
+            unit_factor(units[sensor], sensor)
+            if (sensor := axis.partition("_")[0]) in units
+            else 1.0
+        )
+        curves[axis] = _json_curve(
+            curve, allan, factor, rate, int(n), partial(_refusal, path, f"{prefix}{label}: ")
+        )
+    sensor_name = content.get("sensor")
+    return PublishedVariances(
+        _strings(sensor_name, "sensor", refuse)[0] if sensor_name else name, curves
+    )
+
+
+def _refusal(path: Source, prefix: str, message: str) -> InputError:
+    return InputError.at_line(path, None, prefix + message)
+
+
+def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
+    """Return the object that holds wvar or avar, and the name of the member it belongs to."""
+    name, content = "", tree
+    while isinstance(content, dict) and "wvar" not in content and "avar" not in content:
+        if member in content:
+            name, member = str(member), None
+        elif len(content) == 1 and (member is None or not name):
+            name = next(iter(content))
+        else:
+            members = ", ".join(content)
+            raise UsageError(
+                f"{path}: {f'no member {member!r}' if member else 'several members'}; choose by"
+                f" member one of {members}"
+            )
+        content = content[name]
+    if not isinstance(content, dict):
+        raise InputError.at_line(
+            path,
+            None,
+            "an object with wvar or avar, freq, n, type and axis is expected, as wv::wvar and"
+            " avar::avar return it",
+        )
+    if member is not None and name != member:
+        raise UsageError(f"{path}: no member {member!r}; leave it out, the file holds one sensor")
+    return content, name
+
+
+def _json_curve(
+    curve: dict[str, Any], allan: bool, factor: float, rate_hz: float, samples: int, refuse: Refusal
+) -> WaveletVariance:
+    """Return a curve of wv::wvar (variance, ci_low, ci_high, scales) or of avar::avar.
+
+    The latter has allan and levels, the averaging times.
+    """
+    for key, wanted in (("decomp", "modwt"), ("filter", "haar"), ("type", "mo")):
+        if key in curve and (got := _strings(curve[key], key, refuse)[0]) != wanted:
+            raise refuse(f"{key} {got!r}; only {wanted!r} (overlapping, Haar) can be fitted")
+    names = ("levels", "allan") if allan else ("scales", "variance", "ci_low", "ci_high")
+    columns = [_numbers(curve.get(name), name, refuse) for name in names]
+    if len({column.size for column in columns}) != 1:
+        raise refuse(
+            f"{', '.join(names)} are of {', '.join(str(column.size) for column in columns)} values;"
+            " as many of each are expected"
+        )
+    if allan:
+        return _curve(
+            2.0 * columns[0],
+            0.5 * factor**2 * columns[1],
+            None,
+            None,
+            rate_hz,
+            samples,
+            lambda _, message: refuse(message),
+        )
+    if "alpha" in curve and (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
+        raise refuse(
+            f"intervals of {100 * (1 - alpha):g} %; those of 95 % (alpha 0.05) are expected"
+        )
+    scale, nu, low, high = columns
+    return _curve(
+        scale,
+        factor**2 * nu,
+        factor**2 * low,
+        factor**2 * high,
+        rate_hz,
+        samples,
+        lambda _, message: refuse(message),
+    )
+
+
+def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
+    """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
+    rows = value if isinstance(value, list) else [value]
+    flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
+    numbers = np.array([float(x) if is_number(x) and abs(x) < LARGEST else np.nan for x in flat])
+    if numbers.size == 0 or not np.isfinite(numbers).all():
+        raise refuse(f"{key} {shown(json.dumps(value))}; finite numbers are expected")
+    return numbers
+
+
+def _strings(value: Any, key: str, refuse: Refusal) -> list[str]:
+    """Return the texts of a JSON text or list of texts, one or more."""
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
+        raise refuse(f"{key} {shown(json.dumps(value))}; text is expected")
+    return texts

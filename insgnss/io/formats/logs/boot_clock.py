@@ -1,0 +1,124 @@
+"""From an autopilot's boot clock to GPST, by the stamps of its GNSS receiver's messages.
+
+A fix is taken at GPST g and its message comes in at b on the autopilot's clock, a latency l >= 0
+later: b = (g + l - o) (1 + d) with the offset o and the drift d of the autopilot's crystal. A
+straight line through g - b over b, robust against late messages (medians of the slopes and then of
+the offsets, Theil 1950, Sen 1968), gives o - mean l: what is left over is the receiver's mean
+latency, by which samples and exposures come out early against the fixes. `insgnss inspect` finds it
+from the motion.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....geodesy.gpstime import WEEK_S
+from ....records import Check
+from ..text.order import Lines, note
+
+Array = NDArray[np.float64]
+
+PAIRS = 200  # messages that the slope is taken from
+SHORT_S = 60.0  # below it the clock's drift is taken for zero
+DRIFT_LIMIT = 500e-6
+LONGEST_S = 1e8  # of a log
+SPREAD_LIMIT_S = 1.0
+
+
+@dataclass(frozen=True)
+class BootClock:
+    """GPST = boot + offset_s + drift (boot - at_s), in seconds of `gps_week`.
+
+    `spread_s` is the median absolute distance of the messages.
+    """
+
+    gps_week: int
+    offset_s: float
+    drift: float
+    at_s: float
+    spread_s: float
+    messages: int
+
+    def gpst(self, lines: Lines, boot_s: Array) -> Array:
+        """Return seconds of the week of stamps (n,) of the autopilot, s, to the microsecond.
+
+        Raises
+        ------
+        InputError
+            The first stamp that cannot be one.
+        """
+        if (odd := ~((boot_s >= 0.0) & (boot_s < LONGEST_S))).any():
+            row = int(np.argmax(odd))
+            raise lines.error_at(
+                row,
+                f"stamp {boot_s[row]:g} s of the autopilot; it must be between 0 and"
+                f" {LONGEST_S:g} s",
+            )
+        return np.round(boot_s + self.offset_s + self.drift * (boot_s - self.at_s), 6)
+
+    def note(self, name: str) -> Check:
+        """Return the note on the clock, for the record `name`."""
+        finding = (
+            f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
+            f" spread {1e3 * self.spread_s:.0f} ms"
+        )
+        return note(
+            name,
+            finding,
+            "one clock",
+            "the receiver's mean latency stays in it; time_offset_s takes it out",
+        )
+
+
+def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock:
+    """Fit the clock to stamps of messages of fixes.
+
+    Parameters
+    ----------
+    path
+        The log, for messages.
+    boot_s : ndarray
+        (n,) stamps of the autopilot, s.
+    week, tow : ndarray
+        (n,) GPS week and time of week, s, of their fixes.
+
+    Returns
+    -------
+    BootClock
+        The clock.
+
+    Raises
+    ------
+    InputError
+        Stamps that do not follow a clock.
+    """
+    if boot_s.size == 0:
+        raise InputError(
+            f"{path}: no GNSS fix with a GPS time, so the autopilot's clock cannot be tied to it;"
+            " give IMU, positions and events as tables with stamps of one clock"
+        )
+    first = int(week[0])
+    difference = (week - first) * WEEK_S + tow - boot_s
+    reference_s = float(np.median(boot_s))
+    drift = 0.0
+    pick = np.unique(np.linspace(0, boot_s.size - 1, PAIRS).astype(np.int64))
+    i, k = np.triu_indices(pick.size, 1)
+    apart = boot_s[pick[k]] - boot_s[pick[i]]
+    if (far := apart > SHORT_S).any():
+        drift = float(np.median((difference[pick[k]] - difference[pick[i]])[far] / apart[far]))
+    residual = difference - drift * (boot_s - reference_s)
+    offset = float(np.median(residual))
+    spread = float(np.median(np.abs(residual - offset)))
+    if abs(drift) > DRIFT_LIMIT or spread > SPREAD_LIMIT_S:
+        message = (
+            f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: drift"
+            f" {1e6 * drift:+.0f} ppm, spread {spread:.3f} s"
+        )
+        raise InputError(
+            f"{path}: {message} (limits {1e6 * DRIFT_LIMIT:.0f} ppm, {SPREAD_LIMIT_S:.0f} s); split"
+            " the log where the clock was set"
+        )
+    over = int((offset + boot_s[0]) // WEEK_S)
+    return BootClock(first + over, offset - over * WEEK_S, drift, reference_s, spread, boot_s.size)

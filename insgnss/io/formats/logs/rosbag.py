@@ -1,0 +1,175 @@
+"""IMU messages (sensor_msgs/Imu) of ROS 1 and ROS 2 bags, data_specs/rosbag.md; needs rosbags.
+
+A ROS 1 bag is a file; of a ROS 2 bag the file of messages (.db3, .mcap) is named, whose directory
+holds `metadata.yaml`. A sample stands at `header.stamp`, UTC since 1970; one that began at zero, as
+simulators give, counts seconds of its own.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.advance import share
+from ....base.errors import InputError, InsgnssError, UsageError
+from ....base.wording import DOCTOR
+from ....records import ImuSamples, Quantity
+from ..arrays.content import TableInfo
+from ..arrays.mapped import imu_of_content
+from ..imu.imu_csv import ACCEL, GYRO
+from ..text.database import is_database, opened_database
+from ..text.layout import printable
+from ..text.text import Source
+
+Array = NDArray[np.float64]
+
+MESSAGE = "sensor_msgs/msg/Imu"
+MISSING = f"is a ROS bag, which needs rosbags: pip install 'insgnss[ros]'; {DOCTOR}"
+KIND = "whole ROS bag; copy it again"
+ENDINGS = (".db3", ".mcap")
+SHARED = 1000  # messages between two shares that are said
+EPOCH_S = 1e9  # stamps above count from 1970 (September 2001), others from a start of their own
+COLUMNS = ("tow", *GYRO, *ACCEL)
+
+
+def bag_file(path: Path) -> Path:
+    """Return the file of messages of a ROS 2 bag given by its directory; others as they are.
+
+    Raises
+    ------
+    InputError
+        The directory holds no bag.
+    """
+    if not path.is_dir():
+        return path
+    files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
+    if not files:
+        problem = "is a directory without a ROS 2 bag (.db3 or .mcap)"
+        raise InputError.at_line(path, None, f"{problem}; give a file")
+    return files[0]
+
+
+@contextmanager
+def _opened(path: Source) -> Iterator[Any]:
+    """An open bag, and its failures in one line."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise InputError.at_line(path, None, MISSING) from None
+    file = Path(path)
+    bag = file.parent if file.suffix in ENDINGS else file
+    if bag != file and not (bag / "metadata.yaml").is_file():
+        problem = "has no metadata.yaml beside it, which a ROS 2 bag needs"
+        raise InputError.at_line(path, None, f"{problem}; ros2 bag reindex makes one")
+    for database in sorted(bag.iterdir()) if bag != file else ():
+        if database.is_file() and is_database(database):
+            with opened_database(database, ("messages", "topics"), KIND):
+                pass  # rosbags would read views and virtual tables
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            yield reader
+    except InsgnssError:
+        raise
+    except MemoryError:  # the library believes any length that a record states
+        problem = "is no whole ROS bag, or a record takes more memory than there is"
+        raise InputError.at_line(path, None, f"{problem}; copy it again") from None
+    except Exception as error:  # a damaged file makes the library fail in any way
+        why = printable(" ".join(str(error).split()))[:120] or type(error).__name__
+        problem = f"is no whole ROS bag ({why})"
+        raise InputError.at_line(
+            path, None, f"{problem}; copy it again, or rosbag reindex"
+        ) from None
+
+
+def _topics(reader: Any) -> dict[str, list[Any]]:
+    """Connections of IMU messages by topic."""
+    topics: dict[str, list[Any]] = {}
+    for connection in reader.connections:
+        if connection.msgtype == MESSAGE:
+            topics.setdefault(printable(connection.topic), []).append(connection)
+    return topics
+
+
+def tables_of_bag(path: Source) -> list[TableInfo]:
+    """List the topics of IMU messages, with the number of messages of each."""
+    with _opened(path) as reader:
+        return [
+            TableInfo(name, COLUMNS, sum(connection.msgcount for connection in connections))
+            for name, connections in _topics(reader).items()
+        ]
+
+
+def read_imu_rosbag(
+    path: Source,
+    variable: str | None = None,
+    quantity: Quantity = "mean_rate",
+    gps_week: int | None = None,
+) -> ImuSamples:
+    """Read the samples of one IMU.
+
+    Parameters
+    ----------
+    path : path
+        The bag.
+    variable : str, optional
+        The topic, where the bag has several of IMU messages.
+    quantity : {"mean_rate", "instant_rate"}
+        What a sample is.
+    gps_week : int, optional
+        The week that the bag must be of.
+
+    Returns
+    -------
+    ImuSamples
+        The samples, SI, in the order of their stamps.
+
+    Raises
+    ------
+    UsageError
+        Increments, which the message does not hold; several topics and none named.
+    InputError
+        A bag that cannot be read, or has no such topic.
+    """
+    if quantity == "increments":
+        raise UsageError(f"{path}: sensor_msgs/Imu holds rates; set quantity to mean_rate")
+    with _opened(path) as reader:
+        topics = _topics(reader)
+        names = ", ".join(topics) or "none"
+        if variable is None and len(topics) > 1:
+            raise UsageError(f"{path}: IMU messages of {names}; set variable to one of them")
+        chosen = next(iter(topics), "") if variable is None else variable
+        if chosen not in topics:
+            raise InputError.at_line(
+                path, None, f"no {MESSAGE} of {chosen or 'any topic'}; there are {names}"
+            )
+        table = _samples(reader, topics[chosen])
+        count = sum(connection.msgcount for connection in topics[chosen])
+    if len(table) < count:
+        problem = f"holds {len(table)} of {count} messages of {chosen}; copy it again"
+        raise InputError.at_line(path, None, problem)
+    if not len(table) or not table[:, 0].max() > 0.0:
+        problem = f"{chosen}: {len(table)} messages, and none has a stamp in its header"
+        raise InputError.at_line(path, None, f"{problem}; record a driver that stamps them")
+    units = {"gyro": "rad/s", "accel": "m/s^2"}
+    units |= {"time": "unix"} if table[0, 0] > EPOCH_S else {}
+    content = dict(zip(COLUMNS, table.T, strict=True))
+    same = {name: name for name in COLUMNS}
+    return imu_of_content(path, content, same, None, units, quantity, gps_week)
+
+
+def _samples(reader: Any, connections: list[Any]) -> Array:
+    """Stamps, s, rates and forces (n, 7) of the messages, by stamp."""
+    rows: list[tuple[float, ...]] = []
+    count = max(sum(connection.msgcount for connection in connections), 1)
+    for connection, _, raw in reader.messages(connections=connections):
+        if len(rows) % SHARED == 0:
+            share(len(rows) / count)
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp, w, f = message.header.stamp, message.angular_velocity, message.linear_acceleration
+        rows.append((stamp.sec + 1e-9 * stamp.nanosec, w.x, w.y, w.z, f.x, f.y, f.z))
+    table = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return np.asarray(table[np.argsort(table[:, 0], kind="stable")])

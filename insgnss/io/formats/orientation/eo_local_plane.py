@@ -1,0 +1,133 @@
+"""EO_local-plane.txt: orientation in the tangent plane, data_specs/eo_local_plane.md.
+
+    image E N U omega phi kappa sE sN sU sOmega sPhi sKappa
+
+R = Rx(omega) Ry(phi) Rz(kappa) takes the camera with axes right, up, back into east, north, up: R =
+C_mc CV_RUB.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base import __version__
+from ....base.files import atomic_write
+from ....geodesy.rotation import CV_RUB, rotation_from_opk
+from ....records import FramedOrientation
+from ....records.framed import TANGENT
+from ..text.columns import Aliases, Columns, columns_of
+from ..text.text import Source, read_text_table
+from .exported import (
+    OPK,
+    angles_of,
+    check_frame,
+    frame_attitude,
+    position_sigma,
+    quoted_names,
+    table_text,
+)
+
+Array = NDArray[np.float64]
+
+POSE = ("E", "N", "U", "omega", "phi", "kappa")
+SIGMA = ("sE", "sN", "sU", "sOmega", "sPhi", "sKappa")
+COLUMNS = ("image", *POSE, *SIGMA)
+ALIASES: Aliases = {
+    "image": ("image", "img", "photo", "name", "label", "filename"),
+    **{
+        name: (name.lower(), f"{name.lower()}_m", f"{name.lower()}_deg") for name in (*POSE, *SIGMA)
+    },
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPlaneEo:
+    """The content of the file: arrays (n, 3), m and rad.
+
+    The standard deviations are None where the file has none.
+    """
+
+    images: tuple[str, ...]
+    position_m: Array
+    opk: Array
+    sigma_position_m: Array | None
+    sigma_opk: Array | None
+
+    @property
+    def C_mc(self) -> Array:
+        """(n, 3, 3) rotations of camera axes into the tangent plane.
+
+        Camera axes are x image right, y image down, z viewing direction.
+        """
+        return np.asarray(rotation_from_opk(self.opk) @ CV_RUB)
+
+
+def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
+    """Write a tangent plane: metres with 4 decimals (standard deviations 5), degrees with 6.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        A name with a line end; others that would not stand for themselves are quoted.
+    DataError
+        phi is +-90 deg.
+    """
+    check_frame(eo, "eo_local_plane", TANGENT)
+    images = quoted_names(eo.images, None)
+    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
+    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
+    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + " %.6f" * 3 + "\n"
+    atomic_write(path, table_text(header(eo), images, form, table))
+
+
+def header(eo: FramedOrientation) -> str:
+    """Return the comment lines: frame, origin, angle set, what was applied, column names."""
+    lat, lon = np.degrees(eo.frame.origin[:2])
+    lines = [
+        (
+            f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
+            f" {eo.gps_week}"
+        ),
+        "frame: tangent plane, east north up, WGS84",
+        (
+            f"origin: latitude {lat:.10f} deg, longitude {lon:.10f} deg, ellipsoidal height"
+            f" {eo.frame.origin[2]:.4f} m"
+        ),
+        "position: projection centre, m; lever arm and bore-sight applied",
+        (
+            "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x"
+            " right, y up, z back) to east north up"
+        ),
+        "sigmas: one standard deviation, m and deg",
+        *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
+        " ".join(COLUMNS),
+    ]
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
+    """Read the file back, with or without standard deviations.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
+    table = read_text_table(path)
+    index = columns_of(table, ALIASES, COLUMNS[:7], (COLUMNS, COLUMNS[:7]), columns)
+
+    def block(names: tuple[str, ...]) -> Array:
+        return np.column_stack([table.floats(index[name]) for name in names])
+
+    sigma = block(SIGMA) if all(name in index for name in SIGMA) else None
+    pose = block(POSE)
+    return LocalPlaneEo(
+        table.strings(index["image"]),
+        pose[:, :3],
+        np.radians(pose[:, 3:]),
+        None if sigma is None else sigma[:, :3],
+        None if sigma is None else np.radians(sigma[:, 3:]),
+    )

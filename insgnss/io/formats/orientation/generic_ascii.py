@@ -1,0 +1,387 @@
+"""A table of exterior orientations by template, data_specs/generic_ascii.md.
+
+The columns are those of `ascii_columns`. The header says all conventions, so that the file reads
+back without any option (`read_generic_ascii`); without a header nobody can know them, and
+the reader refuses.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, UsageError
+from ....base.files import atomic_write
+from ....base.inputs import opened_text
+from ....base.units import LENGTH_UNITS, METRE, LengthUnit
+from ....geodesy.rotation import (
+    CV_RUB,
+    NED_ENU,
+    rotation_from_opk,
+    rotation_from_pok,
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    rotation_from_ypr,
+)
+from ....records import FramedOrientation
+from ....records.framed import GEOCENTRIC, KINDS, TANGENT
+from ..text.numbers import finite, whole_rows
+from ..text.text import Source, TextTable, read_text_table
+from .ascii_columns import (
+    CAMERA_AXES,
+    DIRECTIONS,
+    GIMBAL_CV,
+    GROUP_OF,
+    GROUPS,
+    NORTHS,
+    OF_NORTH,
+    Conventions,
+    has_plan,
+    kind_of,
+    of_height,
+)
+from .exported import comment_lines, quoted_names, table_text
+
+Array = NDArray[np.float64]
+
+ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}
+DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
+HEADERS = ("full", "names", "none")
+DEFAULT = "image xyz opk s_xyz s_opk"
+MOST_DECIMALS = 12
+FIXED = {"degree": 10, "matrix": 12, "second": 6, "whole": 0}
+
+
+def write_generic_ascii(
+    eo: FramedOrientation,
+    path: Source,
+    columns: str | Sequence[str] = DEFAULT,
+    delimiter: str = "blank",
+    header: str = "full",
+    unit: str = "deg",
+    camera_axes: str = "RUB",
+    attitude: str = DIRECTIONS[0],
+    north: str | None = None,
+    decimals_m: int = 4,
+    decimals_angle: int | None = None,
+    length_unit: str | None = None,
+) -> None:
+    """Write a table in any frame.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    columns : str or sequence
+        Names of columns and groups, `image` among them once.
+    delimiter : {"blank", "comma", "semicolon", "tab"}
+        What separates the columns.
+    header : {"full", "names", "none"}
+        "names" is one line of names without `#`.
+    unit : {"deg", "gon", "rad"}
+        Unit of angles.
+    camera_axes : {"RUB", "CV"}
+        Axes of the camera.
+    attitude : {"camera to frame", "frame to camera"}
+        Of omega phi kappa, matrix and quaternion.
+    north : {"true", "frame"}, optional
+        Of yaw; by default true but in a tangent plane.
+    decimals_m : int
+        0 to 12; standard deviations of lengths have one more.
+    decimals_angle : int, optional
+        0 to 12; by default 6, of radians 9.
+    length_unit : {"m", "ft", "us-ft"}, optional
+        Unit of coordinates, heights and their standard deviations; by default that of the CRS.
+
+    Raises
+    ------
+    UsageError
+        A template that makes no table.
+    InputError
+        Names that break it.
+    DataError
+        An angle set that is singular.
+    """
+    if length_unit is not None:
+        if length_unit not in LENGTH_UNITS:
+            raise UsageError(
+                f"generic_ascii: length_unit {length_unit!r} is unknown; it is one of"
+                f" {', '.join(LENGTH_UNITS)}"
+            )
+        own = LENGTH_UNITS[length_unit]
+        eo = replace(eo, frame=replace(eo.frame, units=(own, own)))
+    facing = north or ("frame" if eo.frame.kind == TANGENT else "true")
+    how = Conventions(camera_axes, attitude, facing, unit, eo.frame.units)
+    names = _names(columns)
+    _check(eo, names, how, delimiter, header)
+    for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
+        if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
+            raise UsageError(
+                f"generic_ascii: {option} {value!r} is no whole number from 0 to {MOST_DECIMALS};"
+                " leave it out for the usual ones"
+            )
+    separator = DELIMITERS[delimiter]
+    between = None if delimiter == "blank" else separator
+    images = quoted_names(eo.images, between)
+    decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}
+    decimals["angle"] = decimals["angle sigma"] = (
+        decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
+    )
+    image_column = names.index("image")
+    numbers = [name for name in names if name != "image"]
+    fields = [f"%.{decimals[kind_of(name, eo.frame.kind)]}f" for name in numbers]
+    table = np.column_stack(_values(eo, numbers, how)) if numbers else np.empty((len(eo.images), 0))
+    form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
+    atomic_write(
+        path,
+        table_text(_header(eo, names, how, separator, header), images, form, table, image_column),
+    )
+
+
+def _names(columns: str | Sequence[str]) -> list[str]:
+    """Return the single columns of a template."""
+    tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
+    return [
+        name
+        for token in tokens
+        for name in (GROUPS[token].columns if token in GROUPS else (token,))
+    ]
+
+
+def _check(
+    eo: FramedOrientation, names: list[str], how: Conventions, delimiter: str, header: str
+) -> None:
+    """Refuse a template that makes no table."""
+    for option, value, accepted in (
+        ("delimiter", delimiter, tuple(DELIMITERS)),
+        ("header", header, HEADERS),
+        ("unit", how.unit, tuple(ANGLE_UNITS)),
+        ("camera_axes", how.camera_axes, tuple(CAMERA_AXES)),
+        ("attitude", how.attitude, DIRECTIONS),
+        ("north", how.north, NORTHS),
+    ):
+        if value not in accepted:
+            raise UsageError(
+                f"generic_ascii: {option} {value!r} is unknown; it is one of {', '.join(accepted)}"
+            )
+    unknown = [name for name in names if name != "image" and name not in GROUP_OF]
+    if unknown:
+        raise UsageError(
+            f"generic_ascii: column {unknown[0]!r} is unknown; groups are {', '.join(GROUPS)};"
+            f" columns image, {', '.join(GROUP_OF)}"
+        )
+    twice = [name for name in names if names.count(name) > 1]
+    if twice or "image" not in names:
+        raise UsageError(
+            f"generic_ascii: the template names {twice[0]} twice"
+            if twice
+            else "generic_ascii: the template has no column image"
+        )
+    plan = [name for name in names if name in GROUPS["s_plan"].columns]
+    if plan and not has_plan(eo.frame.kind):
+        raise UsageError(
+            f"generic_ascii: {plan[0]} has no meaning in a {GEOCENTRIC} frame; take s_xyz"
+        )
+    if (
+        how.north == "frame"
+        and eo.frame.kind == GEOCENTRIC
+        and any(_is_of_north(name) for name in names)
+    ):
+        raise UsageError("generic_ascii: a geocentric frame has no north; leave `north` out")
+
+
+def _is_of_north(name: str) -> bool:
+    return name != "image" and GROUP_OF[name].removeprefix("s_") in OF_NORTH
+
+
+def _values(eo: FramedOrientation, numbers: list[str], how: Conventions) -> list[Array]:
+    """Return the columns (n,) in the units of the file."""
+    blocks = {
+        name: GROUPS[name].compute(eo, how)
+        for name in dict.fromkeys(GROUP_OF[column] for column in numbers)
+    }
+    out = []
+    for column in numbers:
+        group = GROUPS[GROUP_OF[column]]
+        values = blocks[GROUP_OF[column]][:, group.columns.index(column)]
+        out.append(values * ANGLE_UNITS[how.unit] if group.kind.startswith("angle") else values)
+    return out
+
+
+def _header(
+    eo: FramedOrientation,
+    names: list[str],
+    how: Conventions,
+    separator: str,
+    header: str,
+) -> str:
+    if header == "none":
+        return ""
+    line = separator.join(names) + "\n"
+    if header == "names":
+        return line
+    lines = [
+        f"frame kind: {eo.frame.kind}",
+        f"camera axes: {how.camera_axes} ({CAMERA_AXES[how.camera_axes]})",
+    ]
+    lines += [f"attitude: {how.attitude}", f"north: {how.north}", f"angle unit: {how.unit}"]
+    if how.lengths != (METRE, METRE):
+        lines.append(f"length units: {_length_words(how.lengths)}")
+    return comment_lines(eo, *lines) + "#" + (" " if separator == " " else "") + line
+
+
+def _length_words(units: tuple[LengthUnit, LengthUnit]) -> str:
+    """Return the units of plan and heights with their lengths, as `_lengths` reads them."""
+    plan, height = (f"{unit.name} = {unit.metres:.16g} m" for unit in units)
+    return f"plan {plan}, heights {height}"
+
+
+def _lengths(words: str) -> tuple[LengthUnit, LengthUnit]:
+    """Return what `_length_words` has written; ValueError for other words."""
+    units = re.fullmatch(r"plan (.+) = (\S+) m, heights (.+) = (\S+) m", words)
+    if units is None:
+        raise ValueError(words)
+    plan, height = LengthUnit(units[1], finite(units[2])), LengthUnit(units[3], finite(units[4]))
+    if not (plan.metres > 0.0 and height.metres > 0.0):
+        raise ValueError(words)
+    return plan, height
+
+
+@dataclass(frozen=True, eq=False)
+class AsciiOrientation:
+    """What a table holds.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    frame_kind : str
+        Kind of its frame.
+    how : Conventions
+        The conventions of its header.
+    columns : dict
+        Columns (n,) by name, m, s and rad (also longitude and latitude).
+    """
+
+    images: tuple[str, ...]
+    frame_kind: str
+    how: Conventions
+    columns: dict[str, Array]
+
+    def block(self, group: str) -> Array | None:
+        """Return the columns (n, k) of a group, None where the table lacks any."""
+        names = GROUPS[group].columns
+        return (
+            np.column_stack([self.columns[name] for name in names])
+            if set(names) <= set(self.columns)
+            else None
+        )
+
+    @property
+    def C_fc(self) -> Array | None:
+        """(n, 3, 3) rotations of camera axes to the frame's; None where no columns give them.
+
+        Camera axes are x right, y down, z viewing direction.
+        """
+        if (a := self.block("matrix")) is not None:
+            R = a.reshape(-1, 3, 3)
+        elif (a := self.block("quaternion")) is not None:
+            R = rotation_from_quaternion(a)
+        elif (a := self.block("opk")) is not None:
+            R = rotation_from_opk(a)
+        elif (a := self.block("pok")) is not None:
+            R = rotation_from_pok(a)
+        else:
+            return None
+        if self.how.attitude != DIRECTIONS[0]:
+            R = R.swapaxes(1, 2)
+        return R @ CV_RUB if self.how.camera_axes == "RUB" else R
+
+    @property
+    def C_Ec(self) -> Array | None:
+        """(n, 3, 3) rotations of camera axes to east, north, up; None where no columns give them.
+
+        Camera axes are those of `C_fc`; north is that of `how.north`.
+        """
+        if (a := self.block("ypr")) is not None:
+            return np.asarray(rotation_from_ypr(a) @ CV_RUB)
+        if (a := self.block("gimbal")) is not None:
+            return np.asarray(NED_ENU @ rotation_from_rpy(a) @ GIMBAL_CV.T)
+        return None
+
+
+def read_generic_ascii(path: Source) -> AsciiOrientation:
+    """Read a table that was written with a full header.
+
+    Raises
+    ------
+    InputError
+        Another header, or an unknown column, with file and line.
+    """
+    table = read_text_table(path)
+    words = _header_words(path)
+    try:
+        kind, axes = words["frame kind"], words["camera axes"].partition(" ")[0]
+        lengths = _lengths(words["length units"]) if "length units" in words else (METRE, METRE)
+        how = Conventions(axes, words["attitude"], words["north"], words["angle unit"], lengths)
+    except KeyError as missing:
+        message = (
+            f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
+            " full header say their conventions"
+        )
+        raise InputError.at_line(path, None, message) from None
+    except ValueError:
+        message = f"length units {words['length units']!r} are unknown; export the table again"
+        raise InputError.at_line(path, None, message) from None
+    if (
+        how.unit not in ANGLE_UNITS
+        or axes not in CAMERA_AXES
+        or how.attitude not in DIRECTIONS
+        or how.north not in NORTHS
+        or kind not in KINDS
+    ):
+        raise InputError.at_line(
+            path, None, f"the header's conventions {kind!r}, {how} are unknown; export it again"
+        )
+    names = [field.lstrip("# ") for field in table.layout.header_fields or ()]
+    strange = [name for name in names if name != "image" and name not in GROUP_OF]
+    if strange or names.count("image") != 1:
+        raise InputError.at_line(
+            path,
+            table.layout.header_line,
+            f"the header names {strange or names}; columns are image, {', '.join(GROUP_OF)}",
+        )
+    values = {
+        name: _column(table, k, name, kind, how) for k, name in enumerate(names) if name != "image"
+    }
+    return AsciiOrientation(table.strings(names.index("image")), kind, how, values)
+
+
+def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventions) -> Array:
+    kind = kind_of(name, frame_kind)
+    if kind == "degree":
+        return np.radians(table.floats(k))
+    if kind.startswith("angle"):
+        return table.floats(k) / ANGLE_UNITS[how.unit]
+    if kind in ("metre", "sigma"):
+        return table.floats(k) * how.lengths[of_height(name)].metres
+    if kind == "whole":
+        return whole_rows(table, table.floats(k), name).astype(np.float64)
+    return table.floats(k)
+
+
+def _header_words(path: Source) -> dict[str, str]:
+    """Return what the comment lines before the table state, by key."""
+    words: dict[str, str] = {}
+    with opened_text(path, errors="replace") as stream:
+        for line in stream:
+            if not line.startswith("#"):
+                break
+            key, colon, value = line[1:].partition(":")
+            if colon:
+                words.setdefault(key.strip(), value.strip())
+    return words

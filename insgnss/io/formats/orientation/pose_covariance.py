@@ -1,0 +1,90 @@
+"""Covariance of all poses of an adjusted block together, `poses_covariance.npz`,
+data_specs/pose_covariance.md.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....base.errors import InputError, InsgnssError
+from ....base.inputs import opened
+from ....base.output.staging import staged
+from ....base.unpacking import check_archive
+from ....records.block import Array
+from ..text.text import Source
+
+FILE = "poses_covariance.npz"
+MATCHES = 0.02  # relative difference of a standard deviation from the table's, whose digits are few
+
+
+def write_pose_covariance(images: Sequence[str], cov: Array, path: Source) -> None:
+    """Write the covariance.
+
+    Parameters
+    ----------
+    images : sequence of str
+        (n,) names.
+    cov : ndarray, (6 n, 6 n)
+        Position (m) and psi (rad), image after image, axes of the block.
+    path : path
+        The file.
+    """
+    with staged(path) as work, work.open("wb") as stream:
+        np.savez(stream, images=np.array(images), cov=cov)
+
+
+def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None = None) -> Array:
+    """Read the covariance of some images.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    images : sequence of str
+        Names of the n images that are wanted.
+    own : ndarray, (n, 6, 6), optional
+        Covariances that another file has of each image by itself.
+
+    Returns
+    -------
+    ndarray, (6 n, 6 n)
+        Their covariance, in this order.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, has no such image, or is of other poses.
+    """
+    try:
+        with opened(path) as stream, np.load(stream, allow_pickle=False) as file:
+            check_archive(path, file.zip)
+            names = [str(name) for name in file["images"]]
+            cov = file["cov"].astype(np.float64, casting="safe")
+    except InsgnssError:
+        raise
+    except Exception as error:  # a damaged file makes numpy and zipfile fail in any way
+        why = " ".join(str(error).split())[:120] or type(error).__name__
+        problem = f"is damaged ({why}); adjust the block again"
+        raise InputError.at_line(path, None, problem) from None
+    if cov.shape != (6 * len(names),) * 2 or not np.isfinite(cov).all():
+        problem = f"cov of shape {cov.shape}, {(6 * len(names),) * 2} finite values are expected"
+        raise InputError.at_line(path, None, problem)
+    row_by_name = {name: k for k, name in enumerate(names)}
+    missing = next((name for name in images if name not in row_by_name), None)
+    rows = np.array([row_by_name.get(name, 0) for name in images], dtype=np.int64)
+    columns = (6 * rows[:, None] + np.arange(6)).ravel()
+    cov = cov[np.ix_(columns, columns)]
+    if missing is None and own is not None:
+        sigma = np.sqrt(np.diagonal(cov).reshape(-1, 6)[:, :3])
+        other = np.sqrt(np.diagonal(own, axis1=1, axis2=2)[:, :3])
+        apart = np.abs(sigma / other - 1.0).max(axis=1)
+        if (apart > MATCHES).any():
+            missing = images[int(np.argmax(apart))]
+    if missing is not None:
+        raise InputError.at_line(
+            path,
+            None,
+            f"does not belong to these poses: image {missing} is another, or not there; take both"
+            " files of one run, or remove this one",
+        )
+    return cov

@@ -1,0 +1,213 @@
+"""relative.csv: relative pose of neighbouring images, data_specs/relative_csv.md.
+
+One row a pair: its value, the standard deviations of the three weightings side by side, and the
+full covariance of the third, P = cov(offset, psi) with rotation(true) = exp([psi x]) rotation,
+upper triangle row by row. Of the other two the standard deviations are all: paper 003 gives no
+correlations.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base import __version__
+from ....base.files import atomic_write
+from ....geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
+from ....records.relative import FORMS, RelativeControl
+from ..text.columns import Aliases, columns_of
+from ..text.numbers import whole_rows
+from ..text.text import Source, read_text_table
+from .exported import quoted_names
+
+Array = NDArray[np.float64]
+
+WEIGHTINGS = ("smoothed", "independent", "gyro")
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+OFFSET, QUATERNION = ("dx", "dy", "dz"), ("qw", "qx", "qy", "qz")
+SIGMA = tuple(f"sd_{axis}_{name}" for name in WEIGHTINGS for axis in AXES)
+COVARIANCE = tuple(f"cov_{a}_{b}" for k, a in enumerate(AXES) for b in AXES[k:])
+COLUMNS = ("image_i", "image_j", "form", "line", "dt_s", *OFFSET, *QUATERNION, *SIGMA, *COVARIANCE)
+ALIASES: Aliases = {name: (name,) for name in COLUMNS}
+UNIT_LENGTH = 1e-6  # by which the length of a printed quaternion may differ from 1
+_DEGREES = np.array([1.0] * 3 + [180.0 / np.pi] * 3)
+_IN_WORDS = {
+    "mapping": (
+        "offset X_j - X_i and rotation C(j) C(i)^T, C camera to the frame's axes; both in the"
+        " frame's axes; free of the bore-sight"
+    ),
+    "camera": (
+        "offset C(i)^T (X_j - X_i) and rotation C(i)^T C(j): the pose of camera j in the axes of"
+        " camera i (x right, y down, z view)"
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeTable:
+    """The content of the file, of k pairs: as `records.relative.RelativeControl`.
+
+    `sigma` is (k, 6), m and rad, of each of `WEIGHTINGS`.
+    """
+
+    form: str
+    names: tuple[tuple[str, str], ...]
+    line: NDArray[np.int64]
+    dt: Array
+    offset: Array
+    rotation: Array
+    sigma: dict[str, Array]
+    smoothed: Array
+
+
+def write_relative_csv(control: RelativeControl, path: Source) -> None:
+    """Write relative control.
+
+    Metres have 5 decimals, quaternions 12, standard deviations 6 (m) and 8 (deg), covariances 10
+    digits.
+    """
+    quoted = dict(zip(control.images, quoted_names(control.images, ","), strict=True))
+    sigmas = [
+        np.sqrt(np.diagonal(getattr(control, name), axis1=1, axis2=2)) * _DEGREES
+        for name in WEIGHTINGS
+    ]
+    row, column = np.triu_indices(6)
+    q = quaternion_from_rotation(control.rotation)
+    table = np.hstack(
+        [
+            control.line[:, None],
+            control.dt[:, None],
+            control.offset,
+            q,
+            *sigmas,
+            control.smoothed[:, row, column],
+        ]
+    )
+    form = (
+        f"%s,%s,{control.form},%d,%.6f"
+        + ",%.5f" * 3
+        + ",%.12f" * 4
+        + (",%.6f" * 3 + ",%.8f" * 3) * 3
+        + ",%.9e" * 21
+        + "\n"
+    )
+    rows = "".join(
+        form % (*(quoted[name] for name in names), *values)
+        for names, values in zip(control.names, table.tolist(), strict=True)
+    )
+    atomic_write(path, header(control) + rows)
+
+
+def header(control: RelativeControl) -> str:
+    """Return the comment lines: form, frame, weightings, what was applied, column names."""
+    noise, drift = np.degrees(control.gyro_noise), np.degrees(control.gyro_drift)
+    lines = [
+        (
+            f"insgnss {__version__}: relative control of {control.i.size} pairs of neighbouring"
+            f" images, GPS week {control.gps_week}"
+        ),
+        f"frame: {control.frame}",
+        f"form {control.form}: {_IN_WORDS[control.form]}",
+        (
+            "units: dx dy dz and sd_x to sd_z m; sd_rx to sd_rz deg; cov_* m and rad; quaternion w"
+            " x y z (Hamilton) of the rotation"
+        ),
+        (
+            "error: truth minus estimate; rotation(true) = exp([r x]) rotation; projection centres,"
+            " lever arm and bore-sight applied"
+        ),
+        (
+            "smoothed: with the cross-covariance of both images, cov_* in full; the other two are"
+            " standard deviations without correlations:"
+        ),
+        "independent: both images as if independent (paper 003, equation 5)",
+        (
+            f"gyro: attitude of white noise {noise:.6g} deg/sqrt(s) and drift {drift:.6g} deg/s,"
+            " 1.5 times about the vertical (equation 6)"
+        ),
+        "boresight: " + " ".join(f"{x:.9f}" for x in control.boresight.ravel()),
+        *(f"done: {' '.join(sentence.split())}" for sentence in control.history),
+    ]
+    return "".join(f"# {line}\n" for line in lines) + ",".join(COLUMNS) + "\n"
+
+
+def relative_member(control: RelativeControl) -> dict[str, Any]:
+    """Return the same as the member `relative` of eo.json: form, conventions and one object a pair.
+
+    Its numbers read back bit by bit.
+    """
+    q = quaternion_from_rotation(control.rotation)
+    sigma = {
+        name: np.sqrt(np.diagonal(getattr(control, name), axis1=1, axis2=2))
+        for name in WEIGHTINGS[1:]
+    }
+    pairs = [
+        {
+            "i": names[0],
+            "j": names[1],
+            "line": int(control.line[k]),
+            "dt_s": float(control.dt[k]),
+            "offset_m": control.offset[k].tolist(),
+            "quaternion_wxyz": q[k].tolist(),
+            "cov6": control.smoothed[k].tolist(),
+            "sigma6_independent": sigma["independent"][k].tolist(),
+            "sigma6_gyro": sigma["gyro"][k].tolist(),
+        }
+        for k, names in enumerate(control.names)
+    ]
+    error = (
+        "cov6 and sigma6: of (offset, psi), m and rad, truth minus estimate; rotation(true) ="
+        " exp([psi x]) rotation"
+    )
+    figures = {
+        "white_noise_rad_per_sqrt_s": control.gyro_noise,
+        "drift_rad_per_s": control.gyro_drift,
+    }
+    return {
+        "form": control.form,
+        "conventions": f"{_IN_WORDS[control.form]}; {error}",
+        "gyro": figures,
+        "pairs": pairs,
+    }
+
+
+def read_relative_csv(path: Source) -> RelativeTable:
+    """Read the file back.
+
+    Raises
+    ------
+    InputError
+        A form that is unknown or changes, or a quaternion without length 1, with file and line.
+    """
+    table = read_text_table(path)
+    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
+    forms = table.strings(index["form"])
+    for row, form in enumerate(forms):
+        if form not in FORMS or form != forms[0]:
+            raise table.error_at(
+                row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows"
+            )
+
+    def block(names: tuple[str, ...]) -> Array:
+        return np.column_stack([table.floats(index[name]) for name in names])
+
+    q = block(QUATERNION)
+    length = np.linalg.norm(q, axis=1)
+    if (off := np.abs(length - 1.0) > UNIT_LENGTH).any():
+        row = int(np.argmax(off))
+        raise table.error_at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
+    P = np.zeros((len(forms), 6, 6))
+    row_of, column_of = np.triu_indices(6)
+    P[:, row_of, column_of] = P[:, column_of, row_of] = block(COVARIANCE)
+    sigma = block(SIGMA).reshape(-1, 3, 6) / _DEGREES
+    return RelativeTable(
+        forms[0],
+        tuple(zip(table.strings(index["image_i"]), table.strings(index["image_j"]), strict=True)),
+        whole_rows(table, table.floats(index["line"]), "line"),
+        table.floats(index["dt_s"]),
+        block(OFFSET),
+        rotation_from_quaternion(q / length[:, None]),
+        {name: sigma[:, k] for k, name in enumerate(WEIGHTINGS)},
+        P,
+    )

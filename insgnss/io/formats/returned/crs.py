@@ -1,0 +1,92 @@
+"""The CRS that a program's file names by its well-known text or its code."""
+
+import re
+from math import isnan
+from typing import Any
+
+from ....base.errors import InputError
+from ....records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from ..text.layout import shown
+from ..text.numbers import finite
+from ..text.text import Source
+
+LOCAL = re.compile(r"^(LOCAL_CS|ENGCRS|ENGINEERINGCRS|LOCALCS)\b", re.IGNORECASE)
+
+
+def kind_of_wkt(text: str, path: Source) -> tuple[str, str]:
+    """Return the kind of frame, and the CRS in words that `MapProjection` takes.
+
+    Programs write the datum's shift into the text (TOWGS84), which PROJ would take for a CRS bound
+    to it; where the registry has the CRS its code stands for it.
+
+    Parameters
+    ----------
+    text : str
+        Well-known text or code; a local one, or none, is of no kind.
+    path : path
+        The file, for the message.
+
+    Returns
+    -------
+    kind : str
+        Of `records.framed.KINDS`, empty of a local one.
+    crs : str
+        Code or well-known text of a projected CRS, else empty.
+
+    Raises
+    ------
+    InputError
+        A text that is no CRS.
+    """
+    if not text or LOCAL.match(text):
+        return "", ""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError:
+        raise InputError.at_line(
+            path, None, f"the CRS {shown(text)} is unknown; name it by --crs EPSG:..."
+        ) from None
+    parts = [_unbound(piece) for piece in (crs.sub_crs_list or [crs])]
+    if not parts[0].is_projected:
+        return (GEOCENTRIC if parts[0].is_geocentric else GEOGRAPHIC), ""
+    codes = [piece.to_authority() for piece in parts]
+    if all(code is not None and code[0] == "EPSG" for code in codes):
+        return PROJECTED, "EPSG:" + "+".join(str(code[1]) for code in codes)
+    return PROJECTED, str(parts[0].to_wkt() if len(parts) == 1 else text)
+
+
+def _unbound(crs: Any) -> Any:
+    return crs.source_crs if crs.is_bound else crs
+
+
+def kind_of_definition(text: str, path: Source) -> tuple[str, str, tuple[float, ...]]:
+    """Return kind, CRS and origin of a reference system of BlocksExchange.
+
+    Parameters
+    ----------
+    text : str
+        `ENU:latitude,longitude[,height]`, deg and m, a code, or well-known text.
+    path : path
+        The file, for the message.
+
+    Returns
+    -------
+    kind, crs : str
+        As `kind_of_wkt` returns them.
+    origin : tuple of float
+        Latitude and longitude, deg, and height, m, of a tangent plane.
+
+    Raises
+    ------
+    InputError
+        A text that is none of these.
+    """
+    if text.upper().startswith("ENU:"):
+        origin = tuple(finite(word) for word in text[4:].split(","))
+        if len(origin) not in (2, 3) or not abs(origin[0]) <= 90.0 or any(map(isnan, origin)):
+            raise InputError.at_line(path, None, f"{shown(text)} is not ENU:latitude,longitude")
+        return TANGENT, "", (*origin, 0.0)[:3]
+    return (*kind_of_wkt(text, path), ())

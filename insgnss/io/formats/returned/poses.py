@@ -1,0 +1,163 @@
+"""Poses as the file of a bundle adjustment has them, and how numbers of its text are read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ..blocks.measured_block import file_names
+from ..text.layout import decode, shown
+from ..text.text import Source, load_bytes, number
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ReturnedPoses:
+    """Adjusted poses of n images, in the frame of their file.
+
+    Parameters
+    ----------
+    images : tuple of str
+        (n,) names of the images.
+    position : ndarray, (n, 3)
+        Projection centres: easting, northing, height in the unit of the CRS; longitude, latitude,
+        rad, and height, m; or Cartesian coordinates, m.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to the axes of the frame at the image.
+    kind : str
+        Kind of the frame, of `records.framed.KINDS`; empty where the file does not say.
+    crs : str
+        CRS of a projected frame, where the file names it.
+    origin : tuple of float
+        Latitude and longitude, rad, and height, m, of a tangent plane's origin.
+    true_north : bool
+        Whether attitudes count from true north, in a projected CRS as well.
+    angle_set : str
+        "opk" or "ypr" where the file has angles.
+    angles : ndarray, (n, 3), or None
+        These angles, rad.
+    notes : tuple of str
+        What was left out or taken on trust.
+    """
+
+    images: tuple[str, ...]
+    position: Array
+    C: Array
+    kind: str = ""
+    crs: str = ""
+    origin: tuple[float, ...] = ()
+    true_north: bool = False
+    angle_set: str = ""
+    angles: Array | None = None
+    notes: tuple[str, ...] = ()
+
+
+def lines_of(path: Source) -> list[str]:
+    """Return the lines of a text file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    list of str
+        Without line ends and byte order mark.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    return decode(load_bytes(path).tobytes()).lstrip("\ufeff").splitlines()
+
+
+def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:
+    """Return the numbers of a line.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Its words.
+    path : path
+        The file.
+    line : int
+        Number of the line.
+
+    Returns
+    -------
+    list of float
+        Finite numbers.
+
+    Raises
+    ------
+    InputError
+        A word that is none, with file and line.
+    """
+    return [number(word, path, line) for word in words]
+
+
+def checked_rotations(R: Array, names: Sequence[str], path: Source) -> Array:
+    """Return matrices that are rotations.
+
+    Parameters
+    ----------
+    R : ndarray, (n, 3, 3)
+        Matrices of a file.
+    names : sequence of str
+        Names of the images.
+    path : path
+        The file.
+
+    Returns
+    -------
+    ndarray, (n, 3, 3)
+        The same.
+
+    Raises
+    ------
+    InputError
+        The first that is none, by more than its printed digits leave.
+    """
+    off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    off = np.where(np.linalg.det(R) > 0.0, off, np.inf)
+    if (off > ROUND).any():
+        k = int(np.argmax(off > ROUND))
+        raise InputError.at_line(
+            path, None, f"the matrix of image {shown(names[k])} is no rotation; export it again"
+        )
+    return R
+
+
+def image_names(names: Sequence[str], path: Source) -> tuple[str, ...]:
+    """Return names of images as an exterior orientation has them, as `file_names` does.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Those of the file, perhaps with folders.
+    path : path
+        The file.
+
+    Returns
+    -------
+    tuple of str
+        File names, each once.
+
+    Raises
+    ------
+    InputError
+        None at all, or an image that is there twice.
+    """
+    if not names:
+        raise InputError.at_line(
+            path, None, "no image has a pose; align the images and export them again"
+        )
+    return file_names(names, path)
+
+
+ROUND = 1e-4

@@ -1,0 +1,340 @@
+"""Adjusted poses in the files of whole projects, data_specs/returned.md.
+
+bentley        BlocksExchange XML: Pose of each Photo, in the reference system of its block; the
+               one under Metadata is what was imported, and is taken where there is no other
+inpho_prj      $EXT_ORI: focal length, X Y Z and the matrix of the frame to the camera (right,
+               up, back)
+micmac_xml     Orientation-<image>.xml
+metashape_xml  camera XML, .psx or .psz of Metashape: `blocks.metashape_block`
+colmap         images.txt, or a model that pycolmap reads
+opensfm        reconstruction.json, with reference_lla
+"""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....geodesy.rotation import (
+    CV_RUB,
+    rotation_from_opk,
+    rotation_from_quaternion,
+)
+from ....records.framed import GEOCENTRIC, GEOGRAPHIC, TANGENT
+from ..blocks.colmap_model import read_colmap_poses
+from ..blocks.metashape_block import read_metashape_block
+from ..blocks.opensfm_model import read_opensfm_poses
+from ..bundle.micmac import read_micmac_xml
+from ..text.layout import shown
+from ..text.numbers import PLAIN, finite
+from ..text.text import Source, load_bytes
+from ..text.xml import parse_xml
+from .crs import kind_of_definition
+from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
+
+GEOCENTRIC_M = 6.0e6
+DIRECTIONS = {
+    "RIGHT": (1.0, 0.0, 0.0),
+    "LEFT": (-1.0, 0.0, 0.0),
+    "DOWN": (0.0, 1.0, 0.0),
+    "UP": (0.0, -1.0, 0.0),
+}
+INPHO_LINES = 4  # of $EXT_ORI: focal length and position, three rows of the matrix
+
+
+def read_bentley(path: Source) -> ReturnedPoses:
+    """Read a block of ContextCapture or iTwin Capture.
+
+    Parameters
+    ----------
+    path : path
+        BlocksExchange XML.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the reference system of the block; photographs without pose are left out, with a note.
+
+    Raises
+    ------
+    InputError
+        Damaged XML, a pose without rotation or centre, or several reference systems.
+    """
+    root = parse_xml(path, load_bytes(path).tobytes())
+    systems = {_text(srs, "Id"): _text(srs, "Definition") for srs in root.iter("SRS")}
+    names, centre, C, used, left_out, imported = [], [], [], [], 0, 0
+    for block in root.iter("Block"):
+        own = _text(block, "SRSId")
+        for group in block.iter("Photogroup"):
+            Q = _camera_axes(group.findtext("CameraOrientation", "XRightYDown").strip(), path)
+            for photo in group.iter("Photo"):
+                name = _text(photo, "ImagePath")
+                pose, system = _pose(photo, own)
+                if pose is None:
+                    left_out += 1
+                    continue
+                imported += pose.tag == "Metadata"
+                centre.append([_number(pose, f"Center/{axis}", name, path) for axis in "xyz"])
+                C.append(_rotation(pose, name, path).T @ Q)
+                names.append(name)
+                if system and system not in systems:
+                    problem = f"photograph {shown(name)}: SRSId {shown(system)} is no <SRS> of it"
+                    raise InputError.at_line(path, None, f"{problem}; export again")
+                used.append(systems.get(system, ""))
+    if len(set(used)) > 1:
+        raise InputError.at_line(
+            path, None, f"its poses stand in {len(set(used))} reference systems; export one block"
+        )
+    images = image_names(names, path)
+    kind, crs, origin = kind_of_definition(used[0], path)
+    position = np.array(centre)
+    if kind == GEOGRAPHIC:
+        position[:, :2] = np.radians(position[:, :2])
+    notes = (f"{left_out} photographs without pose are left out",) if left_out else ()
+    if imported:
+        notes = (f"{imported} poses are those that were imported, no adjusted ones", *notes)
+    return ReturnedPoses(
+        images,
+        position,
+        checked_rotations(np.array(C), images, path),
+        kind,
+        crs,
+        (*np.radians(origin[:2]).tolist(), *origin[2:]),
+        notes=notes,
+    )
+
+
+def _pose(photo: Element, system: str) -> tuple[Element | None, str]:
+    """Return the adjusted pose of a photograph, else the imported one, and its reference system."""
+    pose = photo.find("Pose")
+    if pose is None or pose.find("Center") is not None:
+        return pose, system
+    metadata = pose.find("Metadata")
+    if metadata is None or metadata.find("Center") is None:
+        return None, system
+    return metadata, _text(metadata, "SRSId") or system
+
+
+def _text(element: Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()
+
+
+def _number(element: Element, tag: str, name: str, path: Source) -> float:
+    """Return a finite number of an element."""
+    value = finite(text := element.findtext(tag))
+    if np.isnan(value):
+        problem = f"photograph {shown(name)}: {tag} {shown(text)} is no number"
+        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, or export again")
+    return value
+
+
+def _rotation(pose: Element, name: str, path: Source) -> Array:
+    """Return the matrix (3, 3) of the frame to the camera, from itself or from its angles."""
+    rotation = pose.find("Rotation")
+    if rotation is None:
+        raise InputError.at_line(
+            path,
+            None,
+            f"photograph {shown(name)} has no rotation; export the project after its adjustment",
+        )
+    if rotation.find("M_00") is not None:
+        return np.array(
+            [[_number(rotation, f"M_{i}{j}", name, path) for j in range(3)] for i in range(3)]
+        )
+    degrees = [_number(rotation, angle, name, path) for angle in ("Omega", "Phi", "Kappa")]
+    return rotation_from_opk(np.radians([degrees]))[0].T
+
+
+def _camera_axes(text: str, path: Source) -> Array:
+    """Return the rotation (3, 3) of camera axes right, down, viewing direction into the named."""
+    to_x, _, to_y = text.upper().removeprefix("X").partition("Y")
+    x, y = (np.array(DIRECTIONS.get(word, (0.0, 0.0, 0.0))) for word in (to_x, to_y))
+    z = np.cross(x, y)
+    if not z.any():
+        raise InputError.at_line(path, None, f"CameraOrientation {shown(text)} is unknown")
+    return np.array([x, y, z])
+
+
+def read_inpho_prj(path: Source) -> ReturnedPoses:
+    """Read the photo blocks of a project of Inpho.
+
+    Parameters
+    ----------
+    path : path
+        The .prj.
+
+    Returns
+    -------
+    ReturnedPoses
+        In a frame that is not named here; photographs without $EXT_ORI are left out, with a note.
+
+    Raises
+    ------
+    InputError
+        A block that is not complete, or a matrix that is no rotation, with file and line.
+    """
+    lines = lines_of(path)
+    names, rows, matrices, left_out = [], [], [], 0
+    photo: dict[str, tuple[int, str]] | None = None
+    for line, text in enumerate(lines, start=1):
+        key, colon, value = text.partition(":")
+        key = key.strip().upper()
+        if key == "$PHOTO" and not colon:
+            photo = {}
+        elif photo is not None and colon and key.startswith("$"):
+            photo[key] = (line, value.strip())
+        elif photo is not None and key == "$END":
+            if "$EXT_ORI" not in photo:
+                left_out += 1
+            else:
+                start = photo["$EXT_ORI"][0]
+                values = [
+                    numbers(lines[k].split(), path, k + 1)
+                    for k in range(start, min(start + INPHO_LINES, line - 1))
+                ]
+                if [len(v) for v in values] != [4, 3, 3, 3]:
+                    raise InputError.at_line(
+                        path, start, "$EXT_ORI is not focal length, X, Y, Z and a matrix"
+                    )
+                file = photo.get("$PHOTO_FILE", photo.get("$PHOTO_NUM", (start, "")))[1]
+                names.append(file)
+                rows.append(values[0][1:])
+                matrices.append(values[1:])
+            photo = None
+    images = image_names(names, path)
+    R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
+    notes = (f"{left_out} photographs without orientation are left out",) if left_out else ()
+    return ReturnedPoses(images, np.array(rows), R.swapaxes(1, 2) @ CV_RUB, notes=notes)
+
+
+def read_micmac(path: Source) -> ReturnedPoses:
+    """Read the orientations of a directory of MicMac.
+
+    Parameters
+    ----------
+    path : path
+        Such as Ori-Compensated.
+
+    Returns
+    -------
+    ReturnedPoses
+        Geocentric, or in a Euclidean frame that is not named.
+
+    Raises
+    ------
+    InputError
+        As `read_micmac_xml`.
+    """
+    images, position, C = read_micmac_xml(path)
+    return ReturnedPoses(images, position, C, _kind_by_size(position))
+
+
+def _kind_by_size(position: Array) -> str:
+    """Return the kind of a Cartesian frame whose coordinates are as long as the Earth's radius."""
+    return GEOCENTRIC if np.linalg.norm(position.mean(axis=0)) > GEOCENTRIC_M else ""
+
+
+def read_metashape_xml(path: Source) -> ReturnedPoses:
+    """Read the cameras of a project of Metashape, or of its exported XML.
+
+    Parameters
+    ----------
+    path : path
+        As of `read_metashape_block`.
+
+    Returns
+    -------
+    ReturnedPoses
+        Geocentric; in the axes of the chunk where it has no CRS.
+
+    Raises
+    ------
+    InputError
+        As `read_metashape_block`, or no image has a pose.
+    """
+    block = read_metashape_block(path)
+    rows = np.flatnonzero(block.oriented)
+    names = image_names([block.measured.images[k] for k in rows], path)
+    kind = GEOCENTRIC if block.geocentric else ""
+    return ReturnedPoses(names, block.position_m[rows], block.C_mc[rows], kind, notes=block.notes)
+
+
+def read_colmap(path: Source) -> ReturnedPoses:
+    """Read the poses of a COLMAP model; from text without pycolmap.
+
+    Parameters
+    ----------
+    path : path
+        images.txt, or a directory with a model.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the axes of the model; a shift that an export of ours subtracted is added again where
+        its comment is still there.
+
+    Raises
+    ------
+    InputError
+        A line that is none of images.txt, with file and line, or what pycolmap does not read.
+    UsageError
+        A binary model without pycolmap.
+    """
+    given = Path(path)
+    file = given / "images.txt" if given.is_dir() else given
+    if file.name != "images.txt" or not file.is_file():
+        names, position, C = read_colmap_poses(path)
+        return ReturnedPoses(image_names(names, path), position, C, _kind_by_size(position))
+    shift = np.zeros(3)
+    named: list[str] = []
+    rows: list[list[float]] = []
+    poses_next = True
+    for line, text in enumerate(lines_of(file), start=1):
+        if text.startswith("#"):
+            words = text.split()
+            if words[1:2] == ["shift:"]:
+                shift = np.array(numbers(words[2:5], file, line))
+                if shift.size != 3:
+                    raise InputError.at_line(file, line, f"{shown(text)}: a shift is three numbers")
+            continue
+        if poses_next:
+            words = text.split(maxsplit=9)
+            if not words:
+                continue
+            if len(words) < 10:
+                raise InputError.at_line(
+                    file, line, f"{len(words)} fields, expected 10: {shown(text)}"
+                )
+            named.append(words[9].strip())
+            rows.append(numbers(words[1:8], file, line))
+        poses_next = not poses_next
+    table = np.reshape(rows, (-1, 7))
+    images = image_names(named, file)
+    C = rotation_from_quaternion(table[:, :4]).swapaxes(1, 2)
+    position = shift - (C @ table[:, 4:, None])[:, :, 0]
+    return ReturnedPoses(images, position, C, _kind_by_size(position))
+
+
+def read_opensfm(path: Source) -> ReturnedPoses:
+    """Read the shots of a reconstruction of OpenSfM or OpenDroneMap.
+
+    Parameters
+    ----------
+    path : path
+        reconstruction.json, or the directory of the project.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the tangent plane of `reference_lla`; in axes of its own without it.
+
+    Raises
+    ------
+    InputError
+        As `read_opensfm_model`.
+    """
+    names, position, C, plane, notes = read_opensfm_poses(path)
+    origin = () if plane is None else (plane.lat, plane.lon, plane.height)
+    kind = TANGENT if origin else ""
+    return ReturnedPoses(image_names(names, path), position, C, kind, origin=origin, notes=notes)

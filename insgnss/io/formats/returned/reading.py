@@ -1,0 +1,102 @@
+"""Poses of any bundle adjustment: names and first bytes tell the format."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from ....base.errors import UsageError, near
+from ..blocks.colmap_model import PARTS
+from ..blocks.opensfm_model import INSIDE, RECONSTRUCTION
+from ..exports import function_at
+from ..text.text import Source
+from .poses import ReturnedPoses
+from .tables import CAMERA, EXTERNAL
+
+RETURNED: Mapping[str, str] = {
+    "metashape_xml": "returned.projects:read_metashape_xml",
+    "metashape_opk_text": "returned.tables:read_metashape_opk_text",
+    "metashape_reference": "returned.tables:read_metashape_reference",
+    "pix4d_external": "returned.tables:read_pix4d_external",
+    "pix4d_camera": "returned.tables:read_pix4d_camera",
+    "colmap": "returned.projects:read_colmap",
+    "opensfm": "returned.projects:read_opensfm",
+    "micmac_xml": "returned.projects:read_micmac",
+    "bentley": "returned.projects:read_bentley",
+    "inpho_prj": "returned.projects:read_inpho_prj",
+}
+"""Readers of adjusted poses; each takes a path and returns `ReturnedPoses`."""
+HEADS = {  # first bytes in lower case
+    "bentley": r"<blocksexchange\b",
+    "metashape_xml": r"\A\s*(<\?xml[^>]*>\s*)?<(document|chunk)\b",
+    "metashape_opk_text": r"^#\s*photoid,\s*x,\s*y,\s*z,\s*omega",
+    "metashape_reference": r"\A#\s*coordinatesystem:",
+    "pix4d_camera": r"^camera model m = k \[r\|-rt\] x",
+    "pix4d_external": r"\A\s*imagename\s+x\s+y\s+z\s+omega\s+phi\s+kappa",
+    "inpho_prj": r"^\s*\$photo\s*$",
+    "opensfm": r"\A\s*[\[{].*\"(cameras|shots)\"\s*:",
+}
+
+
+def returned_form(path: Source, head: str) -> str:
+    """Return the format of a file or directory, empty where it is none of `RETURNED`.
+
+    Parameters
+    ----------
+    path : path
+        The file or directory.
+    head : str
+        First bytes of a file, as text; empty of a directory.
+
+    Returns
+    -------
+    str
+        A key of `RETURNED`, or nothing.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if any(path.glob("Orientation-*.xml")):
+            return "micmac_xml"
+        if any((path / f"images{kind}").is_file() for kind in (".txt", ".bin")):
+            return "colmap"
+        inside = any((path / inner / RECONSTRUCTION).is_file() for inner in (".", INSIDE))
+        return "opensfm" if inside else ""
+    if path.suffix.lower() in (".psx", ".psz"):
+        return "metashape_xml"
+    for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", CAMERA)):
+        if path.name.endswith(f"{ending}.txt"):
+            return form
+    text = head.lower().lstrip("\ufeff").removeprefix("\u00ef\u00bb\u00bf")
+    for form, pattern in HEADS.items():
+        flags = re.MULTILINE | (re.DOTALL if form == "opensfm" else 0)
+        if re.search(pattern, text, flags):
+            return form
+    # after the others, since Metashape's text is called cameras.txt as well
+    return "colmap" if re.fullmatch(rf"({'|'.join(PARTS)})\.(txt|bin)", path.name) else ""
+
+
+def read_returned_poses(path: Source, form: str) -> ReturnedPoses:
+    """Read the adjusted poses of a file or directory.
+
+    Parameters
+    ----------
+    path : path
+        The file or directory.
+    form : str
+        A key of `RETURNED`.
+
+    Returns
+    -------
+    ReturnedPoses
+        Its images that have a pose.
+
+    Raises
+    ------
+    UsageError
+        Another format.
+    InputError
+        What the reader refuses, with file and line.
+    """
+    if form not in RETURNED:
+        raise UsageError(f"format {form!r} of adjusted poses; {near(form, RETURNED)}")
+    poses: ReturnedPoses = function_at(RETURNED[form])(path)
+    return poses

@@ -1,0 +1,284 @@
+"""Texts that Metashape and Pix4D write after the adjustment, data_specs/returned.md.
+
+metashape_opk_text     PhotoID X Y Z Omega Phi Kappa r11 ... r33: Rx(omega) Ry(phi) Rz(kappa)
+                       takes the camera (right, up, back) to the axes of the CRS, which the file
+                       does not name; the matrix is its transpose
+metashape_reference    the CRS as WKT, then a table with a header: reference coordinates and,
+                       with _est behind their names, those of the adjustment
+pix4d_external         imageName X Y Z Omega Phi Kappa; less the offset in <project>_offset.xyz,
+                       in the CRS of <project>_wkt.prj
+pix4d_camera           ten lines an image: K, distortions, position t, rotation R of the frame
+                           to the camera, m = K [R|-Rt] X
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ....base.errors import InputError
+from ....geodesy.rotation import CV_RUB, rotation_from_opk, rotation_from_ypr
+from ....records.framed import GEOGRAPHIC, PROJECTED
+from ..text.layout import shown, split_fields
+from ..text.text import Source
+from .crs import kind_of_wkt
+from .poses import Array, ReturnedPoses, checked_rotations, image_names, lines_of, numbers
+
+OPK_COLUMNS = 7
+MATRIX_COLUMNS = 16
+SAME = 1e-3  # of a matrix and of the angles beside it
+FIRST = {"x": ["x", "y", "z"], "yaw": ["yaw", "pitch", "roll"], "omega": ["omega", "phi", "kappa"]}
+PIX4D_LINES = 10  # of an image in calibrated_camera_parameters
+EXTERNAL, CAMERA = "_calibrated_external_camera_parameters", "_calibrated_camera_parameters"
+FAR_M = 1e4  # positions without offset lie nearer to zero than this
+
+
+def read_metashape_opk_text(path: Source) -> ReturnedPoses:
+    """Read Metashape's export of cameras as omega, phi, kappa.
+
+    Parameters
+    ----------
+    path : path
+        The text.
+
+    Returns
+    -------
+    ReturnedPoses
+        In a frame that the file does not name.
+
+    Raises
+    ------
+    InputError
+        A line of another length, or a matrix that is not that of its angles, with file and line.
+    """
+    names, rows = [], []
+    for line, text in enumerate(lines_of(path), start=1):
+        if not text.strip() or text.startswith("#"):
+            continue
+        words = text.split("\t") if "\t" in text else text.split()
+        if len(words) != MATRIX_COLUMNS:
+            raise InputError.at_line(
+                path, line, f"{len(words)} fields, expected {MATRIX_COLUMNS}: {shown(text)}"
+            )
+        values = numbers(words[1:], path, line)
+        R = rotation_from_opk(np.radians([values[3:6]]))[0]
+        given = np.reshape(values[6:], (3, 3))
+        if min(np.abs(given - R.T).max(), np.abs(given - R).max()) > SAME:
+            raise InputError.at_line(
+                path, line, "the matrix is not that of omega, phi, kappa; export the cameras again"
+            )
+        names.append(words[0])
+        rows.append(values[:6])
+    return _of_opk(path, names, np.reshape(rows, (-1, 6)))
+
+
+def _of_opk(
+    path: Source,
+    names: Sequence[str],
+    table: Array,
+    kind: str = "",
+    crs: str = "",
+    notes: tuple[str, ...] = (),
+) -> ReturnedPoses:
+    """Return poses of a table (n, 6) of coordinates and omega, phi, kappa, deg."""
+    images = image_names(names, path)
+    opk = np.radians(table[:, 3:])
+    return ReturnedPoses(
+        images,
+        table[:, :3],
+        rotation_from_opk(opk) @ CV_RUB,
+        kind,
+        crs,
+        angle_set="opk",
+        angles=opk,
+        notes=notes,
+    )
+
+
+def read_metashape_reference(path: Source) -> ReturnedPoses:
+    """Read a reference csv as Metashape writes it: estimated values where it has them.
+
+    Parameters
+    ----------
+    path : path
+        The csv, with its line "# CoordinateSystem: ..." and a header.
+
+    Returns
+    -------
+    ReturnedPoses
+        Images without estimated values are left out, with a note.
+
+    Raises
+    ------
+    InputError
+        No header or no angles, with file and line; a CRS that is unknown.
+    """
+    lines = lines_of(path)
+    wkt = lines[0].partition(":")[2].strip() if lines else ""
+    head = next((k for k, text in enumerate(lines) if re.match(r"#?\s*label\b", text, re.I)), None)
+    if head is None:
+        raise InputError.at_line(path, None, "has no header #Label; export the reference again")
+    delimiter = next((sign for sign in "\t,;" if sign in lines[head]), None)
+    fields = [name.strip().lower().lstrip("# ") for name in split_fields(lines[head], delimiter)]
+    fields = [name.partition("/")[0] for name in fields]
+    base = {name.removesuffix("_est") for name in fields}
+    angles = next((name for name in ("yaw", "omega") if name in base), None)
+    if angles is None or "x" not in base:
+        problem = "names no X, Y, Z and angles; set rotation angles in the reference settings"
+        raise InputError.at_line(path, head + 1, f"the header {problem}, and export it again")
+    estimated = "x_est" in fields and f"{angles}_est" in fields
+    wanted = [
+        f"{name}_est" if estimated else name for group in ("x", angles) for name in FIRST[group]
+    ]
+    if missing := [name for name in wanted if name not in fields]:
+        raise InputError.at_line(
+            path, head + 1, f"the header has no {missing[0]}; export the table with it"
+        )
+    columns = [fields.index(name) for name in wanted]
+    names, rows, left_out = [], [], 0
+    for line, text in enumerate(lines[head + 1 :], start=head + 2):
+        words = [word.strip().strip('"') for word in split_fields(text, delimiter)]
+        if not text.strip() or text.startswith("#"):
+            continue
+        if len(words) > len(fields):
+            problem = f"{len(words)} fields, the header has {len(fields)}: {shown(text)}"
+            raise InputError.at_line(path, line, problem)
+        pose = [words[k] if k < len(words) else "" for k in columns]
+        if not any(pose[:3]) or not any(pose[3:]):
+            left_out += 1
+            continue
+        names.append(words[fields.index("label")])
+        rows.append(numbers(pose, path, line))
+    kind, crs = kind_of_wkt(wkt, path)
+    table = np.reshape(rows, (-1, 6))
+    if kind == GEOGRAPHIC:
+        table[:, :2] = np.radians(table[:, :2])
+    values = "estimated" if estimated else "reference values, not estimated ones:"
+    notes = (f"{left_out} images without {values} pose are left out",) if left_out else ()
+    if not estimated:
+        notes = ("the file has reference values, none that the adjustment estimated", *notes)
+    if angles == "omega":
+        return _of_opk(path, names, table, kind, crs, notes)
+    ypr = np.radians(table[:, 3:])
+    return ReturnedPoses(
+        image_names(names, path),
+        table[:, :3],
+        rotation_from_ypr(ypr) @ CV_RUB,
+        kind,
+        crs,
+        true_north=kind == PROJECTED,
+        angle_set="ypr",
+        angles=ypr,
+        notes=notes,
+    )
+
+
+def read_pix4d_external(path: Source) -> ReturnedPoses:
+    """Read calibrated external camera parameters of Pix4D.
+
+    Parameters
+    ----------
+    path : path
+        The text; <project>_offset.xyz and <project>_wkt.prj beside it are taken.
+
+    Returns
+    -------
+    ReturnedPoses
+        In the output CRS of the project; in a frame that is not named without _wkt.prj.
+
+    Raises
+    ------
+    InputError
+        A line of another length, with file and line; a damaged file beside it.
+    """
+    names, rows = [], []
+    for line, text in enumerate(lines_of(path), start=1):
+        words = text.replace(",", " ").split()
+        if not words or words[0].lower() == "imagename":
+            continue
+        if len(words) != OPK_COLUMNS:
+            raise InputError.at_line(
+                path, line, f"{len(words)} fields, expected {OPK_COLUMNS}: {shown(text)}"
+            )
+        names.append(words[0])
+        rows.append(numbers(words[1:OPK_COLUMNS], path, line))
+    table = np.reshape(rows, (-1, 6))
+    offset, kind, crs, notes = _beside_pix4d(path, EXTERNAL, table[:, :3])
+    table[:, :3] += offset
+    return _of_opk(path, names, table, kind, crs, notes)
+
+
+def read_pix4d_camera(path: Source) -> ReturnedPoses:
+    """Read calibrated camera parameters of Pix4D.
+
+    Parameters
+    ----------
+    path : path
+        The text; <project>_offset.xyz and <project>_wkt.prj beside it are taken.
+
+    Returns
+    -------
+    ReturnedPoses
+        As `read_pix4d_external`.
+
+    Raises
+    ------
+    InputError
+        A file that ends within an image, or a matrix that is no rotation, with file and line.
+    """
+    lines = lines_of(path)
+    start = 1 + next((k for k, text in enumerate(lines) if text.startswith("camera model")), -1)
+    rows = [(k + 1, text.split()) for k, text in enumerate(lines) if k >= start and text.strip()]
+    names, centre, matrices = [], [], []
+    for first in range(0, len(rows), PIX4D_LINES):
+        section = rows[first : first + PIX4D_LINES]
+        if len(section) < PIX4D_LINES or len(section[0][1]) < 3:
+            line, words = section[-1] if len(section) < PIX4D_LINES else section[0]
+            raise InputError.at_line(
+                path, line, f"{shown(' '.join(words))}: an image has {PIX4D_LINES} lines"
+            )
+        names.append(" ".join(section[0][1][:-2]))
+        values = [numbers(words, path, line) for line, words in section[6:]]
+        if [len(v) for v in values] != [3, 3, 3, 3]:
+            raise InputError.at_line(
+                path, section[6][0], "position and rotation are not 4 x 3; copy it again"
+            )
+        centre.append(values[0])
+        matrices.append(values[1:])
+    images = image_names(names, path)
+    R = checked_rotations(np.reshape(matrices, (-1, 3, 3)), images, path)
+    position = np.reshape(centre, (-1, 3))
+    offset, kind, crs, notes = _beside_pix4d(path, CAMERA, position)
+    return ReturnedPoses(images, position + offset, R.swapaxes(1, 2), kind, crs, notes=notes)
+
+
+def _beside_pix4d(
+    path: Source, ending: str, position: Array
+) -> tuple[Array, str, str, tuple[str, ...]]:
+    """Return offset (3,), kind and CRS of the files beside one of Pix4D, and what is missing."""
+    file = Path(path)
+    if file.stem.endswith("_wgs84"):
+        raise InputError.at_line(
+            path, None, f"is in degrees; give <project>{ending}.txt, which is in metres"
+        )
+    project = file.name.partition(ending)[0] if ending in file.name else ""
+    offset, notes = np.zeros(3), []
+    beside = file.with_name(f"{project}_offset.xyz")
+    if project and beside.is_file():
+        words = " ".join(lines_of(beside)).split()
+        if len(words) != len(offset):
+            raise InputError.at_line(
+                beside, 1, f"{len(words)} numbers, 3 must stand there; copy it again"
+            )
+        offset = np.array(numbers(words, beside, 1))
+    elif float(np.abs(position).max(initial=0.0)) < FAR_M:
+        notes.append(
+            f"{file.name}: no {project or '<project>'}_offset.xyz beside it; coordinates are taken"
+            " as they are"
+        )
+    definition = file.with_name(f"{project}_wkt.prj")
+    kind, crs = "", ""
+    if project and definition.is_file():
+        kind, crs = kind_of_wkt(" ".join(lines_of(definition)).strip(), definition)
+    return offset, kind, crs, tuple(notes)

@@ -1,0 +1,91 @@
+"""SQLite files of other programs: read only, and no further than their size accounts for.
+
+A view, a virtual table, a computed column or a page that leads to itself can take hours, so that
+plain tables alone are read, by no more instructions of SQLite than rows of the file could need.
+"""
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from ....base.errors import InputError
+from ....base.inputs import opened
+
+FILE_HEAD = b"SQLite format 3\0"
+COLUMNS = (
+    "SELECT t.name, t.type, MAX(c.hidden) FROM pragma_table_list AS t, pragma_table_xinfo(t.name)"
+    " AS c WHERE t.schema = 'main' GROUP BY t.name"
+)
+"""Of each table its kind and the largest mark of its columns, from 2 on of one that is computed."""
+STEP = 10_000  # instructions of SQLite between two looks at the budget
+FEWEST = 10_000_000  # instructions for a file of any size: a tenth of a second
+BY_BYTE = 20  # instructions for each byte: a row has 8 bytes or more and is joined by about 100
+LONGEST = 100_000_000  # bytes of a text or blob, or those of the file where they are fewer
+
+
+def is_database(file: Path) -> bool:
+    """Tell whether a file begins as those of SQLite do."""
+    with opened(file) as stream:
+        return stream.read(len(FILE_HEAD)) == FILE_HEAD
+
+
+@contextmanager
+def opened_database(
+    path: object, tables: Sequence[str], wanted: str
+) -> Iterator[sqlite3.Connection]:
+    """Open a file for reading; whatever SQLite finds wrong with it is said in one line.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    tables : sequence of str
+        Names that must be tables, where they are there at all.
+    wanted : str
+        What the file should be and what to do, such as "database of COLMAP; give its database.db".
+
+    Yields
+    ------
+    connection
+        The open file.
+
+    Raises
+    ------
+    InputError
+        It cannot be read or is no database; one of the names is no table; or reading takes more
+        instructions than its size accounts for.
+    """
+    file = Path(str(path))
+    kind, _, advice = wanted.partition("; ")
+    try:
+        begins, size = is_database(file), file.stat().st_size
+    except OSError as error:
+        problem = f"cannot be read: {error.strerror or error}"
+        raise InputError.at_line(path, None, problem) from None
+    left = FEWEST + BY_BYTE * size
+    spent = 0
+
+    def exhausted() -> bool:
+        nonlocal spent
+        spent += STEP
+        return spent > left
+
+    try:
+        if not begins:
+            raise ValueError("no SQLite file")
+        address = f"{file.resolve().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(address, uri=True)) as connection:
+            connection.set_progress_handler(exhausted, STEP)
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LONGEST))
+            connection.execute("PRAGMA trusted_schema = OFF")
+            for name, sort, hidden in connection.execute(COLUMNS).fetchall():
+                if str(name).lower() in tables and (sort != "table" or hidden):
+                    fault = "a table with columns that are computed" if hidden > 1 else f"a {sort}"
+                    raise ValueError(f"{name} is {fault}, not a plain table")
+            yield connection
+    except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
+        why = " ".join(str(error).split())[:120]
+        if spent > left:
+            why = f"more steps than a file of its size needs (limit {left})"
+        raise InputError.at_line(path, None, f"is no {kind}: {why}; {advice}") from None

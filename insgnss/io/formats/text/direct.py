@@ -1,0 +1,247 @@
+"""Columns of a large text table straight into the arrays of a record, in two threads.
+
+The table is cut behind line ends into pieces that a processor's cache holds. Each thread takes the
+next piece, whose lines are counted there and then, so that the place of its rows is known; parses
+it into a table of that piece and puts the columns where they belong. So the file is read once,
+there is one copy of the numbers, and of a large file no more than a piece a thread is in memory.
+How many rows there will be is guessed by the length of the first lines, with some room; where they
+are more after all, all lines are counted first.
+Pieces with lines that are no rows leave holes, which are closed at the end.
+
+Nothing is decided here: where anything is not as it should be, in whatever piece, None is returned
+and `text.parse` reads the file from its beginning, row by row, and says what and where.
+"""
+
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.advance import share
+from ....base.errors import InputError
+from ....base.inputs import opened
+from .layout import Layout, decode, is_comment
+from .pieces import FileBytes
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8] | FileBytes
+
+PIECE = 1 << 19  # bytes
+THREADS = 2
+ROOM = 1.1  # times the rows that the first lines promise
+NEWLINE = b"\n"
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a column goes: into column `index` of `array` (n, m), each value times `factor`."""
+
+    array: str
+    index: int
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a file that were read without keeping their lines, which are looked for on demand."""
+
+    path: str
+    layout: Layout
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        with opened(self.path) as stream:
+            stream.seek(self.layout.skip_to)
+            left = row
+            for line, raw in enumerate(stream, start=self.layout.first_line):
+                text = decode(raw)
+                if text.strip() and not is_comment(text):
+                    if left == 0:
+                        return InputError.at_line(self.path, line, message)
+                    left -= 1
+        return InputError.at_line(self.path, None, message)
+
+
+def read_columns(
+    buf: Bytes, layout: Layout, targets: Mapping[int, Target], widths: Mapping[str, int]
+) -> dict[str, Array] | None:
+    """Return columns of a table in arrays of their own; None where a row is not as it should be.
+
+    Parameters
+    ----------
+    buf : ndarray or FileBytes
+        Bytes of the file, which end in a newline.
+    layout : Layout
+        How it is written.
+    targets : mapping
+        Where each column goes, by its index; the others are parsed and dropped.
+    widths : mapping
+        Columns of each array, by its name.
+
+    Returns
+    -------
+    dict of ndarray, or None
+        The arrays (n, width) by name.
+    """
+    work = _Work(buf, layout, targets)
+    arrays = work.arrays(widths, work.promised())
+    if work.full:
+        arrays = work.arrays(widths, work.lines())
+    return arrays
+
+
+def _columns(
+    targets: Mapping[int, Target], name: str
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Return columns of the table, their columns in an array of so many, and their factors."""
+    own = [(column, target) for column, target in targets.items() if target.array == name]
+    return (
+        np.array([column for column, _ in own], dtype=np.int64),
+        np.array([target.index for _, target in own], dtype=np.int64),
+        np.array([target.factor for _, target in own], dtype=np.float64),
+    )
+
+
+class _Piece(NamedTuple):
+    """Bytes that end in a newline, where they begin, and the lines before them and in them."""
+
+    buf: NDArray[np.uint8]
+    start: int
+    first: int
+    lines: int
+
+
+class _Work:
+    """A buffer, whose pieces threads parse one after the other until one of them says stop."""
+
+    def __init__(self, buf: Bytes, layout: Layout, targets: Mapping[int, Target]) -> None:
+        self.buf, self.layout, self.targets = buf, layout, targets
+        self.stopped, self.full = threading.Event(), False
+
+    def pieces(self) -> Iterator[_Piece]:
+        """Yield the pieces in order."""
+        from . import _kernels
+
+        start, first = self.layout.skip_to, 0
+        while start < self.buf.size:
+            size, end = PIECE, 0
+            while not end:
+                piece = self.buf[start : start + size]
+                whole = start + size >= self.buf.size
+                end = piece.size if whole else _after_last_newline(piece)
+                size *= 2
+            lines = int(_kernels.count_newlines(piece[:end]))
+            yield _Piece(piece[:end], start, first, lines)
+            start, first = start + end, first + lines
+
+    def promised(self) -> int:
+        """Rows that the first piece promises, with some room."""
+        first = next(self.pieces(), None)
+        if first is None:
+            return 0
+        left = (self.buf.size - first.start) / first.buf.size
+        return first.lines if left <= 1.0 else int(ROOM * left * first.lines) + 1
+
+    def lines(self) -> int:
+        """All lines, counted."""
+        return sum(piece.lines for piece in self.pieces())
+
+    def arrays(self, widths: Mapping[str, int], room: int) -> dict[str, Array] | None:
+        """The arrays, of at most `room` lines; None where a row is not as it should be.
+
+        Where there are more lines, `full` is set.
+        """
+        from . import _kernels
+
+        self.stopped, self.full = threading.Event(), False
+        arrays = {name: np.empty((room, width)) for name, width in widths.items()}
+        columns = {name: _columns(self.targets, name) for name in widths}
+        placed: list[tuple[int, int]] = []  # first row and rows of each piece
+
+        def parse(piece: _Piece) -> None:
+            share(piece.start / self.buf.size)
+            if piece.first + piece.lines > room:
+                self.full = True
+                self.stopped.set()
+                return
+            table = self.parsed(piece)
+            if table is None:
+                self.stopped.set()
+                return
+            placed.append((piece.first, len(table)))
+            block = slice(piece.first, piece.first + len(table))
+            for name, taken in columns.items():
+                _kernels.take_columns(table, *taken, arrays[name][block])
+
+        share(0.0)
+        self.all(parse)
+        if self.stopped.is_set():
+            return None
+        placed.sort()
+        return {name: _without_holes(array, placed) for name, array in arrays.items()}
+
+    def parsed(self, piece: _Piece) -> Array | None:
+        """The rows (n, m) of a piece; None where one is not as it should be."""
+        from . import _kernels
+
+        layout = self.layout
+        table = np.empty((piece.lines, layout.n_fields))
+        bad = np.full((layout.n_fields, 2), -1, dtype=np.int64)
+        delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
+        # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+        with np.errstate(over="ignore"):
+            rows, status, _, _ = _kernels.parse_rows(
+                piece.buf,
+                *(0, 1, delimiter, ord(layout.decimal)),
+                *(table, np.empty(piece.lines, dtype=np.int64), bad),
+            )
+        if status != _kernels.OK or any(bad[column, 0] >= 0 for column in self.targets):
+            return None
+        return table[:rows]
+
+    def all(self, job: Callable[[_Piece], None]) -> None:
+        """Do `job` for each piece; the first exception of a thread is raised here."""
+        todo, lock, failed = self.pieces(), threading.Lock(), list[BaseException]()
+
+        def work() -> None:
+            while not self.stopped.is_set():
+                try:
+                    with lock:
+                        piece = next(todo, None)
+                    if piece is None:
+                        return
+                    job(piece)
+                except BaseException as error:
+                    failed.append(error)
+                    self.stopped.set()
+
+        several = self.buf.size - self.layout.skip_to > PIECE
+        threads = [threading.Thread(target=work) for _ in range(THREADS - 1 if several else 0)]
+        for thread in threads:
+            thread.start()
+        work()
+        for thread in threads:
+            thread.join()
+        if failed:
+            raise failed[0]
+
+
+def _after_last_newline(piece: NDArray[np.uint8]) -> int:
+    """Index behind the last newline, 0 without one."""
+    near = piece[-4096:].tobytes().rfind(NEWLINE)
+    if near >= 0:
+        return piece.size - min(4096, piece.size) + near + 1
+    return piece.tobytes().rfind(NEWLINE) + 1
+
+
+def _without_holes(array: Array, placed: Sequence[tuple[int, int]]) -> Array:
+    """The rows without the holes behind those of each piece, in the same memory."""
+    end = 0
+    for start, count in placed:
+        if end < start:
+            array[end : end + count] = array[start : start + count].copy()
+        end += count
+    return array[:end]

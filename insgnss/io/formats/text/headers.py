@@ -1,0 +1,262 @@
+"""What a field of a header says: its quantity, and a unit in brackets or behind the name.
+
+    Gyro X (deg/s)   gyro_x [dps]   gyro_x_deg_s   GyroX_deg_per_s   Acc_Z [m/s^2]   acc_z_m_s2
+    ax_mg
+    time_us   TimeUS   lat_rad   latRad   pos_rad[1]   alt_mm   vn_cm_s   speed_kmh   course_deg
+
+A unit in brackets is the unit of the field, whatever it is. Behind a name, where anything may
+stand, only a unit of the kind that the column is of is one: of a sensor behind the letter or number
+of its axis; of a time (s, ms, us, ns), an angle, a length or a velocity behind an underscore or
+where a capital begins, and of a few words for a latitude, a longitude, a course and a clock without
+either.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from ....base.errors import InputError, UsageError
+from ....records import Check
+from .order import note
+from .units import UNITS, unit_factor, unit_name
+
+Kinds = Mapping[str, tuple[str, ...]]
+
+TIME_UNITS = ("s", "ms", "us", "ns")
+TIME_FACTORS = {unit: UNITS["time"][unit] for unit in TIME_UNITS}
+SENSORS = ("gyro", "accel")
+_OF_AXIS = re.compile(r"(.*(?:[xyz]|[a-w]_?[0-3]))_?([a-z°µ].*)")
+_GLUED = {
+    "angle": re.compile(
+        r"((?:.*_)?(?:lat(?:itude)?|lon(?:g|gitude)?|lng|course|cog))((?:deg|rad).*)"
+    ),
+    "time": re.compile(
+        r"((?:.*_)?(?:time|timestamp|stamp|tow|clock|t))([mun]s(?:ec)?|sec(?:ond)?s?)"
+    ),
+}
+_SHORT = {  # behind a name only, where the kind tells what is meant
+    "gyro": {"rps": "rad/s", "rads": "rad/s", "degs": "deg/s"},
+    "accel increment": {"ms": "m/s"},
+    "velocity": {"ms": "m/s", "cms": "cm/s", "mms": "mm/s"},
+}
+LONGEST_NAME = 200  # characters; a longer field of a header is no name
+_SAME = 1e-6  # of two factors
+
+
+def normalised(name: str) -> tuple[str, str | None]:
+    """Return a header name in lower case with underscores, and the unit in its brackets.
+
+    A number in brackets is an index, part of the name.
+    """
+    name = re.sub(r"[(\[](\d+)[)\]]", r"_\1", name)
+    text = name.strip()
+    text = text[text[:1] in ("'", '"') :]
+    text = text[: len(text) - (text[-1:] in ("'", '"'))].strip()
+    match = re.fullmatch(r"([^(\[]*)(?:[(\[]([^)\]]*)[)\]])?", text)
+    head, unit = match.groups() if match else (name, None)
+    return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
+
+
+def kinds_like(kind: str) -> tuple[str, ...]:
+    """Return the kinds of units that may stand behind a name where one of `kind` is looked for.
+
+    A sensor has rates and increments; lengths go with the angles that standard deviations of a
+    latitude are sometimes given in.
+    """
+    sensor = kind.partition(" ")[0]
+    return (
+        (sensor, f"{sensor} increment")
+        if sensor in SENSORS
+        else ("length", "angle")
+        if kind == "length"
+        else (kind,)
+    )
+
+
+def unit_in(field: str, kinds: Sequence[str]) -> str | None:
+    """Return the unit that a field gives, else None.
+
+    It stands in brackets, or behind the name where it is of one of `kinds`.
+    """
+    unit = normalised(field)[1]
+    return unit or next(
+        (unit for _, unit in without_unit(re.sub(r"[(\[]\d+[)\]]\s*$", "", field), kinds)), None
+    )
+
+
+def without_unit(field: str, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and unit of a field whose name ends in a unit of one of `kinds`.
+
+    The name is in lower case with underscores.
+    """
+    plain, humped = (
+        normalised(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
+    )
+    for kind in kinds:
+        units = TIME_UNITS if kind == "time" else UNITS[kind]
+        for head in dict.fromkeys((plain, humped)):
+            for stem, tail in _cuts(head, kind):
+                spelled = unit_name(re.sub(r"_(per_)?", "/", re.sub(r"_(\d)$", r"\1", tail)))
+                spelled = unit_name(_SHORT.get(kind, {}).get(tail, spelled))
+                yield from ((stem, unit) for unit in units if unit_name(unit) == spelled)
+
+
+def _cuts(head: str, kind: str) -> Iterator[tuple[str, str]]:
+    """Yield where a normalised name may end and a unit of a kind begin."""
+    if kind.partition(" ")[0] in SENSORS:
+        if match := _OF_AXIS.fullmatch(head):
+            yield match[1], match[2]
+        return
+    yield from ((head[: bar.start()], head[bar.end() :]) for bar in re.finditer("_", head))
+    if kind in _GLUED and (match := _GLUED[kind].fullmatch(head)):
+        yield match[1], match[2]
+
+
+def names_of(fields: Sequence[str], names: Mapping[str, str], kinds: Kinds) -> list[str | None]:
+    """Return the canonical name of each field, None where it has none.
+
+    A field with a unit behind its name is one only where no field bears that name as it is: of
+    `lat` and `lat_rad` it is `lat`.
+
+    Parameters
+    ----------
+    fields : sequence of str
+        Fields of the header.
+    names : mapping
+        Canonical name by alias.
+    kinds : mapping
+        Kinds of the units that may stand behind a canonical name.
+    """
+    fields = [field if len(field) <= LONGEST_NAME else "" for field in fields]
+    plain = [names.get(normalised(field)[0]) for field in fields]
+    return [
+        name or (None if (canonical := _named(field, names, kinds)) in plain else canonical)
+        for field, name in zip(fields, plain, strict=True)
+    ]
+
+
+def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
+    """Return the canonical name of a field with a unit behind its name."""
+    every = tuple(dict.fromkeys(kind for of_name in kinds.values() for kind in of_name))
+    stems = dict.fromkeys(stem for stem, _ in without_unit(field, every))
+    candidates = ((names[stem], stem) for stem in stems if stem in names)
+    return next(
+        (
+            name
+            for name, stem in candidates
+            if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
+        ),
+        None,
+    )
+
+
+def agreed_unit(
+    path: object, line: int | None, names: Sequence[str], fields: Sequence[str], kind: str
+) -> str | None:
+    """Return the unit that `fields` of the columns `names` give, None without one.
+
+    Raises
+    ------
+    InputError
+        A unit that is not of the kind.
+    """
+    stated = [unit for field in fields if (unit := unit_in(field, kinds_like(kind)))]
+    factors = {factor_of(unit, (kind,)) for unit in stated}
+    if len(factors) > 1 or None in factors:
+        units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
+        message = (
+            f"the header gives the unit {units} for {' '.join(names)}, which is none of"
+            f" {', '.join(UNITS[kind])} for them all; set units"
+        )
+        raise InputError.at_line(path, line, message)
+    return stated[0] if stated else None
+
+
+def settled_units(
+    path: object,
+    line: int | None,
+    columns: Mapping[str, Sequence[str]],
+    kinds: Mapping[str, str],
+    fields: Mapping[str, Sequence[str]],
+    given: Mapping[str, str],
+    of: str,
+) -> tuple[dict[str, str], dict[str, float], tuple[Check, ...]]:
+    """Settle units: the caller's, else those that the fields give, else the first of their kind.
+
+    Parameters
+    ----------
+    path, line
+        File and line of the header, for messages.
+    columns : mapping
+        Canonical names of the columns of each key.
+    kinds : mapping
+        Kind of the unit of each key.
+    fields : mapping
+        What the file calls the columns of each key.
+    given : mapping
+        The caller's units.
+    of : str
+        The record, for notes.
+
+    Returns
+    -------
+    units, factors : dict
+        By key.
+    notes : tuple of Check
+        One for each of the caller's units where the fields give another one.
+
+    Raises
+    ------
+    InputError, UsageError
+        A unit that is none, with `path` and `line`.
+    """
+    units, factors, notes = {}, {}, []
+    for key, kind in kinds.items():
+        requested = given.get(key)
+        units[key] = (
+            requested
+            or agreed_unit(path, line, columns[key], fields[key], kind)
+            or next(iter(UNITS[kind]))
+        )
+        factors[key] = _given_factor(path, columns[key], kind, units[key])
+        if requested and (header_unit := _other_unit(fields[key], kind, requested)):
+            finding, advice = (
+                f"the header says {header_unit}, and units {key} = {requested} was taken",
+                f"leave units {key} out if the header is right",
+            )
+            notes.append(note(f"{of} units", finding, "one unit", advice))
+    return units, factors, tuple(notes)
+
+
+def _given_factor(path: object, names: Sequence[str], kind: str, given: str) -> float:
+    """Return the factor of a unit for the columns `names`; UsageError names them."""
+    try:
+        return unit_factor(given, kind)
+    except UsageError as refusal:
+        raise UsageError(f"{path}: unit of {' '.join(names)}: {refusal}") from None
+
+
+def _other_unit(fields: Sequence[str], kind: str, given: str) -> str | None:
+    """Return the unit that one of `fields` gives where it is another than the caller's.
+
+    What is no unit of such a column gives none.
+    """
+    taken = unit_factor(given, kind)
+    for unit in filter(None, (unit_in(field, kinds_like(kind)) for field in fields)):
+        same = factor_of(unit, (kind,))
+        if (
+            (factor_of(unit, kinds_like(kind)) is not None)
+            if same is None
+            else abs(same / taken - 1.0) > _SAME
+        ):
+            return unit
+    return None
+
+
+def factor_of(unit: str, kinds: Sequence[str]) -> float | None:
+    """Return the factor of a unit of the first of `kinds` that has it, None where none has."""
+    for kind in kinds:
+        try:
+            return unit_factor(unit, kind)
+        except UsageError:
+            continue
+    return None

@@ -1,0 +1,283 @@
+"""How a text table is written: its delimiter, decimal sign, header and number of fields.
+
+Rules, the same for all formats
+    UTF-8 with or without byte order mark, else Latin-1. A line is a comment where its first
+    character is one of # % ! ; or where it begins with //. The delimiter is the first of tab,
+    semicolon, comma and blanks that separates the first 20 data lines; a decimal comma is one where
+    the delimiter is no comma and no field has a point. The header is the first line without any
+    number, else the last comment line before the data that has as many fields as they. Everything
+    else is data: every line has the same number of fields, and the first that has not, or that is
+    no number where a number must stand, is refused with its line. Nothing is skipped and nothing is
+    filled in.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....base.units import LARGEST, spells_zero
+from .pieces import FileBytes
+
+COMMENTS = ("#", "%", "!", ";", "//")
+SAMPLE_LINES = 20
+LONGEST_HEADER = 1 << 14
+LONGEST_FIELD = 4096
+MOST_FIELDS = 1000
+BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
+SAVED = "not text; save the table as CSV, or its columns as .npz or .mat"
+CONTAINERS = {  # by their first characters
+    "PAR1": f"is a Parquet file, {SAVED}",
+    "ARROW1": f"is a Feather (Arrow) file, {SAVED}",
+    "PK\x03\x04": f"is a zip archive (unpack it) or a spreadsheet, {SAVED}",
+    "\x1f\x8b": "is a gzip archive; unpack it",
+}
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+
+_SPELLED = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
+NUMBER = re.compile(_SPELLED, re.IGNORECASE | re.ASCII)
+_IN_ANY_SCRIPT = re.compile(_SPELLED, re.IGNORECASE)
+SMALLEST = 1e-280  # of a number with all its digits, as in tables; those below lose some
+_QUOTED = re.compile(r'(?<![^\t;,\s])"(?:[^"]|"")*"(?![^\t;,\s])')
+_MASK = re.compile("\x00([0-9]+)\x00")
+_LONG = re.compile(rf"(?<![^\t;,\s])[^\t;,\s]{{{LONGEST_FIELD + 1}}}")  # from a field's begin on
+_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
+_DELIMITERS = ("\t", ";", ",", None)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is written.
+
+    Attributes
+    ----------
+    delimiter : str, optional
+        None stands for blanks.
+    decimal : str
+        Decimal sign.
+    n_fields : int
+        Fields a line.
+    header : str, optional
+        The header as it stands.
+    header_fields : tuple of str, optional
+        Its fields.
+    header_line : int, optional
+        Its line.
+    skip_to : int
+        Byte of the first data line.
+    first_line : int
+        The first data line.
+    """
+
+    delimiter: str | None
+    decimal: str
+    n_fields: int
+    header: str | None
+    header_fields: tuple[str, ...] | None
+    header_line: int | None
+    skip_to: int
+    first_line: int
+
+
+def float_of(text: str, decimal: str = ".") -> float | None:
+    """Return the finite number that `text` spells, None where it is none.
+
+    Digits are those of ASCII, without signs between them; only a zero that is written as one is
+    zero, so that a number too small for a float is none.
+    """
+    sign, other = (",", ".") if decimal == "," else (".", ",")
+    if not NUMBER.fullmatch(text) or other in text:
+        return None
+    x = float(text.replace(sign, "."))
+    zero = x == 0.0 and spells_zero(text)
+    return x if zero or SMALLEST < abs(x) < LARGEST else None
+
+
+def decode(data: bytes) -> str:
+    """Decode UTF-8 text, else Latin-1."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def shown(text: str | None, limit: int = 80) -> str:
+    """Return text of a file as a message shows it, in quotation marks, cut where it is long."""
+    text = text or ""
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+
+
+def printable(name: str) -> str:
+    """Return a name out of a binary file without what would break a message's line.
+
+    A question mark stands for each such character.
+    """
+    return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
+
+
+def split_fields(text: str, delimiter: str | None) -> list[str]:
+    """Return the fields of a line; one delimiter may close it.
+
+    A delimiter within a field in double quotation marks separates nothing; the marks stay.
+    """
+    text = text.strip(" \r\n") if delimiter == "\t" else text.strip()
+    masked, quotes = _masked(text)
+    if delimiter is None:
+        fields = masked.split()
+    else:
+        fields = [field.strip() for field in masked.removesuffix(delimiter).split(delimiter)]
+    return [_MASK.sub(lambda m: quotes[int(m[1])], field) for field in fields] if quotes else fields
+
+
+def _masked(text: str) -> tuple[str, list[str]]:
+    """Return a line with a mark in the place of each field in quotation marks, and these fields."""
+    quotes: list[str] = []
+    if '"' not in text:
+        return text, quotes
+
+    def mark(match: re.Match[str]) -> str:
+        quotes.append(match[0])
+        return f"\x00{len(quotes) - 1}\x00"
+
+    return _QUOTED.sub(mark, text), quotes
+
+
+def unquoted(field: str) -> str:
+    """Return a field without its quotation marks, those doubled within it single."""
+    if len(field) > 1 and _QUOTED.fullmatch(field):
+        return field[1:-1].replace('""', '"')
+    return field.strip("\"'")
+
+
+def refuse_long(path: object, line: int, text: str) -> None:
+    """Raise InputError where a line has a field that is longer than any number or name."""
+    if len(text) > LONGEST_FIELD and _LONG.search(text):
+        longest = max(map(len, re.split(r"[\t;,\s]", text)))
+        problem = f"a field of {longest} characters (limit {LONGEST_FIELD})"
+        raise InputError.at_line(path, line, f"{problem}; {BINARY}")
+
+
+def is_comment(text: str) -> bool:
+    """Tell whether a line is a comment."""
+    return text.lstrip().startswith(COMMENTS)
+
+
+def _no_text(first_line: str) -> str:
+    """Say what a binary file is that tables are often kept in, and what to do."""
+    message = (text for start, text in CONTAINERS.items() if first_line.startswith(start))
+    return next(message, f"is no text; {BINARY}")
+
+
+def is_binary(text: str) -> bool:
+    """Tell whether a line holds a character that no text has."""
+    return _CONTROL.search(text) is not None
+
+
+def _has_number(text: str) -> bool:
+    """Tell whether a line holds a number, one in digits of another script among them.
+
+    Such a line is no header: it is data, whose numbers are refused.
+    """
+    tokens = re.split(r"[\t;,\s]+", text)
+    return any(_IN_ANY_SCRIPT.fullmatch(token.strip("\"'")) for token in tokens if token)
+
+
+def _sample(
+    buf: NDArray[np.uint8] | FileBytes,
+) -> tuple[list[tuple[int, int, str]], list[tuple[int, str]]]:
+    """Return the first data lines (line, byte, text) and the comments (line, text) before them."""
+    size = 1 << 16
+    while True:
+        raw = bytes(buf[:size]).split(b"\n")[:-1]
+        data: list[tuple[int, int, str]] = []
+        comments: list[tuple[int, str]] = []
+        offset = 0
+        for line, chunk in enumerate(raw, start=1):
+            text = decode(chunk)
+            if is_comment(text):
+                if not data:
+                    comments.append((line, text.strip()))
+            elif text.strip():
+                data.append((line, offset, text))
+            offset += len(chunk) + 1
+            if len(data) > SAMPLE_LINES:
+                break
+        if len(data) > SAMPLE_LINES or size >= buf.size:
+            return data, comments
+        size *= 8
+
+
+def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
+    if delimiter is None:
+        return True
+    lines = [_masked(text)[0] for text in lines]
+    if not all(delimiter in text for text in lines):
+        return False
+    if delimiter != ",":
+        return True
+    # 1,5 2,5 is two numbers with decimal commas, not three fields
+    return not any(
+        len(f.split()) > 1 and all(map(NUMBER.fullmatch, f.split()))
+        for text in lines
+        for f in split_fields(text, ",")
+    )
+
+
+def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str, ...] | None:
+    text = re.sub(r"^\s*(?:[#%!;]+|//)\s*", "", text)
+    if len(text) > LONGEST_HEADER:
+        return None
+    for sign in dict.fromkeys((delimiter, ",", ";", "\t", None)):
+        fields = _NAME.findall(text) if sign is None else split_fields(text, sign)
+        if len(fields) == n_fields:
+            return tuple(fields)
+    return None
+
+
+def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8] | FileBytes) -> Layout:
+    """Return the layout of the table in `buf`; InputError where there is no data line."""
+    data, comments = _sample(buf)
+    head = data.pop(0) if data and not _has_number(data[0][2]) else None
+    if head is not None and is_binary(head[2]):
+        raise InputError.at_line(path, head[0], _no_text(head[2]))
+    if not data:
+        raise InputError.at_line(
+            path, None, "holds no data line; check that the recording was copied whole"
+        )
+    for line, _, text in data:
+        refuse_long(path, line, text)
+    texts = [text for _, _, text in data[:SAMPLE_LINES]]
+    delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
+    fields = [split_fields(text, delimiter) for text in texts]
+    flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
+    decimal = (
+        ","
+        if delimiter != "," and any("," in f for f in flat) and not any("." in f for f in flat)
+        else "."
+    )
+    n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
+    line, offset, _ = data[0]
+    if n_fields > MOST_FIELDS:
+        problem = f"{n_fields} fields (limit {MOST_FIELDS})"
+        raise InputError.at_line(path, line, f"{problem}; is it a table?")
+    if head is not None:
+        return Layout(
+            delimiter,
+            decimal,
+            n_fields,
+            head[2].strip(),
+            _header_fields(head[2], delimiter, n_fields),
+            head[0],
+            offset,
+            line,
+        )
+    if comments and (names := _header_fields(comments[-1][1], delimiter, n_fields)):
+        return Layout(
+            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], offset, line
+        )
+    return Layout(delimiter, decimal, n_fields, None, None, None, offset, line)

@@ -1,0 +1,54 @@
+"""Numbers of files that are no tables: words, elements and attributes of XML, arrays of JSON.
+
+What stands where a number belongs and is none is refused by whoever reads it; nothing stands in for
+it. The rule is that of tables, `layout.float_of`; numpy would take texts and truth values as well.
+"""
+
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.units import LARGEST
+from .layout import float_of
+from .order import Lines
+from .text import Array
+
+PLAIN = "write a plain decimal number, such as -1.5e-4"
+EXACT = 2**53  # whole numbers beyond it are not exact as a float
+
+
+def finite(text: str | None) -> float:
+    """Return the number that a text is; not-a-number where it is none, such as an empty one."""
+    value = float_of((text or "").strip())
+    return np.nan if value is None else value
+
+
+def whole(text: str | None) -> int:
+    """Return the whole number from zero on that a text is; -1 where it is none."""
+    value = finite(text)
+    return int(value) if value.is_integer() and 0.0 <= value < EXACT else -1
+
+
+def whole_rows(lines: Lines, values: Array, name: str) -> NDArray[np.int64]:
+    """Return a column of whole numbers; InputError with the line for others."""
+    wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise lines.error_at(row, f"{name} {values[row]:g} is no whole number; correct the line")
+    return values.astype(np.int64)
+
+
+def array_of(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return numbers of JSON or TOML as an array of that shape; None where they are none."""
+    flat: Any = [value]
+    try:
+        for _ in shape:
+            flat = chain.from_iterable(flat)
+        if not set(map(type, flat)) <= {int, float}:
+            return None
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):  # no list, rows of unequal length, 10^400
+        return None
+    return array if array.shape == shape and (np.abs(array) < LARGEST).all() else None

@@ -1,0 +1,177 @@
+"""Each stamp once, and in order: one rule for double, late or contradicting rows in all readers.
+
+    a row like an earlier one in every value      left out and counted
+    a row before its place, by less than 1 s      put in order and counted, where these are fewer
+                                                  than 1 % of the rows
+    another row of a stamp that is there already  left out and counted, where these are fewer than 1
+                                                  % of the rows
+
+and everything beyond is refused at the first such row. What was done is a note of the record.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....records import Check
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
+
+
+class Lines(Protocol):
+    """What reports errors at the line of a row."""
+
+    def error_at(self, row: int, message: str, /) -> InputError:
+        """Return the error `message` at the line of `row`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Picked:
+    """Rows that were picked out of others."""
+
+    lines: Lines
+    rows: Rows
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at the line of `row`."""
+        return self.lines.error_at(int(self.rows[row]), message)
+
+
+@dataclass(frozen=True)
+class NumberedRows:
+    """Rows of a table without lines (records, messages of a log), counted from 1."""
+
+    path: str
+    kind: str = "row"
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at a row."""
+        return InputError(f"{self.path}: {self.kind} {row + 1}: {message}")
+
+
+def note(
+    name: str,
+    finding: str,
+    expected: str = "each stamp once, in order",
+    advice: str = "check the logger, or how the file was put together",
+) -> Check:
+    """Return a note on what a reader left out or sorted."""
+    return Check(name, finding, expected, "note", advice)
+
+
+def open_end(name: str, complete: bool) -> tuple[Check, ...]:
+    """Return the note on a text file whose last line has no end; none where it has.
+
+    Such a line may have been cut in a number.
+    """
+    if complete:
+        return ()
+    return (
+        note(
+            name,
+            "the last line has no end, so it may be cut",
+            "a line's end",
+            "compare it with the line before; end the file properly",
+        ),
+    )
+
+
+def put_in_order(
+    lines: Lines, time: Array, same: Callable[[int, int], bool], name: str
+) -> tuple[Rows | None, tuple[Check, ...]]:
+    """Return the rows to take, in order of time, or None for all as they stand; and the notes.
+
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    time : ndarray
+        (n,) s.
+    same : callable
+        Tells whether two rows agree in every value.
+    name : str
+        Name of the notes, such as "IMU rows".
+
+    Raises
+    ------
+    InputError
+        The first row beyond the limits.
+    """
+    if time.size < 2 or (time[1:] > time[:-1]).all():
+        return None, ()
+    order = np.argsort(time, kind="stable")
+    keep, clashes, doubles, first = np.ones(time.size, dtype=bool), [], 0, int(order[0])
+    for row in order[1:].tolist():
+        if time[row] != time[first]:
+            first = row
+            continue
+        keep[row] = False
+        if same(first, row):
+            doubles += 1
+        else:
+            clashes.append((row, first))
+    _refuse_out_of_order(lines, time, keep)
+    if len(clashes) >= SHARE_LIMIT * time.size:
+        row, first = min(clashes)
+        message = (
+            f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
+            f" {len(clashes)} of {time.size} rows"
+        )
+        remedy = "keep one row a stamp, or read the file by another clock"
+        if row > 0 and (back := time[row - 1] - time[row]) > 0.0:
+            message = (
+                f"the clock goes back by {back:.6f} s here, to {time[row]:.6f} s, and"
+                f" {len(clashes)} of {time.size} rows have the stamp of an earlier one"
+            )
+            remedy = "split the file here, or add the step to all rows from here on"
+        raise lines.error_at(
+            row, f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; {remedy}"
+        )
+    done = [f"{doubles} double rows left out"] if doubles else []
+    done += (
+        [
+            f"{len(clashes)} rows that contradict an earlier one of their stamp left out, the first"
+            f" at {time[min(clashes)[0]]:.3f} s"
+        ]
+        if clashes
+        else []
+    )
+    out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
+    done += [f"{out_of_order.sum()} out-of-order rows sorted"] if out_of_order.any() else []
+    return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
+
+
+def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
+    """Refuse rows that stand behind later ones by too much, or too many."""
+    rows = np.flatnonzero(keep)
+    kept = time[rows]
+    by = np.maximum.accumulate(kept) - kept
+    out_of_order = by > 0.0
+    if not out_of_order.any():
+        return
+    worst = int(np.argmax(by))
+    if by[worst] >= LATE_LIMIT_S or out_of_order.sum() >= SHARE_LIMIT * time.size:
+        k = (
+            int(np.argmax(by >= LATE_LIMIT_S))
+            if by[worst] >= LATE_LIMIT_S
+            else int(np.argmax(out_of_order))
+        )
+        before = float(np.maximum.accumulate(kept)[k])
+        message = (
+            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()}"
+            f" of {time.size} rows are out of order"
+        )
+        limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
+        raise lines.error_at(
+            int(rows[k]),
+            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where"
+            " the clock was set",
+        )

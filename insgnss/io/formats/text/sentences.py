@@ -1,0 +1,92 @@
+"""Checksummed sentences ($...*hh) of NMEA 0183 and its relatives."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.advance import through
+from ....base.errors import InputError
+from .layout import decode
+from .text import Source, load
+
+# of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
+BAD_SHARE_LIMIT = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Sentences:
+    """The sentences of a file with a right checksum, and the count of pieces that have none."""
+
+    path: str
+    buf: NDArray[np.uint8]
+    starts: NDArray[np.int64]
+    stars: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    n_bad: int
+
+    def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
+        """Yield line and fields of each sentence whose name ends in one of three letters.
+
+        The first field stands without its '$'.
+        """
+        data = self.buf.tobytes()
+        all_of_them = (self.starts.tolist(), self.stars.tolist(), self.lines.tolist())
+        for start, star, line in through(list(zip(*all_of_them, strict=True))):
+            if data[start + 3 : start + 6] in kinds:
+                yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
+
+    def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
+        """Return the text between `opening` and '*' in sentences that begin so, and their lines."""
+        data, size = self.buf.tobytes(), len(opening)
+        pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
+        matches = [
+            (data[start + size : star], line)
+            for start, star, line in pairs
+            if data.startswith(opening, start)
+        ]
+        return [body for body, _ in matches], [line for _, line in matches]
+
+
+def read_sentences(path: Source) -> Sentences:
+    """Read a log.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the sentences have no right checksum; the first of them is named.
+    """
+    from . import _kernels
+
+    buf, _ = load(path)
+    n = _kernels.count_newlines(buf) + int(np.count_nonzero(buf == ord("$")))
+    starts, stars, lines = (np.zeros(n, dtype=np.int64) for _ in range(3))
+    n = _kernels.nmea_sentences(buf, starts, stars, lines)
+    if n == 0:
+        raise InputError.at_line(
+            path, None, "holds no line; check that the recording was copied whole"
+        )
+    good = stars[:n] > 0
+    n_bad = int(n - good.sum())
+    if n_bad > BAD_SHARE_LIMIT * n:
+        first = int(np.argmin(good))
+        text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
+        message = (
+            f"no right checksum in {text!r}, as in {n_bad} of {n} sentences (limit"
+            f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
+        )
+        raise InputError.at_line(path, int(lines[first]), message)
+    return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
+
+
+@dataclass(frozen=True)
+class SentenceLines:
+    """Lines that rows were taken from."""
+
+    path: str
+    lines: list[int]
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at_line(self.path, self.lines[row], message)

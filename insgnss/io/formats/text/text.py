@@ -1,0 +1,401 @@
+"""Text tables in and whole files out: the base of every text format.
+
+The rules are those of `layout`.
+"""
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....base.files import lines_of
+from ....base.inputs import opened
+from .dates import is_date, seconds_of_dates
+from .layout import (
+    BINARY,
+    NUMBER,
+    Layout,
+    decode,
+    float_of,
+    is_binary,
+    is_comment,
+    refuse_long,
+    shown,
+    sniff,
+    split_fields,
+    unquoted,
+)
+from .pieces import FileBytes, shrunk
+
+Array = NDArray[np.float64]
+Source = str | os.PathLike[str]
+PRINT_FROM = 100_000  # numbers, from which on a kernel prints them
+_PLAIN = re.compile(r"%(?:d|\.1?\df)(?:([ ,;\t])%(?:d|\.1?\df)(?:\1%(?:d|\.1?\df))*)?\n")
+AROUND = 1 << 16  # bytes before and behind a fault in which its line is looked for
+PIECES_FROM = 1 << 22  # bytes; smaller files are simply read
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Numbers of a text table.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    layout : Layout
+        How it is written.
+    values : ndarray
+        (n, m) numbers; not-a-number where a field is none.
+    lines : ndarray
+        (n,) the line of each row, counted from 1.
+    complete : bool
+        Whether the last line has its end.
+    bad : mapping
+        For each column (from 0) with a field that is no number, the error of the first such field,
+        in the order of the file.
+    dates : frozenset
+        Columns that hold dates; their values are seconds since 1970 (`dates`).
+    """
+
+    path: str
+    layout: Layout
+    values: Array
+    lines: NDArray[np.int64]
+    complete: bool = True
+    bad: Mapping[int, InputError] = field(default_factory=dict)
+    dates: frozenset[int] = frozenset()
+
+    def refuse_text(self, columns: Iterable[int]) -> None:
+        """Raise InputError at the first field in these columns that is no number."""
+        taken = set(columns)
+        for column, refusal in self.bad.items():
+            if column in taken:
+                raise refusal
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at_line(self.path, int(self.lines[row]), message)
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Fields of a text table as they stand; numbers are taken from single columns."""
+
+    path: str
+    layout: Layout
+    rows: list[list[str]]
+    lines: list[int]
+    complete: bool = True
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at_line(self.path, self.lines[row], message)
+
+    def strings(self, column: int) -> tuple[str, ...]:
+        """Return a column as text, without quotation marks."""
+        return tuple(unquoted(row[column]) for row in self.rows)
+
+    def floats(self, column: int) -> Array:
+        """Return a column as numbers (n,); InputError with the line for what is none."""
+        out = np.empty(len(self.rows))
+        for i, row in enumerate(self.rows):
+            out[i] = number(row[column].strip("\"'"), self.path, self.lines[i], self.layout.decimal)
+        return out
+
+
+def number(field: str, path: object, line: int, decimal: str = ".") -> float:
+    """Return the finite float of `field`; InputError names file, line and the field."""
+    if (x := float_of(field.strip(), decimal)) is not None:
+        return x
+    raise InputError.at_line(
+        path,
+        line,
+        f"{shown(field)} where a finite number must stand; correct the line or choose another"
+        " column",
+    )
+
+
+def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
+    """Return the bytes of a text file with a newline behind them, and whether its last line ended.
+
+    A byte order mark is turned to blanks.
+    """
+    buf = load_bytes(path, 1)
+    if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError.at_line(path, 1, "is UTF-16 text; save it as UTF-8")
+    if bytes(buf[:3]) == b"\xef\xbb\xbf":
+        buf[:3] = ord(" ")
+    buf[-1] = ord("\n")
+    return buf, bool(buf[-2] == ord("\n"))
+
+
+@contextmanager
+def loaded(path: Source) -> Iterator[tuple[NDArray[np.uint8] | FileBytes, bool]]:
+    """Give the bytes of `load`, of a large file those of `FileBytes`: no copy of it is made.
+
+    A large file with a byte order mark or without a newline at its end is loaded all the same.
+    """
+    if not Path(path).is_file() or Path(path).stat().st_size < PIECES_FROM:
+        yield load(path)
+        return
+    with FileBytes(path) as buf:
+        bom = bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb")
+        plain = buf[buf.size - 1 : buf.size][0] == ord("\n") and not bom
+        yield (buf, True) if plain else load(path)
+
+
+def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
+    """Return the bytes of a file, not empty, with `room` more behind them."""
+    path = Path(path)
+    try:
+        with opened(path) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            buf = np.empty(size + room, dtype=np.uint8)
+            count = stream.readinto(buf.data[:size])
+    except FileNotFoundError:
+        raise InputError.at_line(
+            path, None, "no such file; check the path in the flight file"
+        ) from None
+    except OSError as error:
+        raise InputError.at_line(
+            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        ) from None
+    if size == 0:
+        raise InputError.at_line(path, None, "is empty; copy it again from its source")
+    if count < size:
+        raise shrunk(path, count, size)
+    return buf
+
+
+def read_table(path: Source, whole: bool = True) -> Table:
+    """Read a table of numbers; InputError with the first bad line.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    whole : bool
+        Every field must be a number; else only rows of another length are refused, and `Table.bad`
+        reports what is no number.
+    """
+    buf, complete = load(path)
+    return parse(path, buf, complete, sniff(path, buf), whole)
+
+
+def parse(
+    path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, whole: bool = True
+) -> Table:
+    """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
+    from . import _kernels
+
+    n = _kernels.count_newlines(buf)
+    values = np.empty((n, layout.n_fields))
+    lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
+    delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
+    # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+    with np.errstate(over="ignore"):
+        rows, status, offset, line = _kernels.parse_rows(
+            buf,
+            layout.skip_to,
+            layout.first_line,
+            delimiter,
+            ord(layout.decimal),
+            values,
+            lines,
+            bad,
+        )
+    at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
+    at_fault = at_fault[:1] if whole else at_fault
+    refused = {
+        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(bad[k, 1]))
+        for start, k in at_fault
+    }
+    if refused and whole:
+        raise next(iter(refused.values()))
+    if status != _kernels.OK:
+        raise _refusal(path, buf, complete, layout, status, offset, line)
+    if not complete:
+        tail = lines_of(decode(bytes(buf[-8192:])))
+        _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
+    values, dates = values[:rows], frozenset[int]()
+    if refused:
+        dates = _take_dates(buf, layout, values, refused)
+        refused = {k: refusal for k, refusal in refused.items() if k not in dates}
+    return Table(str(path), layout, values, lines[:rows], complete, refused, dates)
+
+
+def _take_dates(
+    buf: NDArray[np.uint8], layout: Layout, values: Array, columns: Iterable[int]
+) -> frozenset[int]:
+    """Put seconds since 1970 into the columns of `values` that hold dates; return these columns."""
+    of_dates = []
+    rows: list[list[str]] | None = None
+    for k in columns:
+        if rows is None:
+            rows = [split_fields(text, layout.delimiter) for text in _data_lines(buf, layout)]
+        if len(rows) != len(values) or not rows or not is_date(rows[0][k]):
+            continue
+        if (seconds := seconds_of_dates([row[k] for row in rows])) is not None:
+            values[:, k] = seconds
+            of_dates.append(k)
+    return frozenset(of_dates)
+
+
+def _data_lines(buf: NDArray[np.uint8], layout: Layout) -> list[str]:
+    """Lines from the layout's first data line on that are neither empty nor comments."""
+    texts = decode(bytes(buf[layout.skip_to : -1])).split("\n")
+    return [text for text in texts if text.strip() and not is_comment(text)]
+
+
+def _like_it(buf: NDArray[np.uint8], layout: Layout) -> str:
+    """Say how many data lines have another number of fields, where it is more than one."""
+    texts = _data_lines(buf, layout)
+    odd = sum(len(split_fields(text, layout.delimiter)) != layout.n_fields for text in texts)
+    if odd < 2:
+        return ""
+    return f"; {odd} of {len(texts)} lines have another number of fields than {layout.n_fields}"
+
+
+def _refusal(
+    path: Source,
+    buf: NDArray[np.uint8],
+    complete: bool,
+    layout: Layout,
+    status: int,
+    offset: int,
+    line: int,
+) -> InputError:
+    """Return what is wrong with the line around `offset`."""
+    from . import _kernels
+
+    near = max(0, offset - AROUND)
+    before = bytes(buf[near:offset]).rpartition(b"\n")[2]
+    after = bytes(buf[offset : offset + AROUND])
+    rest = after.partition(b"\n")[0]
+    text = decode(before + rest).strip("\r\n")
+    fields = split_fields(text, layout.delimiter)
+    seen, advice = shown(text), "correct or delete the line"
+    if is_binary(text):
+        seen, advice = ascii(text[:10]) + "...", BINARY
+    last = offset + len(rest) + 1 >= buf.size and not complete
+    if (
+        last
+        and not is_binary(text)
+        and len(fields) <= layout.n_fields
+        and status != _kernels.TOO_MANY
+    ):
+        return InputError.at_line(
+            path,
+            line,
+            f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
+        )
+    if max(len(before), len(rest)) == AROUND:
+        problem = f"{seen}, a line of more than {AROUND} bytes: a number is missing, or none"
+        return InputError.at_line(path, line, f"{problem}; {advice}")
+    if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
+        count = _like_it(buf, layout)
+        return InputError.at_line(
+            path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}{count}; {advice}"
+        )
+    prefix = decode(before)
+    column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
+    description = (
+        f"{shown(fields[column])} in field {column + 1}"
+        if column < len(fields) and fields[column]
+        else f"nothing in field {column + 1}"
+    )
+    return InputError.at_line(
+        path, line, f"{description} where a finite number must stand: {seen}; {advice}"
+    )
+
+
+def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
+    """Refuse a last line without newline whose last number seems cut.
+
+    It has fewer decimals than in all of the ten lines before.
+    """
+    fields = [
+        split_fields(text, layout.delimiter)[-1]
+        for text in tail
+        if text.strip() and not is_comment(text)
+    ]
+    *earlier, last = [field for field in fields if NUMBER.fullmatch(field)] or [""]
+    decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
+    if (
+        len(decimals) == 1
+        and len(earlier) >= 2
+        and len(last.partition(layout.decimal)[2]) < decimals.pop()
+    ):
+        message = (
+            f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
+            " copy it again or delete the line"
+        )
+        raise InputError.at_line(path, line, message)
+
+
+def read_text_table(path: Source) -> TextTable:
+    """Read a table with columns of text, such as image names; for files of some thousand lines."""
+    buf, complete = load(path)
+    layout = sniff(path, buf)
+    rows, lines = [], []
+    raw = decode(bytes(buf[layout.skip_to : -1])).split("\n")
+    for line, text in enumerate(raw, start=layout.first_line):
+        if not text.strip() or is_comment(text):
+            continue
+        refuse_long(path, line, text)
+        fields = split_fields(text, layout.delimiter)
+        if len(fields) != layout.n_fields:
+            cut = (
+                not complete
+                and line == layout.first_line + len(raw) - 1
+                and len(fields) < layout.n_fields
+            )
+            description = (
+                "truncated: the file ends within this line,"
+                if cut
+                else f"{len(fields)} fields, expected {layout.n_fields}:"
+            )
+            seen, advice = shown(text.strip()), "correct or delete the line"
+            if is_binary(text):
+                seen, advice = ascii(text[:10]) + "...", BINARY
+            raise InputError.at_line(path, line, f"{description} {seen}; {advice}")
+        rows.append(fields)
+        lines.append(line)
+    if not complete:
+        _refuse_short_end(path, raw, layout, lines[-1])
+    return TextTable(str(path), layout, rows, lines, complete)
+
+
+def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
+    """Yield rows of `table` (n, m) by the % format of one row (with its newline), in chunks.
+
+    Large tables of plain numbers, such as "%d,%.6f,%.3f", are printed by a kernel, to the same
+    bytes.
+    """
+    plain = _PLAIN.fullmatch(form)
+    if plain is None or table.size < PRINT_FROM or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        for first in range(0, len(table), chunk):
+            block = table[first : first + chunk]
+            yield form * len(block) % tuple(block.ravel().tolist())
+        return
+    from . import _kernels
+
+    sign = plain[1] or "\n"
+    wanted = form.removesuffix("\n").split(sign)
+    decimals = np.array([-1 if x == "%d" else int(x[2:-1]) for x in wanted], dtype=np.int64)
+    out = np.empty(chunk * decimals.size * _kernels.PRINTED, dtype=np.uint8)
+    for first in range(0, len(table), chunk):
+        block, row = np.ascontiguousarray(table[first : first + chunk], dtype=np.float64), 0
+        while row < len(block):
+            row, length = _kernels.print_rows(block, row, decimals, ord(sign), ord("\n"), out)
+            yield out[:length].tobytes().decode("ascii")
+            if row < len(block):
+                yield form % tuple(block[row].tolist())
+                row += 1

@@ -1,0 +1,102 @@
+"""trajectory.csv: the navigation solution and its sigmas, data_specs/trajectory_csv.md.
+
+Position is that of the IMU's navigation centre, velocity and standard deviations are along north,
+east, down, heading is in [0, 360) deg from true north, the week is that of the row.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.files import atomic_write
+from ....geodesy.gpstime import WEEK_S
+from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation
+from ....records import Trajectory
+from ..text.columns import Aliases, check_increasing, columns_of, gps_time
+from ..text.text import Source, format_rows, read_table
+from .sbet import rpy_sigma
+
+Array = NDArray[np.float64]
+
+STATE = (
+    "gps_week",
+    "tow",
+    "lat_deg",
+    "lon_deg",
+    "h_m",
+    "vn",
+    "ve",
+    "vd",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+)
+SIGMA = (
+    "sd_n_m",
+    "sd_e_m",
+    "sd_d_m",
+    "sd_vn",
+    "sd_ve",
+    "sd_vd",
+    "sd_roll_deg",
+    "sd_pitch_deg",
+    "sd_heading_deg",
+)
+COLUMNS = (*STATE, *SIGMA)
+ALIASES: Aliases = {name: (name,) for name in COLUMNS}
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryTable:
+    """The content of the file: as `records.Trajectory`, with `sigma` instead of the covariance.
+
+    `sigma` is (n, 9): standard deviations of position m, velocity m/s, roll pitch heading rad.
+    """
+
+    time: Array
+    lat: Array
+    lon: Array
+    height: Array
+    velocity_ned: Array
+    rpy: Array
+    sigma: Array
+    gps_week: int
+
+    @property
+    def C_nb(self) -> Array:
+        """(n, 3, 3), body FRD to NED at the point."""
+        return rotation_from_rpy(self.rpy)
+
+
+def write_trajectory_csv(trajectory: Trajectory, path: Source) -> None:
+    """Write a trajectory.
+
+    Times have 6 decimals, degrees of position 10, metres 4, m/s 5, degrees of attitude 6.
+    """
+    weeks = np.floor(trajectory.time / WEEK_S)
+    rpy = np.degrees(rpy_from_rotation(trajectory.C_nb))
+    rpy[:, 2] = np.where((heading := np.round(rpy[:, 2] % 360.0, 6)) < 360.0, heading, 0.0)
+    sigma = np.sqrt(np.diagonal(trajectory.cov, axis1=1, axis2=2)[:, :6])
+    time = [trajectory.gps_week + weeks, trajectory.time - WEEK_S * weeks]
+    position = [np.degrees(trajectory.lat), np.degrees(trajectory.lon), trajectory.height]
+    table = np.column_stack(
+        [*time, *position, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
+    )
+    form = "%d,%.6f,%.10f,%.10f,%.4f" + ",%.5f" * 3 + ",%.6f" * 3 + ",%.5f" * 6 + ",%.6f" * 3 + "\n"
+    atomic_write(path, [",".join(COLUMNS) + "\n", *format_rows(form, table)])
+
+
+def read_trajectory_csv(path: Source) -> TrajectoryTable:
+    """Read the file back; InputError with file and line."""
+    table = read_table(path)
+    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
+    values = table.values[:, [index[name] for name in COLUMNS]]
+    time, week = gps_time(table, values[:, 1], values[:, 0], None)
+    assert week is not None
+    check_increasing(table, time)
+    sigma = values[:, 11:] * ([1.0] * 6 + [np.pi / 180.0] * 3)
+    lat, lon = np.radians(values[:, 2]), np.radians(values[:, 3])
+    return TrajectoryTable(
+        time, lat, lon, values[:, 4], values[:, 5:8], np.radians(values[:, 8:11]), sigma, week
+    )

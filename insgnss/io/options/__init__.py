@@ -1,0 +1,1 @@
+"""What an option of a reader declares, and the table [camera] of the flight file."""

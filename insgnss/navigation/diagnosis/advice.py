@@ -1,0 +1,396 @@
+"""The advice to the user: checks of the flight file against what the innovations say, in words.
+
+A lever arm, time offset or clock rate with strong evidence against the flight file
+(`constants.STRONG`) contradicts it where it moves positions by more than `NEGLIGIBLE_M`, and makes
+a note where it moves them by less: slow errors of PPK fixes of some millimetres, which their sigmas
+do not hold, make such ones up. Scale factors and misalignments are estimated, and said in a note,
+as are variances. Advice is given for the winner alone, which has been tried: the flight was solved
+with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...geodesy.rotation import right_angle_rotations
+from ...records import Array, Check
+from ...records.cameras.mounting import Mounting
+from ..filter.codes import POS
+from ..filter.layout import FixErrors
+from ..filter.solution import Solution
+from .constants import OF_FIXES, STRONG, ConstantsEvidence, Hypothesis
+from .estimated import rms_speed
+
+if TYPE_CHECKING:
+    from .variances import VarianceHypothesis
+
+NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated flight from RINEX
+DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
+SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
+UNSEEN_M = NEGLIGIBLE_M  # what would contradict the flight file if it were seen
+UNSEEN_SIGMA = 3.0
+# log evidence with wide a-priori sigmas that none of 160 right flights of three minutes reached:
+# the largest was 2.7
+BY_CHANCE = 3.0
+TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
+AXES = ("forward", "right", "down")
+STAMPED = (
+    "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
+    " other one they are off by as much"
+)
+# of the IMU's interval: samples taken for its mean are late by half of it where they are
+# instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
+LATE_SAMPLES = (0.25, 0.5)
+LATE_SIGMAS = 2.0
+LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
+
+
+def advice(
+    mounting: Mounting,
+    solution: Solution,
+    suspected: Hypothesis,
+    rivals: Sequence[Hypothesis] = (),
+    exposures: bool = False,
+) -> list[Check]:
+    """Say which constants contradict the flight file, and what would put them right.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        The mounting of the flight file, in whose axes the advice is given.
+    solution : Solution
+        The flight solved with these constants as states.
+    suspected : Hypothesis
+        The constants that are suspected.
+    rivals : sequence of Hypothesis
+        What the flight does not tell apart from it.
+    exposures : bool
+        Whether there are any: their place depends on that of the IMU in the mounting, of which a
+        lever arm tells as much as of the antenna's.
+
+    Returns
+    -------
+    list of Check
+        One for each kind of constant, the most significant first.
+    """
+    values = {
+        name: (float(value), float(sigma))
+        for name, value, sigma in zip(
+            suspected.names, suspected.value, suspected.sigma, strict=True
+        )
+    }
+    speed = rms_speed(solution)
+    minutes = float(solution.time[-1] - solution.time[0]) / 60.0
+    either = "; this flight does not tell it from " + " or ".join(
+        " and ".join(rival.groups) for rival in rivals
+    )
+    by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
+    beyond_chance = suspected.wide_evidence >= BY_CHANCE
+    checks: list[tuple[float, Check]] = []
+    lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
+    sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
+
+    def add(of: str, check: Check) -> None:
+        check = replace(check, beyond_chance=beyond_chance)
+        checks.append((max(size for name, size in sizes.items() if of in name), check))
+
+    if any(lever):
+        strong = _shown(LEVER_ARM, suspected, rivals)
+        add(LEVER_ARM, _lever_arm(mounting, lever, by, strong, exposures))
+    if OFFSET in values:
+        strong = _shown(OFFSET, suspected, rivals)
+        check = _time_offset(*values[OFFSET], speed, by, strong)
+        of_samples = _late_samples(*values[OFFSET], solution.problem.inc.nominal_s)
+        add(OFFSET, replace(check, advice=f"{check.advice}{of_samples}"))
+    if RATE in values:
+        strong = _shown(RATE, suspected, rivals)
+        add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
+    for kind, unit, factor, key in (
+        ("scale factor", "%", 1e2, "scale_factor"),
+        (" from ", "mrad", 1e3, "misalignment"),
+    ):
+        own = {name: value for name, value in values.items() if kind in name}
+        if own:
+            add(kind, _of_imu(own, unit, factor, key, by))
+    return [check for _, check in sorted(checks, key=lambda one: -one[0])]
+
+
+def _shown(of: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
+    """Tell whether a kind of constant is shown to be wrong.
+
+    What the flight does not tell from an error of the IMU alone is no contradiction of the flight
+    file; a rival that has the same constant as well supports it.
+    """
+    own = {group for group in suspected.groups if group.startswith(of)}
+    return suspected.wide_evidence >= STRONG and all(
+        own <= set(rival.groups) or all(group.startswith(OF_FIXES) for group in rival.groups)
+        for rival in rivals
+    )
+
+
+def unseen(
+    solution: Solution, constants: ConstantsEvidence, events_with_fixes: bool = False
+) -> Check | None:
+    """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    constants : ConstantsEvidence
+        What its innovations say of the constants.
+    events_with_fixes : bool
+        Whether the clock of the fixes stamps the exposures, whose poses an offset that both share
+        then does not move (`navigation.filter.event_clock`).
+
+    Returns
+    -------
+    Check or None
+        A note where an error could stay unseen (`SEEN` sigmas of what the flight tells) that moves
+        positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
+        of them are estimated in any case.
+    """
+    alone = constants.known_to()
+    speed = rms_speed(solution)
+    of_position = np.sqrt(np.diagonal(solution.nav_covariance(), axis1=1, axis2=2)[:, POS]).max(
+        axis=1
+    )
+    limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
+    parts, hidden = [], []
+    if not LEVER_ARM.startswith((*constants.requested, *constants.exact)):
+        sigmas = [alone.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
+        each = " / ".join(_millimetres(sigma) for sigma in sigmas)
+        parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
+        hidden += [
+            f"{LEVER_ARM} {axis} below {_millimetres(SEEN * sigma)} mm"
+            for axis, sigma in zip(AXES, sigmas, strict=True)
+            if SEEN * sigma > limit
+        ]
+    if not OFFSET.startswith(constants.requested):
+        sigma = alone.get(OFFSET, np.inf)
+        cost = (
+            "which moves no exposure: the same clock stamps them"
+            if events_with_fixes
+            else f"{_millimetres(sigma * speed)} mm along track"
+        )
+        parts.append(f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({cost})")
+        if SEEN * sigma * speed > limit and not events_with_fixes:
+            hidden.append(f"{OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
+    if not parts:
+        return None
+    text = f"this flight tells {' and '.join(parts)}"
+    if hidden:
+        text += f"; it would not show errors of {', '.join(hidden)}"
+    return Check(
+        "unseen constants",
+        text,
+        f"errors of more than {1e3 * limit:.0f} mm seen",
+        "note" if hidden else "ok",
+        "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"
+        " tilts and changes of speed show them"
+        if hidden
+        else "",
+    )
+
+
+def _millimetres(metres: float) -> str:
+    """Return a length in millimetres, three digits at most."""
+    return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
+
+
+def variance_check(suspected: "VarianceHypothesis") -> Check:
+    """Say whose noise is larger than its model says.
+
+    Parameters
+    ----------
+    suspected : VarianceHypothesis
+        The family and its factors.
+
+    Returns
+    -------
+    Check
+        A note: the flight is solved with the larger noise.
+    """
+    # smaller noise than the model's is not adopted
+    larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
+    if suspected.family == "GNSS sigmas":
+        remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
+        name = "GNSS sigmas"
+    else:
+        remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
+        name = "IMU noise"
+    return Check(
+        name,
+        f"{suspected.family} times {factors} explains the innovations, log evidence"
+        f" {suspected.evidence:.0f}; solved with it",
+        "factors of one",
+        "note",
+        remedy,
+    )
+
+
+def message(errors: FixErrors) -> str:
+    """Describe the time-correlated GNSS error that is estimated, for the history of a run."""
+    correlated, white = (
+        " / ".join(f"{x:.2f}" for x in values)
+        for values in (errors.gm_sigma or (), errors.white_scale)
+    )
+    return (
+        "correlated innovations: a time-correlated (Gauss-Markov) GNSS error estimated, in "
+        f"standard deviations of the file (N / E / D): {correlated} with a correlation time of "
+        f"{errors.correlation_time_s:.1f} s, beside {white} of white error"
+    )
+
+
+def _lever_arm(
+    mounting: Mounting,
+    lever: Sequence[tuple[float, float] | None],
+    by: str,
+    strong: bool,
+    exposures: bool,
+) -> Check:
+    """Check the antenna lever arm."""
+    value: Array = np.array([0.0 if one is None else one[0] for one in lever])
+    sigma = max(one[1] for one in lever if one is not None)
+    estimate = ", ".join(
+        f"{axis} {one[0]:+.3f} +- {one[1]:.3f}"
+        for axis, one in zip(AXES, lever, strict=True)
+        if one is not None
+    )
+    contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
+    exact = mounting.antenna_sigma_m == 0.0
+    advised = _either(mounting, value, sigma, exposures)
+    if exact:
+        advised += "; mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+    elif not exposures:
+        advised = f"set filter.lever_arm = true to have it estimated, or {advised}"
+    turns = _other_cameras(mounting, lever) if contradicts else []
+    if turns:
+        matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
+        advised = (
+            f"another mounting.camera_from_body{matrix} would explain it with antenna_m as it is,"
+            " and turn the images as well: look at it first, nothing else of a flight shows it;"
+            f" else {advised}"
+        )
+    return Check(
+        LEVER_ARM,
+        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
+        f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off",
+        "contradiction" if contradicts else "note",
+        advised,
+    )
+
+
+def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
+    """Say which places of the antenna, and of the IMU where images depend on it, would be it.
+
+    The flight sees the antenna from the IMU alone, so that both explain it alike.
+    """
+    off = mounting.C_cb @ value
+    antenna, imu = (
+        f"[{', '.join(f'{v:.3f}' for v in position)}]"
+        for position in (mounting.antenna_m + off, mounting.imu_m - off)
+    )
+    how_well = f"antenna_sigma_m = {max(sigma, 1e-3):.3f}"
+    if not exposures:
+        return f"mounting.antenna_m = {antenna} would be it, with {how_well}"
+    return (
+        f"mounting.imu_m = {imu} or mounting.antenna_m = {antenna} would be it, with {how_well}:"
+        " the flight sees the antenna from the IMU alone and does not tell which of both is wrong,"
+        f" and the images of one are {float(np.linalg.norm(value)):.3f} m off those of the other;"
+        " measure both before you take either"
+    )
+
+
+def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | None]) -> list[Array]:
+    """Return the turns T by right angles with which the stated lever arm is the one that was found.
+
+    Where only T is wrong, the flight finds the lever arm (M.2) off by its difference between both.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        The flight file's.
+    lever : sequence of (float, float) or None
+        What the lever arm is off by in the body's axes and its sigma, m; None where an axis is not
+        suspected.
+    """
+    # an axis that is not suspected is not off by more than what matters
+    value = np.array([0.0 if one is None else one[0] for one in lever])
+    sigma = np.array([NEGLIGIBLE_M if one is None else one[1] for one in lever])
+    limit = np.maximum(SEEN * sigma, NEGLIGIBLE_M)
+    estimate = mounting.antenna_lever_b + value
+    others = [
+        replace(mounting, camera_from_body=T)
+        for T in right_angle_rotations()
+        if np.abs(T - mounting.camera_from_body).max() > TURNED
+    ]
+    return [
+        other.camera_from_body
+        for other in others
+        if (np.abs(other.antenna_lever_b - estimate) < limit).all()
+    ]
+
+
+def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:
+    """Check the time offset of the fixes."""
+    contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
+    return Check(
+        OFFSET,
+        f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
+        f"{speed:.1f} m/s{by}",
+        f"none, or less than {NEGLIGIBLE_M:g} m",
+        "contradiction" if contradicts else "note",
+        f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
+        f"estimated; {STAMPED}",
+    )
+
+
+def _late_samples(offset: float, sigma: float, interval_s: float) -> str:
+    """Say that samples which are no means over their intervals would look like this offset."""
+    least, most = (share * interval_s for share in LATE_SAMPLES)
+    slack = LATE_SIGMAS * sigma
+    if not least - slack <= -offset <= most + slack or slack > most:
+        return ""
+    return (
+        f"; or is each IMU sample no mean over its {1e3 * interval_s:.3g} ms: instantaneous"
+        ' (imu.quantity = "instant_rate"), or every k-th kept of more (give all of them, or their'
+        f" means)? then the IMU's stamps are late: add {-offset:+.4f} to imu.time_offset_s instead,"
+        " which keeps the exposures right"
+    )
+
+
+def _clock_rate(
+    rate: float, sigma: float, minutes: float, speed: float, by: str, strong: bool
+) -> Check:
+    """Check the rate of the IMU's clock against that of the fixes."""
+    moves = 0.5 * abs(rate) * 60.0 * minutes * speed
+    return Check(
+        "clock rate",
+        f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
+        f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
+        f"one clock, or less than {NEGLIGIBLE_M:g} m",
+        "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
+        "set filter.time_offset = true, which estimates offset and rate of the clocks; " + STAMPED,
+    )
+
+
+def _of_imu(
+    values: dict[str, tuple[float, float]], unit: str, factor: float, key: str, by: str
+) -> Check:
+    """Note scale factors or misalignments of the IMU, which are estimated."""
+    largest = sorted(values, key=lambda name: -abs(values[name][0] / values[name][1]))[:3]
+    numbers = ", ".join(
+        f"{name} {factor * values[name][0]:+.2f} +- {factor * values[name][1]:.2f} {unit}"
+        for name in largest
+    )
+    return Check(
+        "IMU scale factors" if key == "scale_factor" else "IMU misalignments",
+        f"{numbers}{by}; estimated",
+        "within what the noise model has",
+        "note",
+        f"calibrate the IMU (imu.calibration), or set filter.{key} = true",
+    )

@@ -1,0 +1,375 @@
+"""A clock that steps in mid flight: from some instant on the stamps are off by so much more.
+
+A logger that loses a block of samples and counts on, a receiver that sets its clock, a leap second
+that one side takes: the time offset of the fixes is one number before and another after. The search
+for constants (`constants`) knows no such thing. It has an offset and a rate, and calls half a step
+a rate, with all the evidence of the step.
+
+Where an offset or a rate is suspected, or estimated, one pass with both as states follows beside
+the filter what a step at each of `INSTANTS` instants does to the innovations (`sensitivity`): with
+J and j of (Y.2) and D the sigma a priori, a step at t explains in log evidence
+
+    F(t) = j^2 / (J + D^-2) / 2 - log(1 + J D^2) / 2                                          (Z.1)
+
+beyond offset and rate. Two passes more look between the neighbours of the best instant, down to the
+interval of the fixes. An IMU's clock that steps ahead leaves a gap in its stamps, which is bridged
+as if the flight had gone on meanwhile, and one that steps back has its samples left out until the
+stamps go on: such a step puts the position off by -v as well, so that flying straight on shows
+nothing of it. Each gap is a candidate besides, for a step as long as it is, each instant one for a
+step back.
+
+The step is then tried: the fixes from t on are moved along the flight by
+
+    z(t) <- z(t) - [p(t + s) - p(t)]                                                          (Z.2)
+
+p the antenna of the solution, a gap is closed, and the flight is solved again, which is what mended
+stamps would give. It is shown where that follows the fixes without a covariance reset, which fixes
+that jump to one side would need as well, and its likelihood of all innovations (`evidence.misfit`)
+is better than that of whatever was adopted without it by `SHOWN`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...geodesy.rotation import rotation_from_quaternion
+from ...records import Array, Check
+from ..filter.codes import (
+    COVARIANCE_RESET,
+    N_NAV,
+    NHC,
+    NO_CONSTRAINT,
+    POS,
+    POSITION,
+    QUAT,
+    VEL,
+)
+from ..filter.layout import StateLayout
+from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution, solve
+from .advice import NEGLIGIBLE_M
+from .candidates import FAR, WIDE_TIME_OFFSET_S, widened, with_layout
+from .estimated import rms_speed
+from .evidence import follows, misfit
+from .sensitivity import Constants, Sensitivity
+
+STEP = "clock step"
+INSTANTS = 48  # of a pass, at which a step is looked for
+PASSES = 3  # of which each looks at the neighbourhood of the best of the one before
+NEIGHBOURS = 2  # intervals on either side that are looked at again
+LACKING = 1.5  # nominal intervals, beyond which one is a gap (`navigation.prepare.gaps`)
+GAPS = 16  # of the IMU, the longest, that may be a step of its clock
+REFINED = 3  # times that the size is estimated with the fixes moved
+# log evidence of a step beyond what was adopted without it. Of rates and offsets that are none the
+# best of a hundred instants reaches 6 by chance, slow errors of the fixes somewhat more
+SHOWN = 20.0
+EDGE_FIXES = 20  # on either side of a step, without which it is a matter of the ends
+
+
+@dataclass(frozen=True)
+class ClockStep:
+    """A step of a clock that explains a flight.
+
+    Parameters
+    ----------
+    before, after : float
+        The last fix before it and the first one after, s, GPST.
+    size, sigma : float
+        What the stamps of the fixes lack from then on, more than before, and its sigma, s.
+    evidence : float
+        Logarithm, against what was adopted without a step.
+    of_imu : bool
+        Whether it is the IMU's clock that steps, as its stamps show.
+    solution : Solution
+        The flight with the fixes after it moved.
+    """
+
+    before: float
+    after: float
+    size: float
+    sigma: float
+    evidence: float
+    of_imu: bool
+    solution: Solution
+
+
+def find_clock_step(
+    problem: EstimationProblem,
+    start: InitialState,
+    layout: StateLayout,
+    against: Solution | None,
+    second_pass: Literal["auto", "on", "off"] = "auto",
+    progress: Callable[[str], None] = lambda _: None,
+) -> ClockStep | None:
+    """Look for a step of a clock that explains a flight better than whatever was adopted.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The flight, and the state that it starts from.
+    layout : StateLayout
+        Its states with a wide time offset of the fixes and its rate among them.
+    against : Solution or None
+        What was adopted without a step; None where there is no solution.
+    second_pass : {"auto", "on", "off"}
+        Of the solution with the step, as `navigation.filter.solution.solve` takes it.
+    progress : callable
+        Receives the name of each step.
+
+    Returns
+    -------
+    ClockStep or None
+        None where no step is shown, or where it moves the positions by less than matters.
+    """
+    progress("whether a clock steps")
+    # fixes that were withheld for standing apart may do so by the step alone
+    every = problem.epochs._replace(withheld=np.zeros_like(problem.epochs.withheld))
+    problem = replace(problem, epochs=every)
+    posed = widened(*with_layout(problem, start, layout), problem.layout)
+    try:
+        candidate = _strongest(*posed)
+        if candidate is None:
+            return None
+        stepped, step_s, sigma = _refined(*posed, candidate)
+        solution = solve(stepped, posed[1], second_pass, progress)
+    except DataError:
+        return None
+    if (solution.verdict[:, POSITION] == COVARIANCE_RESET).any():
+        return None  # positions jump as well, or instead
+    gained = np.inf if against is None else 0.5 * (misfit(against) - misfit(solution))
+    if not follows(solution) or gained < SHOWN or abs(step_s) * rms_speed(solution) < NEGLIGIBLE_M:
+        return None
+    epochs, begin = problem.epochs, float(problem.inc.marks[0])
+    fixes = epochs.time[epochs.has_position]
+    k = int(np.searchsorted(fixes, candidate.since))
+    before, after = begin + float(fixes[k - 1]), begin + float(fixes[k])
+    of_imu = candidate.lapse is not None
+    return ClockStep(before, after, step_s, sigma, float(gained), of_imu, solution)
+
+
+@dataclass(frozen=True)
+class _Lapse:
+    """Where the stamps of the IMU lapse: its clock steps ahead over a gap, or back over samples.
+
+    `epochs` are those that a gap was bridged at, `intervals` are put right, by `step_s` in all.
+    """
+
+    epochs: np.ndarray
+    intervals: np.ndarray
+    step_s: float
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """The instant that shows a step best, its size, the lapse of the IMU's clock, if it is its."""
+
+    solution: Solution
+    since: float
+    step_s: float
+    lapse: _Lapse | None
+
+
+def _strongest(problem: EstimationProblem, start: InitialState) -> _Candidate | None:
+    """Return the instant that shows a step best; None where none shows one."""
+    time, has = problem.epochs.time, problem.epochs.has_position
+    fixes = time[has]
+    if fixes.size < 2 * EDGE_FIXES:
+        return None
+    first, last = float(fixes[EDGE_FIXES]), float(fixes[-EDGE_FIXES])
+    opened = _fixes_alone(problem)
+    velocity = solve(opened, start, "off", separations=0).nav[:, VEL]
+    gaps = _gaps(problem)
+    at_gap = np.array([float(time[gap.epochs[-1]]) for gap in gaps])
+    low, high, of_imu = first, last, np.repeat([False, True], INSTANTS)
+    for round_ in range(PASSES):
+        grid = np.tile(np.linspace(low, high, INSTANTS), of_imu.size // INSTANTS)
+        more = at_gap if round_ == 0 else at_gap[:0]
+        instants, kind = np.append(grid, more), np.append(of_imu, more > 0.0)
+        solution, size, evidence = _shown(opened, start, instants, kind, velocity)
+        evidence[: grid.size][of_imu & (size[: grid.size] > 0.0)] = -np.inf  # ahead without a gap
+        k = int(np.argmax(evidence))
+        if evidence[k] < SHOWN:
+            return None
+        best, step_s = float(instants[k]), float(size[k])
+        if k >= grid.size:
+            gap = gaps[k - grid.size]
+            return _Candidate(solution, best, gap.step_s, gap)
+        of_imu = np.full(INSTANTS, kind[k])
+        reach = NEIGHBOURS * (high - low) / (INSTANTS - 1)
+        low, high = max(best - reach, first), min(best + reach, last)
+    lapse = _stepping_back(problem, best, step_s) if of_imu[0] else None
+    return _Candidate(solution, best, step_s, lapse)
+
+
+def _shown(
+    problem: EstimationProblem,
+    start: InitialState,
+    instants: Array,
+    of_imu: np.ndarray,
+    velocity: Array,
+) -> tuple[Solution, Array, Array]:
+    """Return the solution, and size and (Z.1) of steps of the fixes' clock or of the IMU's."""
+    time = problem.epochs.time
+    epochs = np.minimum(np.searchsorted(time, instants), time.size - 1)
+    jump = np.zeros((instants.size, N_NAV))
+    jump[of_imu, POS] = -velocity[epochs[of_imu]]
+    solution, size, _, evidence = _scanned(problem, start, instants, jump)
+    return solution, size, evidence
+
+
+def _stepping_back(problem: EstimationProblem, instant: float, step_s: float) -> _Lapse:
+    """Return the lapse of a clock that steps back at an instant: samples before it are left out."""
+    stop = problem.epochs.stop
+    e = max(int(np.searchsorted(problem.epochs.time, instant)), 1)
+    return _Lapse(np.zeros(0, dtype=np.int64), np.arange(stop[e - 1], stop[e]), step_s)
+
+
+def _refined(
+    problem: EstimationProblem, start: InitialState, candidate: _Candidate
+) -> tuple[EstimationProblem, float, float]:
+    """Return the problem with a step mended, its size and its sigma, which the rest tells."""
+    since, step_s, solution = candidate.since, candidate.step_s, candidate.solution
+    problem = problem if candidate.lapse is None else _without_lapse(problem, candidate.lapse)
+    instants, none = np.array([since]), np.zeros((1, N_NAV))
+    for _ in range(REFINED):
+        stepped = _moved(problem, solution, since, step_s)
+        solution, size, sigma, _ = _scanned(_fixes_alone(stepped), start, instants, none)
+        step_s += float(size[0])
+        if abs(size[0]) < sigma[0]:
+            break
+    return _moved(problem, solution, since, step_s), step_s, float(sigma[0])
+
+
+def step_check(step: ClockStep) -> Check:
+    """Say that a clock steps, and how to mend it.
+
+    Parameters
+    ----------
+    step : ClockStep
+        The step.
+
+    Returns
+    -------
+    Check
+        A contradiction: one time scale holds for a whole flight.
+    """
+    speed = rms_speed(step.solution)
+    beyond = (
+        "" if np.isinf(step.evidence) else f", log evidence {step.evidence:.0f} beyond any rate"
+    )
+    back = step.of_imu and step.size < 0.0
+    how = "go back near there" if back else "have a gap as long there"
+    whose = f"; the IMU's stamps {how}, so its clock it is" if step.of_imu else ""
+    to_imu = f"{-step.size:+.4f} s to the IMU's stamps"
+    if back:
+        mended = f"add {to_imu} from the row on where they go back, and to events of its clock"
+    elif step.of_imu:
+        mended = f"add {to_imu} from there on, and to events of its clock"
+    else:
+        mended = (
+            f"add {step.size:+.4f} s to the stamps of the fixes from there on if the receiver's"
+            f" clock stepped, {to_imu} if the IMU's did, and to events of the clock that did"
+        )
+    parts = (
+        ""
+        if back
+        else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
+        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to gnss.time_offset_s"
+    )
+    about = "some seconds about " if back else ""
+    return Check(
+        STEP,
+        f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
+        f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
+        f" {speed:.1f} m/s{beyond}{whose}",
+        f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m",
+        "contradiction",
+        f"{mended}: solved so, the flight follows its fixes{parts}",
+    )
+
+
+def _fixes_alone(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem with its gate open and the measurements of the fixes alone."""
+    epochs = problem.epochs
+    if (epochs.constraint == NHC).any() or (epochs.barometer_variance > 0.0).any():
+        epochs = epochs._replace(
+            barometer_variance=np.zeros_like(epochs.barometer_variance),
+            constraint=np.full_like(epochs.constraint, NO_CONSTRAINT),
+        )
+    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=np.inf)
+
+
+def _scanned(
+    problem: EstimationProblem, start: InitialState, since: Array, jump: Array
+) -> tuple[Solution, Array, Array, Array]:
+    """Return the solution, and of a step at each instant its size, its sigma and (Z.1)."""
+    wide = FAR * WIDE_TIME_OFFSET_S
+    steps = Sensitivity.before(problem, Constants.steps(problem.layout, since, jump, wide))
+    solution = solve(problem, start, "off", separations=0, follower=steps.through)
+    J, j = np.diag(steps.information), steps.vector
+    weight = J + wide**-2
+    evidence = 0.5 * j**2 / weight - 0.5 * np.log(weight * wide**2)
+    return solution, j / weight, weight**-0.5, evidence
+
+
+def _gaps(problem: EstimationProblem) -> list[_Lapse]:
+    """Return the longest bridged gaps of the IMU, `GAPS` at most."""
+    stop, dt = problem.epochs.stop, problem.inc.dt
+    longer = LACKING * problem.inc.nominal_s
+    rows = np.flatnonzero((problem.epochs.gap > 0.0).any(axis=1))
+    gaps = []
+    for epochs in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+        if epochs.size == 0:
+            continue
+        inside = np.arange(stop[max(epochs[0] - 1, 0)], stop[epochs[-1]])
+        intervals = inside[dt[inside] > longer]
+        if intervals.size:
+            step_s = float(dt[intervals].sum()) - problem.inc.nominal_s
+            gaps.append(_Lapse(epochs, intervals, step_s))
+    return sorted(gaps, key=lambda gap: -gap.step_s)[:GAPS]
+
+
+def _without_lapse(problem: EstimationProblem, lapse: _Lapse) -> EstimationProblem:
+    """Return the problem whose IMU's clock does not lapse.
+
+    A gap is one sample, as no time went by in it; where the stamps step back, the samples that were
+    left out for it are made up for by their neighbours.
+    """
+    inc, k = problem.inc, lapse.intervals
+    share = 1.0 - lapse.step_s / float(inc.dt[k].sum())
+    dt, dtheta, dvel = inc.dt.copy(), inc.dtheta.copy(), inc.dvel.copy()
+    for values in (dt, dtheta, dvel):
+        values[k] *= share
+    variance, has = problem.epochs.gap.copy(), problem.epochs.has_position.copy()
+    variance[lapse.epochs] = 0.0
+    has[lapse.epochs[:-1]] = False  # fixes of instants that its clock left out
+    epochs = problem.epochs._replace(gap=variance, has_position=has)
+    return replace(problem, inc=replace(inc, dt=dt, dtheta=dtheta, dvel=dvel), epochs=epochs)
+
+
+def _moved(
+    problem: EstimationProblem, solution: Solution, since: float, step_s: float
+) -> EstimationProblem:
+    """Return the problem with its fixes from an instant on moved by a step (Z.2)."""
+    epochs = problem.epochs
+    after = (epochs.time >= since) & epochs.has_position
+    index = np.flatnonzero(after)
+    time, velocity = epochs.time, solution.nav[:, VEL]
+    arm = rotation_from_quaternion(solution.nav[:, QUAT]) @ problem.antenna_lever_b
+    then = time[index] + step_s
+    before = np.clip(np.searchsorted(time, then, side="right") - 1, 0, time.size - 2)
+    length = time[before + 1] - time[before]
+    tau = (then - time[before])[:, None]
+    within = (then >= time[0]) & (then <= time[-1])
+    grows = (velocity[before + 1] - velocity[before]) * (within / length)[:, None]
+    along = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2.0
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
+    way = path[before] + tau * (velocity[before] + 0.5 * tau * grows) - path[index]
+    turned = arm[before] + tau / length[:, None] * (arm[before + 1] - arm[before]) - arm[index]
+    position, own = epochs.position.copy(), epochs.velocity.copy()
+    position[index] -= way + turned
+    own[index] -= velocity[before] + tau * grows - velocity[index]
+    return replace(problem, epochs=epochs._replace(position=position, velocity=own))

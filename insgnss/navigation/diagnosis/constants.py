@@ -1,0 +1,478 @@
+"""The evidence that a constant of the flight file is wrong: which one, by how much, or none.
+
+One pass of the filter over the whole flight carries every candidate as a state with a wide a-priori
+sigma D (`candidates.with_every_constant`): the antenna's lever arm, the time offset of the fixes
+and its rate, scale factors and misalignments of the IMU. At the last epoch filter and smoother
+agree; in units of D, let x and P be the candidates' estimate and covariance there, all other states
+marginalised. The data alone know of them
+
+    I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
+
+A hypothesis gives them a priori the variances diag(V): a suspected one that of the `WIDE` sigmas of
+`candidates` or, where that explains more, of `FACTORS` times them; one that the flight file states
+with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
+
+    A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
+    F(V) = b' e / 2 - log det A / 2                                                            (D.2)
+
+e is what the hypothesis estimates, and F(V) - F(V of the flight file) the logarithm of its evidence
+against the flight file's (the ratio of the likelihoods of all innovations, candidates
+marginalised). The determinant charges a hypothesis for what it leaves open, so the file wins where
+nothing is wrong: by some 3 over any single constant. All subsets of a few groups cost small
+matrices only.
+
+A flight in which nothing is wrong, as most are, needs no pass of its own for it: the filter of the
+flight file follows the constants beside (`navigation.diagnosis.sensitivity`), which gives I and b
+where the innovations depend on them linearly, as they do near the flight file's numbers. Where that
+evidence comes within `UNSETTLED` of `TAKEN`, or fixes were rejected, the pass is run, and it alone
+counts.
+
+A constant that the flight file states as exact (a sigma of 0) is no state: where another hypothesis
+explains as much, that is taken; where none does, the contradiction is shown, nothing estimated.
+
+Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
+beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no
+hypothesis. They compete as variances (`navigation.diagnosis.variances`), and constants are judged
+again under the winner.
+
+Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...records import Array
+from ...records.verdicts import ConstantEstimate
+from ..filter.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
+from ..filter.filter import make_history, run_filter
+from ..filter.layout import StateLayout
+from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution
+from .candidates import FAR, with_a_priori, with_layout
+from .sensitivity import LONGEST_S, Constants, Sensitivity
+
+MOST_TOGETHER = 3  # groups of constants that are suspected at once
+PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
+# log evidence from which a hypothesis becomes states. From 1.5 on 4 of 90 right flights of three
+# minutes had one, by chance among nine groups; from 4 on none, and no wrong constant is lost by it
+TAKEN = 4.0
+FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
+OFFSET, CLOCK_RATE = "GNSS time offset", "GNSS clock rate"
+OF_FIXES = ("antenna lever arm", OFFSET, CLOCK_RATE)
+TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
+STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
+# log evidence by which what the filter follows beside may be off: 0.02 to 0.6 on flights near
+# the decision, 1.1 at most far below it
+UNSETTLED = 1.5
+MOST_REJECTED = 1e-3  # share of the fixes, up to which it is taken at all
+OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Constants that are suspected together.
+
+    Parameters
+    ----------
+    groups : tuple of str
+        Names of the groups.
+    evidence : float
+        Logarithm of its evidence against the flight file's.
+    names : tuple of str
+        (k,) names of the error states.
+    value, sigma : Array
+        (k,) what it estimates of them, and the standard deviations.
+    factor : float
+        Of the a-priori sigmas of the fixes' constants, one of `FACTORS`.
+    wide_evidence : float
+        Its evidence with a factor of at least one, which chance alone reaches more rarely.
+    """
+
+    groups: tuple[str, ...]
+    evidence: float
+    names: tuple[str, ...]
+    value: Array
+    sigma: Array
+    factor: float
+    wide_evidence: float
+
+
+@dataclass(frozen=True)
+class ConstantsEvidence:
+    """What a flight says of its constants.
+
+    Parameters
+    ----------
+    names : tuple of str
+        (c,) names of the candidates.
+    group : tuple of str
+        (c,) the group of each.
+    wide : Array
+        (c,) the wide a-priori sigma of each.
+    stated : Array
+        (c,) the sigma that the flight file states, 0 where it takes it as known.
+    information : Array
+        (c, c) of the data alone (D.1), in units of `wide`.
+    vector : Array
+        (c,) b of (D.1).
+    requested : tuple of str
+        Beginnings of the names of groups that are estimated in any case.
+    exact : tuple of str
+        Beginnings of the names of groups that the flight file states as exact.
+    """
+
+    names: tuple[str, ...]
+    group: tuple[str, ...]
+    wide: Array
+    stated: Array
+    information: Array
+    vector: Array
+    requested: tuple[str, ...] = ()
+    exact: tuple[str, ...] = ()
+
+    def denied(self, hypothesis: Hypothesis) -> bool:
+        """Tell whether a hypothesis suspects what the flight file states as exact."""
+        return any(group.startswith(self.exact) for group in hypothesis.groups)
+
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """All hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
+
+        Those whose estimates a sensor or a mounting may have; a constant that is requested, or has
+        been given its wide sigma already, is not suspected.
+        """
+        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
+        groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
+        groups = tuple(group for group in groups if not group.startswith(self.requested))
+        sizes = range(1, MOST_TOGETHER + 1)
+        every = [suspected for size in sizes for suspected in combinations(groups, size)]
+        cases = [(suspected, factor) for suspected in every for factor in FACTORS]
+        cost, estimate, cov = self._evaluate([((), 1.0), *cases])
+        evidence = (cost[1:] - cost[0]).reshape(-1, len(FACTORS))
+        wide_evidence = evidence[:, [factor >= 1.0 for factor in FACTORS]].max(axis=1)
+        hypotheses = []
+        for k, (suspected, factor) in enumerate(zip(every, evidence.argmax(axis=1), strict=True)):
+            case = 1 + k * len(FACTORS) + int(factor)
+            own = np.flatnonzero([group in suspected for group in self.group])
+            of_imu = own[~self.of_fixes[own]]
+            if np.abs(estimate[case, of_imu]).max(initial=0.0) > PLAUSIBLE:
+                continue
+            hypotheses.append(
+                Hypothesis(
+                    suspected,
+                    float(evidence[k, factor]),
+                    tuple(self.names[state] for state in own),
+                    estimate[case, own] * self.wide[own],
+                    np.sqrt(cov[case, own, own]) * self.wide[own],
+                    FACTORS[factor],
+                    float(wide_evidence[k]),
+                )
+            )
+        return tuple(sorted(hypotheses, key=lambda one: -one.evidence))
+
+    def strongest(self) -> Hypothesis | None:
+        """Return the strongest hypothesis, without groups that add little.
+
+        Returns
+        -------
+        Hypothesis or None
+            The one of fewest groups within `OTHERS` of the strongest, of those that leave alone
+            what is stated as exact where there are any; None where that is not beyond `TAKEN`:
+            nothing is suspected.
+        """
+        every = self.hypotheses
+        if not every:
+            return None
+        close = [one for one in every if one.evidence > every[0].evidence - OTHERS]
+        close = [one for one in close if not self.denied(one)] or close
+        simplest = min(close, key=lambda one: (len(one.groups), -one.evidence))
+        return simplest if simplest.evidence >= TAKEN else None
+
+    def rivals(self, of: Hypothesis) -> list[Hypothesis]:
+        """Return other hypotheses that the flight does not tell apart from one.
+
+        Parameters
+        ----------
+        of : Hypothesis
+            The one that is compared with.
+
+        Returns
+        -------
+        list of Hypothesis
+            Those of as few groups whose evidence is within `OTHERS` of it; beside one that leaves
+            alone what is stated as exact, none that suspects it.
+        """
+        return [
+            one
+            for one in self.hypotheses
+            if one.groups != of.groups
+            and (self.denied(of) or not self.denied(one))
+            and len(one.groups) <= len(of.groups)
+            and one.evidence > of.evidence - OTHERS
+        ]
+
+    def known_to(self) -> dict[str, float]:
+        """Return to what sigma this flight alone knows each candidate, were it the only one.
+
+        Returns
+        -------
+        dict of str to float
+            Standard deviation by name, infinite where the flight does not tell.
+        """
+        own = np.sqrt(np.maximum(np.diag(self.information), 0.0))
+        with np.errstate(divide="ignore"):
+            return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
+
+    def estimates(self, middle_s: float = 0.0) -> tuple[ConstantEstimate, ...]:
+        """Return what this flight alone says of the constants of its fixes.
+
+        The components of a lever arm are estimated together, another constant alone; what is not
+        estimated has the sigma that the flight file states. A time offset that changes, as where a
+        clock rate is estimated as well, is that of the middle, where the flight knows it best.
+
+        Parameters
+        ----------
+        middle_s : float
+            The middle of the flight, s after its first epoch.
+
+        Returns
+        -------
+        tuple of ConstantEstimate
+            Those of which the flight says anything: whose sigma is below half of the wide one.
+        """
+        estimates = []
+        for beginning in OF_FIXES:
+            groups = tuple(g for g in dict.fromkeys(self.group) if g.startswith(beginning))
+            if not groups:
+                continue
+            evidence = self._offset_at(middle_s) if beginning == OFFSET else self
+            _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR)])
+            for k in np.flatnonzero([group in groups for group in self.group]):
+                sigma = float(np.sqrt(max(cov[k, k], 0.0)))
+                if sigma < TELLING:
+                    value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
+                    estimates.append(ConstantEstimate(self.names[k], value, own))
+        return tuple(estimates)
+
+    def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
+        """Return the evidence with the time offset at an instant in place of the first epoch's."""
+        if not {OFFSET, CLOCK_RATE} <= set(self.names):
+            return self
+        offset, rate = self.names.index(OFFSET), self.names.index(CLOCK_RATE)
+        back = np.eye(self.wide.size)
+        back[offset, rate] = -instant_s * self.wide[rate] / self.wide[offset]
+        return replace(
+            self, information=back.T @ self.information @ back, vector=back.T @ self.vector
+        )
+
+    @property
+    def of_fixes(self) -> np.ndarray:
+        """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
+        return np.array([group.startswith(OF_FIXES) for group in self.group])
+
+    def _evaluate(
+        self, cases: Sequence[tuple[tuple[str, ...], float]]
+    ) -> tuple[Array, Array, Array]:
+        """Return F, e and cov e of (D.2) of groups and factors, in units of `wide`."""
+        stated = self.stated / self.wide
+        is_suspected = np.array([[g in suspected for g in self.group] for suspected, _ in cases])
+        factors = np.array([factor for _, factor in cases])
+        own = np.where(self.of_fixes, factors[:, None] / FAR, 1.0)
+        W = np.where(is_suspected, np.maximum(own, stated), stated)
+        A = np.eye(stated.size) + W[:, :, None] * self.information * W[:, None, :]
+        cov = W[:, :, None] * np.linalg.inv(A) * W[:, None, :]
+        estimate = cov @ self.vector
+        cost = 0.5 * estimate @ self.vector - 0.5 * np.linalg.slogdet(A)[1]
+        return cost, estimate, cov
+
+
+def constants_evidence(
+    problem: EstimationProblem,
+    start: InitialState,
+    own: StateLayout,
+    layout: StateLayout,
+    requested: tuple[str, ...] = (),
+    exact: tuple[str, ...] = (),
+) -> ConstantsEvidence | None:
+    """Run the filter once with every candidate constant as a state.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The problem and its initial state.
+    own : StateLayout
+        The states of the flight as it is taken to be.
+    layout : StateLayout
+        Its states and the candidates besides, with their wide a-priori sigmas.
+    requested : tuple of str
+        Beginnings of the names of those that are estimated in any case and not suspected.
+    exact : tuple of str
+        Beginnings of the names of those that the flight file states as exact.
+
+    Returns
+    -------
+    ConstantsEvidence or None
+        The evidence; None where the filter does not follow the fixes.
+    """
+    states = [s for s, name in enumerate(layout.names) if group_of(name)]
+    wide, wide_start = with_layout(_open(problem), start, layout)
+    rows, sigma = NAV.stop + np.array(states), layout.sigma0[states]
+    # what the flight file says of them, which is not zero of stamps that were moved since
+    stated_value = (wide_start.x[states] + wide_start.mean[rows]) / sigma
+    # a state that the flight file has with a sigma of its own is a candidate with a wide one
+    wide_start = with_a_priori(wide_start, layout, states)
+    history = make_history(wide.epochs, layout, smoothed=False)
+    try:
+        run_filter(wide, wide_start, history)
+    except DataError:
+        return None
+    P = history.P[-1][np.ix_(rows, rows)] / np.outer(sigma, sigma)
+    x = (history.x[-1][states] + history.m[-1][rows]) / sigma
+    L = np.linalg.inv(P)
+    information = L - np.eye(sigma.size)
+    vector = L @ x - information @ stated_value
+    names = tuple(layout.names[s] for s in states)
+    own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
+    stated = np.array([own_sigma.get(name, 0.0) for name in names])
+    return _evidence(names, sigma, stated, information, vector, requested, exact)
+
+
+def _evidence(
+    names: tuple[str, ...],
+    wide: Array,
+    stated: Array,
+    information: Array,
+    vector: Array,
+    requested: tuple[str, ...],
+    exact: tuple[str, ...],
+) -> ConstantsEvidence:
+    """Return the evidence of candidates, each in its group."""
+    groups = tuple(group_of(name) for name in names)
+    return ConstantsEvidence(names, groups, wide, stated, information, vector, requested, exact)
+
+
+def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensitivity | None:
+    """Return what follows the candidates beside the filter of a problem.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight as it is taken to be.
+    wide : StateLayout
+        Its states and the candidates besides, with their wide a-priori sigmas.
+
+    Returns
+    -------
+    Sensitivity or None
+        None where they cannot be followed: a candidate acts like no state of the problem, epochs
+        are far apart, or a barometer or non-holonomic constraints are measured, which have no say
+        in the evidence.
+    """
+    epochs = problem.epochs
+    if np.diff(epochs.time).max(initial=0.0) > LONGEST_S:
+        return None
+    if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
+        return None
+    states = [s for s, name in enumerate(wide.names) if group_of(name)]
+    constants = Constants.of(problem.layout, wide, states)
+    return None if constants is None else Sensitivity.before(problem, constants)
+
+
+def settled_evidence(
+    solution: Solution,
+    followed: Sensitivity | None,
+    requested: tuple[str, ...] = (),
+    exact: tuple[str, ...] = (),
+) -> ConstantsEvidence | None:
+    """Return the evidence that was followed beside the filter of a solution, where it settles it.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solution of the flight as it is taken to be.
+    followed : Sensitivity or None
+        What went along with its first pass; that of another problem is not taken.
+    requested : tuple of str
+        Beginnings of the names of those that are estimated in any case and not suspected.
+    exact : tuple of str
+        Beginnings of the names of those that the flight file states as exact.
+
+    Returns
+    -------
+    ConstantsEvidence or None
+        The evidence, which suspects nothing; None where the pass of `constants_evidence` is needed.
+    """
+    problem = solution.problem
+    if followed is None or followed.problem is not problem:
+        return None
+    verdict, limit = solution.verdict[:, POSITION], min(problem.gate, problem.huber_threshold)
+    beyond = np.count_nonzero(solution.nis[:, POSITION] > limit)
+    offered = np.count_nonzero(verdict != NOT_MEASURED)
+    if beyond > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
+        return None
+    constants, data = followed.constants, followed.of_the_data()
+    evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested, exact)
+    every = evidence.hypotheses
+    return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
+
+
+def group_of(name: str) -> str:
+    """Return the group of a candidate by the name of its error state, empty for another state."""
+    if name.startswith(OF_FIXES):
+        return name
+    sensor = {"gyro": "gyro", "accel": "accelerometer"}.get(name.split()[0])
+    if sensor is None:
+        return ""
+    if name.endswith("scale factor"):
+        return f"{sensor} scale factors"
+    return f"{sensor} misalignments" if " from " in name else ""
+
+
+def _open(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem with its gate open; what lies beyond it is weighed down (K.11).
+
+    A barometer, whose own errors may be large, and constraints of the motion, which may not hold,
+    have no say.
+    """
+    epochs = problem.epochs._replace(
+        barometer_variance=np.zeros_like(problem.epochs.barometer_variance),
+        constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),
+    )
+    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
+
+
+def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[ConstantEstimate, ...]:
+    """Return the estimates of several segments of one flight as one each, by their weights.
+
+    Each is a correction of the flight file's one value, whatever a segment was solved with. Where
+    segments differ by more than their sigmas, the sigma of the mean grows by as much, as in (T.2)
+    of `batch.season.trends`.
+
+    Parameters
+    ----------
+    of_segments : sequence of sequence of ConstantEstimate
+        What each segment says, independently of the others.
+
+    Returns
+    -------
+    tuple of ConstantEstimate
+        One by name, in the order in which they first occur.
+    """
+    by_name: dict[str, list[ConstantEstimate]] = {}
+    for estimates in of_segments:
+        for one in estimates:
+            by_name.setdefault(one.name, []).append(one)
+    joined = []
+    for name, several in by_name.items():
+        weight = np.array([one.sigma**-2 for one in several])
+        values = np.array([one.correction for one in several])
+        mean = float(weight @ values / weight.sum())
+        excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
+        sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
+        joined.append(ConstantEstimate(name, mean, sigma))
+    return tuple(joined)

@@ -1,0 +1,151 @@
+"""What a solution says of the constants and the GNSS errors that it estimates besides biases.
+
+A state is observed where the flight reduces its standard deviation to less than a third of the
+a-priori one.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from ...records import Array, StateVerdict, TimeCorrelatedError
+from ...records.verdicts import OBSERVED
+from ..filter.codes import BIAS, DRIFT, NAV, VEL
+from ..filter.solution import Solution
+
+
+def constant(solution: Solution, state: int) -> tuple[float, float]:
+    """Return the smoothed value of a constant error state and its sigma, at the last epoch.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    state : int
+        The index of the state among those behind navigation, as `StateLayout` counts them.
+
+    Returns
+    -------
+    tuple of float
+        Value and standard deviation, SI.
+    """
+    row = NAV.stop + state
+    variance = max(float(solution.variance(np.array([-1]))[0, row]), 0.0)
+    return float(solution.x[-1, state]), float(np.sqrt(variance))
+
+
+def constant_states(
+    solution: Solution, stated: Mapping[str, float] = MappingProxyType({})
+) -> list[int]:
+    """Return the states of a solution that are constants besides biases.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    stated : mapping of str to float
+        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
+        the flight file states them and were not asked for; they are left out.
+
+    Returns
+    -------
+    list of int
+        Their indices among the states behind navigation.
+    """
+    layout = solution.problem.layout
+    return [
+        s
+        for s, name in enumerate(layout.names)
+        if layout.beta[s] == 0.0
+        and layout.drive[s] == 0.0
+        and layout.factor[s] not in (BIAS, DRIFT)
+        and not any(name.startswith(of) and layout.sigma0[s] <= own for of, own in stated.items())
+    ]
+
+
+def state_verdicts(
+    solution: Solution,
+    moved_s: float = 0.0,
+    stated: Mapping[str, float] = MappingProxyType({}),
+    requested: tuple[str, ...] = ("",),
+) -> tuple[StateVerdict, ...]:
+    """Judge all constants that the flight estimates besides biases.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    moved_s : float
+        By how much the stamps of the fixes were moved before, s; a part of the time offset.
+    stated : mapping of str to float
+        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
+        the flight file states them and were not asked for; they are left out.
+    requested : tuple of str
+        Beginnings of the names of those that the flight file asks for; all by default.
+
+    Returns
+    -------
+    tuple of StateVerdict
+        Value, sigma and observability of each constant.
+    """
+    layout = solution.problem.layout
+    speed = rms_speed(solution)
+    verdicts = []
+    for s in constant_states(solution, stated):
+        name = layout.names[s]
+        (value, sigma), prior = constant(solution, s), float(layout.sigma0[s])
+        moves_m = None
+        if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:
+            moves_m = sigma
+        elif s == layout.offset:
+            value, moves_m = value + moved_s, sigma * speed
+        observed = sigma < OBSERVED * prior
+        if 0 <= layout.barometer == s - 1 and not observed:
+            continue  # at one height nobody asks for it
+        verdicts.append(
+            StateVerdict(name, value, sigma, prior, moves_m, observed, name.startswith(requested))
+        )
+    return tuple(verdicts)
+
+
+def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...]:
+    """List the time-correlated GNSS errors among the states.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    tuple of TimeCorrelatedError
+        That of all fixes, and that of the fixes whose errors stay for minutes, as far as estimated.
+    """
+    layout, epochs = solution.problem.layout, solution.problem.epochs
+    both_groups = (
+        (layout.gm, layout.white_scale, 0),
+        (layout.unfixed_gm, (layout.unfixed_white_scale,) * 3, 1),
+    )
+    errors = []
+    for first, white, least_group in both_groups:
+        rows = epochs.has_position & (epochs.group >= least_group)
+        if first < 0 or not rows.any():
+            continue
+        share = layout.sigma0[first : first + 3]
+        sigma_m = share * usual_sigma(epochs.position_cov[rows])
+        triples = (tuple(float(x) for x in values) for values in (sigma_m, share, white))
+        errors.append(
+            TimeCorrelatedError(float(1.0 / layout.beta[first]), int(rows.sum()), *triples)
+        )
+    return tuple(errors)
+
+
+def rms_speed(solution: Solution) -> float:
+    """Return the root mean square speed of the flight, m/s."""
+    return float(np.sqrt(np.mean(np.sum(solution.nav[:, VEL] ** 2, axis=1))))
+
+
+def usual_sigma(cov: Array) -> Array:
+    """Return the median standard deviations (3,), m, of fixes with covariances (n, 3, 3), m^2."""
+    return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))

@@ -1,0 +1,161 @@
+"""The evidence for a candidate: the likelihood of the innovations, and the fixes that it loses.
+
+With the innovations y and their variances S in whitened units (Schweppe 1965), R the covariance of
+a fix and k the white share of its error,
+
+    -2 log L = sum over used fixes [ sum (log S_i + y_i^2 / S_i) + log det k^2 R ]
+               + (gate + log det k^2 R) for each rejected one                                  (C.1)
+
+The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which the velocity varies
+most; the decision compares `misfit`, the same of the whole flight.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...base.errors import DataError
+from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VEL
+from ..filter.filter import make_history, run_filter
+from ..filter.problem import EstimationProblem, InitialState, sub_problem
+from ..filter.solution import Solution
+from ..innovations.innovation_noise import sub_solution
+
+WINDOW_FIXES = 900  # of the window over which candidates are compared
+GAIN = 20.0  # in -2 log L, from which a candidate is accepted
+IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
+MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
+MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
+
+
+def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialState]:
+    """Cut the window in which the velocity varies most out of a solved flight.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    tuple of EstimationProblem and InitialState
+        At most `WINDOW_FIXES` fixes as a problem of its own, and an initial state at what the
+        solution knows there, with three times its sigma and a metre and a metre a second more.
+    """
+    first, last = _liveliest(solution, WINDOW_FIXES)
+    P = 9.0 * solution.covariance(np.array([first]))[0]
+    P[:6, :6] += np.eye(6)
+    nav, x = solution.nav[first], solution.x[first].copy()
+    layout = solution.problem.layout
+    if layout.rate >= 0:  # time begins anew in the window
+        x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
+    # (C.1) knows no robust weights
+    window = replace(sub_problem(solution.problem, first, last), huber_threshold=np.inf)
+    return window, InitialState(nav, x, np.zeros(P.shape[0]), P)
+
+
+def liveliest_part(solution: Solution, fixes: int) -> Solution:
+    """Return the part of a solved flight in which the velocity varies most.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    fixes : int
+        The greatest number of fixes of the part.
+
+    Returns
+    -------
+    Solution
+        The part; the solution itself where it has no more.
+    """
+    if np.count_nonzero(solution.problem.epochs.has_position) <= fixes:
+        return solution
+    return sub_solution(solution, *_liveliest(solution, fixes))
+
+
+def _liveliest(solution: Solution, fixes: int) -> tuple[int, int]:
+    """Return first and last epoch of the window of fixes in which the velocity varies most."""
+    epochs = np.flatnonzero(solution.problem.epochs.has_position)
+    count = min(fixes, epochs.size - 1)
+    v = solution.nav[epochs, VEL]
+    sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
+    moments = (sums[count:] - sums[:-count]) / count
+    variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
+    k = int(np.argmax(variance[: epochs.size - count]))
+    return int(epochs[k]), int(epochs[k + count])
+
+
+def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) -> float:
+    """Evaluate (C.1) by one run of the filter; `IMPOSSIBLE` where it diverges."""
+    history = make_history(problem.epochs, problem.layout, smoothed=False)
+    try:
+        run_filter(problem, start, history)
+    except DataError:
+        return IMPOSSIBLE
+    measured = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = history.verdict[measured, POSITION] == REJECTED
+    log_R = np.linalg.slogdet(problem.epochs.position_cov[measured])[1] + 2.0 * np.sum(
+        np.log(problem.layout.white_scales[problem.epochs.group[measured]]), axis=1
+    )
+    S, y = history.S[measured, :3], history.y[measured, :3]
+    S = np.where(rejected[:, None], 1.0, S)
+    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(own + log_R))
+
+
+def misfit(solution: Solution) -> float:
+    """Evaluate (C.1) of the whole flight from the innovations of its solution.
+
+    The correlations between the components of an innovation are left out.
+    """
+    measured = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = solution.verdict[measured, POSITION] == REJECTED
+    gate = solution.problem.gate
+    size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
+    log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
+    return float(np.sum(size + 2.0 * log_sigma))
+
+
+def loses_fixes(solution: Solution, before: Solution) -> bool:
+    """Tell whether a solution makes less use of the fixes than another one did.
+
+    Parameters
+    ----------
+    solution, before : Solution
+        The solution in question, and the one that it is compared with.
+
+    Returns
+    -------
+    bool
+        Whether it rejects a hundredth (`MORE_LOST`) of the fixes more, or has more covariance
+        resets after rejected fixes (`navigation.filter.filter`, K.7).
+    """
+    count = [
+        [np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, COVARIANCE_RESET)]
+        for s in (solution, before)
+    ]
+    (rejected, resets), (rejected_before, resets_before) = count
+    offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
+    return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
+
+
+def follows(solution: Solution) -> bool:
+    """Tell whether a solution follows its fixes: a remedy that leaves the innovations is none.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    bool
+        Whether it rejects few (`MOST_LOST`), and the mean NIS of the others is near its expectation
+        (`MOST_NIS`).
+    """
+    verdict = solution.verdict[:, POSITION]
+    rejected = np.count_nonzero(verdict == REJECTED)
+    used = solution.nis[verdict == USED, POSITION]
+    few = rejected <= MOST_LOST * np.count_nonzero(verdict != NOT_MEASURED)
+    return bool(few and np.mean(used) / 3.0 < MOST_NIS)

@@ -1,0 +1,378 @@
+"""The remedies for a segment, in their order: what is tried where its models do not hold.
+
+A `Case` is a segment on its way to a solution. Each of `REMEDIES` has a condition, an action that
+returns the case after it, and a sentence for the history; whoever solves segments walks the list.
+Remedies that need another problem take the alignment from the case, for this room does not align.
+
+One remedy needs the recording, and so is left to the caller. As a state the time offset d moves a
+fix by v d; what that leaves out is a d^2 / 2. An offset beyond `LARGE_S` is therefore taken into
+the stamps (`offset_to_apply`), and the rest is estimated again.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...records import Check
+from ...records.verdicts import ConstantEstimate
+from ..filter.codes import COVARIANCE_RESET, POSITION
+from ..filter.filter import gate_from_sigma
+from ..filter.layout import FixErrors
+from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution, solve
+from ..noise_model.model import NoiseModel
+from .candidates import LayoutFactory, with_layout
+from .code_errors import code_errors, code_message
+from .decision import ErrorModelSearch, diagnose, explain_failure, rescue
+from .drift import hidden_drift
+from .estimated import constant
+from .incorrect_fixes import (
+    Spell,
+    incorrect_check,
+    undecided_spells,
+    with_steps,
+    withhold_incorrect_fixes,
+)
+from .sensitivity import Sensitivity
+from .turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
+
+OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
+OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
+ROUNDS = 4  # solutions again with moved stamps, at most
+CERTAIN = 2.0  # sigmas of the offset
+LARGE_S = 0.005  # s, of an offset: below it the neglected a d^2 / 2 is under 0.1 mm
+
+Align = Callable[[EstimationProblem], tuple[InitialState, str]]
+"""Gives the initial state of a problem and how it was found, or raises DataError."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A segment on its way to a solution.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem as the remedies so far have left it.
+    errors : FixErrors
+        The errors of the fixes that are states of the problem.
+    search : ErrorModelSearch
+        What the search for an error model may vary.
+    align : callable
+        Gives the initial state of a problem of this segment, and how it was found.
+    noise : NoiseModel
+        The noise model of the samples.
+    layout_under : callable
+        Gives the layout factory of the flight under another noise model.
+    accept : tuple of str
+        Names of contradictions that the flight file accepts.
+    moving : bool
+        Whether the IMU moves; the constants of one that stands at a known place are not searched.
+    start : InitialState or None
+        The initial state; None where there is none, or before it is found.
+    how : str
+        How the solution was found, in words.
+    solution : Solution or None
+        The solution; None before there is one.
+    failure : DataError or None
+        Why there is none.
+    refused : tuple of Check and str, or None
+        A contradiction that ends the run, and the remark that follows it.
+    followed : Sensitivity or None
+        What went along with the first filter pass.
+    spells : tuple of Spell
+        Spells of incorrect fixes that are withheld.
+    other_imu : bool
+        Whether a remedy changed the error model of the IMU; no other model is searched then.
+    checks : tuple of Check
+        What the solution says of the flight file.
+    history : tuple of str
+        What was done after the solution, sentence by sentence.
+    constants : tuple of ConstantEstimate
+        What the segment alone says of the constants of its fixes.
+    """
+
+    problem: EstimationProblem
+    errors: FixErrors
+    search: ErrorModelSearch
+    align: Align
+    noise: NoiseModel
+    layout_under: Callable[[NoiseModel], LayoutFactory]
+    accept: tuple[str, ...] = ()
+    moving: bool = True
+    start: InitialState | None = None
+    how: str = ""
+    solution: Solution | None = None
+    failure: DataError | None = None
+    refused: tuple[Check, str] | None = None
+    followed: Sensitivity | None = None
+    spells: tuple[Spell, ...] = ()
+    other_imu: bool = False
+    checks: tuple[Check, ...] = ()
+    history: tuple[str, ...] = ()
+    constants: tuple[ConstantEstimate, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Whether alignment or filter found no solution, and no remedy so far."""
+        return self.failure is not None
+
+    @property
+    def loses_fixes(self) -> bool:
+        """Whether the filter has no solution, or its covariance was reset after rejected fixes."""
+        if self.solution is None:
+            return self.start is not None
+        return bool(np.any(self.solution.verdict[:, POSITION] == COVARIANCE_RESET))
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """One entry of `REMEDIES`.
+
+    Parameters
+    ----------
+    name : str
+        What it takes for the cause.
+    condition : callable
+        Whether a case calls for it.
+    action : callable
+        Returns the case with it; None where it is no remedy.
+    sentence : callable
+        What the history says of the case with it; "" for nothing.
+    """
+
+    name: str
+    condition: Callable[[Case], bool]
+    action: Callable[[Case], Case | None]
+    sentence: Callable[[Case], str] = lambda _: ""
+
+    def applied(self, case: Case) -> Case:
+        """Return the case after this remedy; the case itself where it is none.
+
+        Parameters
+        ----------
+        case : Case
+            The segment before.
+
+        Returns
+        -------
+        Case
+            The segment after.
+        """
+        remedied = self.action(case) if self.condition(case) else None
+        if remedied is None:
+            return case
+        sentence = self.sentence(remedied)
+        return replace(remedied, how=f"{remedied.how}; {sentence}") if sentence else remedied
+
+
+def offset_to_apply(solution: Solution) -> float:
+    """Return the estimated time offset of the fixes where it is too large to be left to the state.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    float
+        What is to be added to the stamps, s; zero where the offset is not estimated, smaller than
+        `LARGE_S` or than `CERTAIN` of its sigmas.
+    """
+    state = solution.problem.layout.offset
+    if state < 0:
+        return 0.0
+    offset, sigma = constant(solution, state)
+    return offset if abs(offset) > max(LARGE_S, CERTAIN * sigma) else 0.0
+
+
+def _with_code_errors(case: Case) -> Case | None:
+    """Give code solutions the errors that the data show."""
+    search, start = case.search, case.start
+    assert start is not None
+    try:
+        errors = code_errors(
+            case.problem, start, search.layout_factory, case.errors, search.progress
+        )
+    except DataError as error:
+        return replace(case, start=None, failure=error)
+    if errors is None:
+        return None
+    problem, start = with_layout(case.problem, start, search.layout_factory(errors))
+    search = replace(search, requested_errors=errors, time_correlated=False)
+    return replace(case, problem=problem, start=start, errors=errors, search=search)
+
+
+def _filtered(case: Case) -> Case:
+    """Filter and smooth with what is followed beside the first pass."""
+    search, start = case.search, case.start
+    assert start is not None
+    followed = search.followed(case.problem) if case.moving else None
+    follower = None if followed is None else followed.through
+    case = replace(case, followed=followed)
+    try:
+        solution = solve(
+            case.problem, start, search.second_pass, search.progress, follower=follower
+        )
+    except DataError as error:
+        return replace(case, failure=error)
+    return replace(case, solution=solution)
+
+
+def _without_incorrect_fixes(case: Case) -> Case | None:
+    """Withhold the fixes of spells that stand apart from the rest."""
+    search, start = case.search, case.start
+    assert start is not None
+    search.progress("which fixes stand apart")
+    problem, spells = withhold_incorrect_fixes(case.problem, start)
+    if not spells:
+        return None
+    try:
+        solution = solve(problem, start, search.second_pass, search.progress)
+    except DataError:
+        return None
+    return replace(case, problem=problem, solution=solution, failure=None, spells=spells)
+
+
+def _explained(case: Case) -> Case | None:
+    """Refuse a failure whose cause the flight shows: a constant of the flight file."""
+    case.search.progress("what would explain it")
+    if without_turn_on(case.noise) and (biases := _biases(case)) is not None:
+        return replace(case, refused=(biases, ""))
+    cause = explain_failure(case.search, case.problem, lambda problem: case.align(problem)[0])
+    if cause is None:
+        return None
+    return replace(case, refused=(cause, f"; as the flight file is, {case.failure}"))
+
+
+def _with_open_gate(case: Case) -> Case | None:
+    """Solve with an open gate first, and close it about that solution.
+
+    A start that is far off, or an estimated offset of many times what a fix claims, has the gate
+    reject what would put it right. None where the closed gate rejects it still.
+    """
+    search, errors, gate = case.search, case.errors, case.problem.gate
+    search.progress("once more with an open gate")
+    if errors.clock_rate is not None:
+        errors = replace(errors, clock_rate=OPEN_CLOCK_RATE)
+    layout = search.layout_factory(errors)
+    open_gate = replace(case.problem, layout=layout, gate=gate_from_sigma(OPEN_GATE_SIGMA))
+    gated = replace(open_gate, gate=gate)
+    try:
+        start, how = case.align(open_gate)
+        first = solve(open_gate, start, search.second_pass, search.progress, separations=0)
+        solution = solve(gated, start, search.second_pass, search.progress, about=first)
+    except DataError:
+        return None
+    case = replace(case, problem=gated, errors=errors, failure=None)
+    return replace(case, start=start, how=how, solution=solution)
+
+
+def _with_other_imu(case: Case) -> Case | None:
+    """Solve with other errors of the IMU or larger noise, where that follows the fixes."""
+    case.search.progress("other errors of the IMU, or larger noise")
+    try:
+        start, how = case.align(replace(case.problem, gate=np.inf))
+    except DataError:
+        return None
+    rescued = rescue(case.search, case.problem, start)
+    if rescued is None:
+        return None
+    solution, checks = rescued
+    case = replace(case, failure=None, checks=checks, other_imu=bool(checks))
+    return replace(case, start=start, how=how, solution=solution)
+
+
+def _biases(case: Case) -> Check | None:
+    """Check whether the innovations show the turn-on biases that the noise model lacks."""
+    search = case.search
+    search.progress("turn-on biases, which the noise model lacks")
+    layout = case.layout_under(with_turn_on(case.noise))(case.errors)
+    problem = replace(case.problem, layout=layout)
+    return check_biases_in_innovations(
+        case.noise,
+        case.solution,
+        lambda: solve(problem, case.align(problem)[0], search.second_pass, separations=0),
+    )
+
+
+def _with_missing_biases(case: Case) -> Case | None:
+    """Refuse a noise model that lacks the turn-on biases, unless the flight file accepts it."""
+    biases = _biases(case)
+    if biases is None:
+        return None
+    if biases.name not in case.accept:
+        remark = f'; accept = ["{biases.name}"] in the flight file overrules'
+        return replace(case, refused=(biases, remark))
+    return replace(case, checks=(biases, *case.checks))
+
+
+def _with_error_model(case: Case) -> Case:
+    """Go on with the error model that explains the innovations."""
+    before, start = case.solution, case.start
+    assert before is not None
+    assert start is not None
+    diagnosis = diagnose(case.search, start, before, case.followed)
+    drift = hidden_drift(before, diagnosis.solution, diagnosis.checks)
+    return replace(
+        case,
+        solution=diagnosis.solution,
+        checks=(*case.checks, *diagnosis.checks, *([] if drift is None else [drift])),
+        history=diagnosis.history,
+        constants=diagnosis.constants,
+    )
+
+
+def _with_undecided_steps(case: Case) -> Case:
+    """Say which fixes are withheld, and enlarge the covariance where nothing tells which level."""
+    solution, notes = case.solution, list[Check]()
+    assert solution is not None
+    if case.spells:
+        notes.append(incorrect_check(solution.problem, case.spells, True))
+    if undecided := undecided_spells(solution):
+        solution = with_steps(solution, undecided)
+        notes.append(incorrect_check(solution.problem, tuple(undecided), False))
+    return replace(case, solution=solution, checks=(*case.checks, *notes))
+
+
+REMEDIES: tuple[Remedy, ...] = (
+    Remedy(
+        "errors of code solutions",
+        lambda case: not case.failed and case.search.time_correlated,
+        _with_code_errors,
+        lambda case: "" if case.failed else code_message(case.errors),
+    ),
+    # no remedy itself: the one above changes what is filtered, those below look at the outcome
+    Remedy("filter and smooth", lambda case: not case.failed, _filtered),
+    Remedy("incorrect fixes", lambda case: case.loses_fixes, _without_incorrect_fixes),
+    Remedy("a wrong constant, which is refused", lambda case: case.failed, _explained),
+    Remedy(
+        "a gate too narrow for the start",
+        lambda case: case.failed,
+        _with_open_gate,
+        lambda _: "solved with an open gate first, which was closed about that solution",
+    ),
+    Remedy(
+        "errors of the IMU, or larger noise",
+        lambda case: case.failed,
+        _with_other_imu,
+        lambda case: "; ".join(f"{check.name}: {check.found}" for check in case.checks),
+    ),
+    Remedy(
+        "turn-on biases that the noise model lacks",
+        lambda case: not case.failed and bool(without_turn_on(case.noise)),
+        _with_missing_biases,
+    ),
+    Remedy(
+        "another error model",
+        lambda case: not case.failed and case.moving and not case.other_imu,
+        _with_error_model,
+    ),
+    Remedy("steps of the fixes", lambda case: not case.failed, _with_undecided_steps),
+)
+"""In order. The first that refuses a contradiction ends the walk; a case that has failed after the
+last has no solution.
+"""

@@ -1,0 +1,276 @@
+"""The evidence that a variance of the flight is wrong: whose noise is larger than its model says.
+
+Errors that are no constants show in the size and the colour of the innovations. Each family below
+scales root densities or sigmas by factors f = exp(theta), of gyros and of accelerometers by
+themselves, and competes by the likelihood of all measured triples (L.4):
+
+    IMU white noise     vibration, and the noise of a flight beside that of a laboratory
+    IMU bias noise      what drives random walks and Gauss-Markov processes: temperature
+    IMU noise           both
+    GNSS sigmas         of positions and of velocities
+
+At theta = 0, with gradient g and expected second derivative A of -2 log L (L.5), a family promises
+the gain
+
+    g' A^-1 g / 2                                                                              (V.1)
+
+(Rao's score test); only where one promises more than `LEAST_PROMISE` its maximum is looked for.
+With p factors and n scalar innovations the logarithm of its evidence against the flight file is
+then
+
+    gain / 2 - p log(n) / 2                                                                    (V.2)
+
+(Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
+
+A time-correlated error that is neither shown nor excluded is carried in the covariance. With w_i
+the probabilities of shares c_i and correlation times T_i, all together a priori as probable as none
+(c = 0), what is carried has the variance, and the rate at which it moves, of their mean:
+
+    c^2 = sum w_i c_i^2,     c^2 / T = sum w_i c_i^2 / T_i                                     (V.3)
+
+(Hoeting et al. 1999 on averages over models).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...records import Array
+from ..filter.layout import FixErrors, StateLayout
+from ..filter.solution import Solution
+from ..innovations.innovation_noise import Search
+from ..innovations.likelihood import LinearSegment, available, evaluate, linear_segment
+from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
+from .evidence import liveliest_part
+
+FAMILIES = {
+    "IMU white noise": ("gyro.white_noise", "accel.white_noise"),
+    "IMU bias noise": ("gyro.driving_noise", "accel.driving_noise"),
+    "GNSS sigmas": ("fixes.position", "fixes.velocity"),
+}
+OF_IMU = ("IMU white noise", "IMU bias noise")
+LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
+MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
+# gain of a slow error of the fixes, one parameter: from there on noise does it in one of 500
+LEAST_SLOW, DOUBTFUL = 8.0, 2.0
+# the same, from which on it is not excluded: noise does it in one flight of thirty
+LEAST_AVERAGED = 2.5
+LEAST_SPAN = 3.0  # correlation times, below which no slow error is determined
+SLOW_FIRST, SHARES, SLOW_S = (0.5, 60.0), (0.5, 1.0, 1.5), (20.0, 60.0, 120.0, 300.0)
+STARTS = (0.0,)  # of the logarithms of the IMU's factors
+
+
+@dataclass(frozen=True)
+class VarianceHypothesis:
+    """A family of variances that is suspected.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    evidence : float
+        Logarithm of its evidence against the flight file's variances (V.2).
+    factors : dict of str to float
+        Factors of root densities and sigmas by parameter.
+    """
+
+    family: str
+    evidence: float
+    factors: dict[str, float]
+
+
+class VarianceSearch:
+    """The search for variances that explain the innovations of a solution better than its own.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight; of a long one the liveliest `MOST_FIXES` fixes are looked at.
+    progress : callable
+        Receives the name of each step.
+    """
+
+    def __init__(self, solution: Solution, progress: Callable[[str], None]) -> None:
+        self.part = liveliest_part(solution, MOST_FIXES)
+        problem = self.part.problem
+        names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
+        self.families = {
+            family: own
+            for family, parameters in FAMILIES.items()
+            if (own := tuple(name for name in parameters if name in names))
+        }
+        self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
+        segment = linear_segment(self.part, self.names)
+        self.search = Search([segment], self.names, progress)
+        self.nothing = evaluate([segment], np.zeros(len(self.names)))
+
+    def promising(self) -> tuple[str, ...]:
+        """Return the families that promise more than `LEAST_PROMISE` (V.1)."""
+        g, A = self.nothing.gradient, self.nothing.information
+        return tuple(
+            family for family in self.families if _promise(g, A, self._free(family)) > LEAST_PROMISE
+        )
+
+    def left(self, families: Sequence[str] = tuple(FAMILIES)) -> float:
+        """Return the largest gain that some families still promise (V.1).
+
+        Parameters
+        ----------
+        families : sequence of str
+            Some of `FAMILIES`.
+
+        Returns
+        -------
+        float
+            The gain, zero without any.
+        """
+        g, A = self.nothing.gradient, self.nothing.information
+        own = [family for family in self.families if family in families]
+        return max((_promise(g, A, self._free(family)) for family in own), default=0.0)
+
+    def strongest(self) -> VarianceHypothesis | None:
+        """Return the promising family of the largest positive evidence (V.2), or None."""
+        hypotheses = [self._hypothesis(family) for family in self.promising()]
+        best = max(hypotheses, key=lambda one: one.evidence, default=None)
+        return best if best is not None and best.evidence > 0.0 else None
+
+    def slow_error(self, layout_factory: LayoutFactory, errors: FixErrors) -> FixErrors | None:
+        """Find an error of the fixes that is too slow, or too small, for the search of its shares.
+
+        Of the size that the fixes claim, or half of it, beside their white error: one number, the
+        correlation time, is looked for on a grid by the likelihood of the part.
+
+        Parameters
+        ----------
+        layout_factory : LayoutFactory
+            The error states as a function of those of the fixes.
+        errors : FixErrors
+            The errors of the fixes that are estimated already.
+
+        What gains less than `LEAST_SLOW`, and more than `LEAST_AVERAGED`, is neither shown nor
+        excluded: then the average over the grid and no such error at all is carried (V.3).
+
+        Returns
+        -------
+        FixErrors or None
+            `errors` with the time-correlated one; None where the flight speaks against it.
+        """
+
+        def gain(share: float, time_s: float) -> float:
+            model = with_time_correlated_error(errors, 1.0, share, time_s)
+            other = evaluate([_linearised(self.part, layout_factory(model))], np.zeros(0))
+            return float(self.nothing.cost - other.cost)
+
+        time = self.part.problem.epochs.time
+        if time[-1] - time[0] < LEAST_SPAN * SLOW_FIRST[1] or gain(*SLOW_FIRST) < LEAST_AVERAGED:
+            return None
+        gains = {(share, time_s): gain(share, time_s) for share in SHARES for time_s in SLOW_S}
+        best = max(gains, key=lambda one: gains[one])
+        if gains[best] < LEAST_SLOW:
+            return with_time_correlated_error(errors, 1.0, *_averaged(gains))
+        # the largest that is as good: the fixes tell c^2 / T better than c
+        share, time_s = max(one for one in gains if gains[one] > gains[best] - DOUBTFUL)
+        return with_time_correlated_error(errors, 1.0, share, time_s)
+
+    def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
+        """Return the log evidence (V.2) of the same flight with other states of its fixes.
+
+        Parameters
+        ----------
+        errors_layout : StateLayout
+            The states of the solution and others, which start at zero.
+        parameters : int
+            Number of variances and correlation times that were estimated for it.
+
+        Returns
+        -------
+        float
+            Against the layout of the solution.
+        """
+        other = evaluate([_linearised(self.part, errors_layout)], np.zeros(0))
+        return self._evidence(other.cost, parameters)
+
+    def _hypothesis(self, family: str) -> VarianceHypothesis:
+        free = self._free(family)
+        maximum = self.search.maximum(free, STARTS)
+        theta = dict(zip(self.names, np.exp(maximum.theta).tolist(), strict=True))
+        factors = {name: theta[name] for name in self.families[family]}
+        evidence = self._evidence(maximum.evaluated.cost, int(free.sum()))
+        return VarianceHypothesis(family, evidence, factors)
+
+    def _evidence(self, cost: float, parameters: int) -> float:
+        gain = self.nothing.cost - cost
+        return float(0.5 * gain - 0.5 * parameters * np.log(3.0 * self.nothing.offered))
+
+    def _free(self, family: str) -> np.ndarray:
+        return np.array([name in self.families[family] for name in self.names])
+
+
+def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
+    """Average share and correlation time (V.3) over their gains in -2 log L."""
+    share, time_s = np.array(list(gains)).T
+    likelihood = np.exp(0.5 * np.array(list(gains.values()))) / len(gains)
+    weight = likelihood / (1.0 + likelihood.sum())
+    variance = float(weight @ share**2)
+    return float(np.sqrt(variance)), variance / float(weight @ (share**2 / time_s))
+
+
+def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
+    """Linearise about the solution with the states of another layout at zero where they are new."""
+    own = solution.problem.layout.names
+    x = np.zeros((solution.x.shape[0], len(layout.names)))
+    for s, name in enumerate(layout.names):
+        if name in own:
+            x[:, s] = solution.x[:, own.index(name)]
+    other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
+    return linear_segment(other, ())
+
+
+def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
+    """Return the gain that the free parameters promise (V.1)."""
+    A, g = information[np.ix_(free, free)], gradient[free]
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
+    b, M = g / scale, A / np.outer(scale, scale) + 1e-9 * np.eye(g.size)
+    return float(0.5 * b @ np.linalg.solve(M, b))
+
+
+def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorModel | None:
+    """Return an error model with variances as a hypothesis has them.
+
+    Parameters
+    ----------
+    model : ErrorModel
+        What is estimated already.
+    suspected : VarianceHypothesis
+        The factors.
+
+    Returns
+    -------
+    ErrorModel or None
+        The model; None where fixes are better than they claim, which their user may have reasons
+        for.
+    """
+    factors = suspected.factors
+    if suspected.family == "GNSS sigmas":
+        k, of_velocity = factors["fixes.position"], factors.get("fixes.velocity", 1.0)
+        if max(k, of_velocity) <= 1.0:
+            return None
+        k, of_velocity = max(k, 1.0), max(of_velocity, 1.0)
+        fixes = model.fixes
+        return replace(
+            model,
+            fixes=replace(
+                fixes,
+                white_scale=tuple(k * x for x in fixes.white_scale),
+                unfixed_white_scale=k * fixes.unfixed_white_scale,
+                velocity_white_scale=of_velocity * fixes.velocity_white_scale,
+            ),
+        )
+    white = suspected.family == "IMU white noise"
+    kind = "white_noise" if white else "driving_noise"
+    own = model.imu.white_noise if white else model.imu.driving_noise
+    gyro, accel = (max(1.0, factors.get(f"{triad}.{kind}", 1.0)) for triad in ("gyro", "accel"))
+    pair = (gyro * own[0], accel * own[1])
+    imu = replace(model.imu, white_noise=pair) if white else replace(model.imu, driving_noise=pair)
+    return replace(model, imu=imu)

@@ -1,0 +1,1 @@
+"""The core: strapdown mechanization, error model, error-state Kalman filter and smoother."""

@@ -1,0 +1,480 @@
+"""Filter and smoother block by block, so that memory does not grow with what they hand each other.
+
+The backward pass needs of every epoch what the forward pass worked out there: P, F, H and K, 13 kB
+of 34 states, and nothing of it is wanted afterwards. A flight is therefore divided into blocks of
+`BLOCK` epochs. The forward pass keeps where it stood before each block (a checkpoint: nominal,
+mean, P), and the records of one block at a time. The backward pass goes from the last block to the
+first; each is filtered once more from its checkpoint, which gives the same records to the last bit,
+since the filter sees nothing else. Of short flights, which are often solved again and again while a
+model is looked for, all records are kept.
+
+    memory   m / BLOCK checkpoints, and the records of one block
+    work     a short flight: nothing more; a long one: one forward pass more
+
+That pass costs no more than its absence would. The records of a block lie in the processor's cache,
+where both passes find them; to write those of a whole flight to memory and to read them back takes
+13 microseconds an epoch, to filter it again 11. Nor is it done beside the backward pass over the
+block behind it: two passes at once, on two cores of one processor, were as long in all.
+
+What stays of every epoch are nominal, innovations and the navigation block of the smoothed
+covariance, some 1 kB. The whole covariance is kept at chosen epochs, packed. Where another one is
+asked for later, its block is passed again, from the checkpoint of the filter forwards and from that
+of the smoother backwards (`BlockAgain`): some ten milliseconds.
+
+What a flight needs of memory is forecast before it is filtered (`forecast`), within a third or so:
+
+    increments    56 bytes a sample
+    estimation    results, checkpoints and measurements of the epochs, twice while another error
+                  model is tried beside the first; records; covariances of all states at the epochs
+                  of the report and at the exposures
+    trajectory    the output, and as much again while it is made
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ...base.advance import through
+from ...records import Array
+from .codes import ABSENT, N_KINDS, N_NAV, N_NOMINAL
+from .event_chain import EventChain, EventTransitions
+from .filter import (
+    ForwardInputs,
+    first_state,
+    forward_inputs,
+    history_room,
+    make_history,
+    measured_slots,
+    outages,
+    refuse_divergence,
+)
+from .kernels.backward import run_backward
+from .kernels.blas import link_blas
+from .kernels.forward import run_forward
+from .kernels.records import (
+    Epochs,
+    FilterHistory,
+    FilterState,
+    IntegrationIntervals,
+    SmootherState,
+)
+from .problem import EstimationProblem, InitialState
+from .smoother import Smoothed, SmootherRoom, last_state
+
+BLOCK = 256  # epochs
+WHOLE_BYTES = 128_000_000  # records of a flight up to which all of them are kept
+ROWS = 4000  # regular epochs of which the whole covariance is kept; what a report can show
+
+TRIPLE_BYTES = 8 * 3 * 4  # innovations, their sigmas and what the evidence is made of
+MEASUREMENT_BYTES = 450  # of an epoch: `navigation.filter.kernels.records.Epochs`, and its stamp
+POSE_BYTES = 8 * (7 + 9 + 81 + 6)  # of a row of the trajectory
+SAMPLE_BYTES = 8 * 7  # of increments
+ADDED_STATES = 12  # that a search may try besides
+State = TypeVar("State", FilterState, SmootherState)
+RECORDS = ("m", "P", "F", "D", "H", "K", "W", "Qbb")
+
+Follower = Callable[[IntegrationIntervals, Epochs, FilterHistory, int], None]
+"""Called after each block of a forward pass with the increments of the flight, epochs and records
+of the block, and the first epoch of it that was passed.
+"""
+
+
+def record_bytes(n: int, rows_measured: int, outages: bool) -> int:
+    """Return the bytes that an epoch leaves for the smoother.
+
+    Parameters
+    ----------
+    n : int
+        States.
+    rows_measured : int
+        Rows of the triples that the flight measures.
+    outages : bool
+        Whether the process noise is kept too.
+
+    Returns
+    -------
+    int
+        Of m, P, F, D, H, K and, with outages, W and Qbb.
+    """
+    of_noise = N_NAV * n + n if outages else 0
+    return 8 * (n * n + (N_NAV + 2) * n + 2 * rows_measured * n + of_noise)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a flight will need, in bytes.
+
+    Parameters
+    ----------
+    samples, epochs, states, rows : int
+        Samples of the IMU, epochs and states of the filter, rows of the trajectory.
+    increments, estimation, trajectory : int
+        Bytes of the three.
+    """
+
+    samples: int
+    epochs: int
+    states: int
+    rows: int
+    increments: int
+    estimation: int
+    trajectory: int
+
+    @property
+    def total(self) -> int:
+        """Bytes in all; the trajectory is made when the search is over."""
+        return self.increments + self.estimation + self.trajectory
+
+
+def forecast(
+    samples: int, epochs: int, states: int, triples: int, exposures: int, rows: int
+) -> Forecast:
+    """Forecast the memory of a flight.
+
+    Parameters
+    ----------
+    samples, epochs, states : int
+        Samples of the IMU; epochs and states of the filter.
+    triples : int
+        Kinds of measurements, of three rows each.
+    exposures, rows : int
+        Camera events, and rows of the trajectory.
+
+    Returns
+    -------
+    Forecast
+        From when the samples are read on.
+    """
+    n = states + ADDED_STATES
+    ns = n - N_NAV
+    of_epoch = 8 * (N_NOMINAL + ns + N_NAV + 2 * N_KINDS + N_NAV * (N_NAV + 1) // 2)
+    of_epoch += TRIPLE_BYTES * triples
+    of_block = 8 * (3 * n * n + 4 * N_NAV * n)
+    each = record_bytes(states, 3 * triples, False)
+    records = epochs * each if epochs * each <= WHOLE_BYTES else BLOCK * each
+    whole = (min(ROWS, epochs) + exposures) * 4 * n * (n + 1)
+    solution = epochs * of_epoch + epochs // BLOCK * of_block + whole
+    estimation = 2 * solution + records + epochs * (MEASUREMENT_BYTES + 8 * n)
+    return Forecast(
+        samples,
+        epochs,
+        states,
+        rows,
+        samples * SAMPLE_BYTES,
+        estimation,
+        2 * rows * POSE_BYTES,
+    )
+
+
+class BlockwisePasses:
+    """The passes over a flight, which use the same room again and again.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What is measured, and how.
+    start : InitialState
+        The state at the first epoch.
+    rows : ndarray
+        (k,) increasing epochs of which the whole smoothed covariance is wanted.
+    separations : int
+        Number of epochs at which the forward/backward separation is worked out.
+    block : int
+        Epochs of a block.
+    whole_bytes : int
+        What records may take where all of them are kept.
+    """
+
+    def __init__(
+        self,
+        problem: EstimationProblem,
+        start: InitialState,
+        rows: np.ndarray,
+        separations: int,
+        block: int | None = None,
+        whole_bytes: int | None = None,
+    ) -> None:
+        link_blas()
+        whole_bytes = WHOLE_BYTES if whole_bytes is None else whole_bytes
+        self.problem, self.start, self.rows, self.separations = problem, start, rows, separations
+        epochs, layout = problem.epochs, problem.layout
+        m = epochs.stop.size
+        self.size = block or BLOCK
+        self.first = np.arange(0, m, self.size)
+        self.outages = bool((outages(epochs) != ABSENT).any())
+        each = record_bytes(layout.size, measured_slots(epochs, layout)[1].size, self.outages)
+        self.whole = m * each <= whole_bytes  # whether all records are kept
+        # the row in front of a block is that of the epoch before it
+        room = (m if self.whole else min(self.size, m)) + 1
+        self.history = make_history(epochs, layout, records=room)
+        self.held = ABSENT  # the block whose records are there, where not all of them are
+        self.checkpoints: list[FilterState] = []
+        self.adjoints: list[SmootherState] = []
+        self.transitions: EventTransitions | None = None
+        self.closed_loop = True
+        self.row_sigma = np.empty((rows.size, layout.size))  # of the filter, at `rows`
+
+    def _blocks(self) -> Iterator[tuple[int, int, int]]:
+        """Yield number, first and end of the blocks."""
+        m = self.problem.epochs.stop.size
+        for b, first in enumerate(self.first.tolist()):
+            yield b, first, min(first + self.size, m)
+
+    def _of_block_views(self, b: int, first: int, last: int) -> tuple[Epochs, FilterHistory, int]:
+        """Return epochs and room of a block, with the epoch before it in front, and its begin."""
+        front = max(first - 1, 0)
+        row = (b * self.size if self.whole else 0) + 1 - (first - front)
+        history = _piece_of_history(self.history, front, last, row, self.outages)
+        return _piece_of_epochs(self.problem.epochs, front, last), history, first - front
+
+    def filter(self, closed_loop: bool = True, follower: Follower | None = None) -> None:
+        """Run the forward pass.
+
+        Parameters
+        ----------
+        closed_loop : bool
+            Feed the error estimate back into the nominal state (K.5); else the nominal of the
+            history stays and is linearised about.
+        follower : Follower, optional
+            What goes along with it, block by block.
+
+        Raises
+        ------
+        DataError
+            Where the solution does not follow the fixes.
+        """
+        problem, history = self.problem, self.history
+        state = first_state(problem, self.start, history, closed_loop)
+        inputs = forward_inputs(problem, closed_loop)
+        self.closed_loop, self.checkpoints = closed_loop, []
+        if problem.event_chain:
+            size = history.cross.shape[0], problem.layout.size
+            self.transitions = EventTransitions.before(*size)
+        unread = self.transitions is None and follower is None
+        for b, first, last in through(list(self._blocks())):
+            self.checkpoints.append(_copied(state))
+            epochs, records, begin = self._of_block_views(b, first, last)
+            if unread and not self.whole and last < problem.epochs.stop.size:
+                records = _unread(records)
+            _forward(inputs, epochs, state, records, begin)
+            if self.transitions is not None:
+                self.transitions.through(epochs.event, records, begin)
+            if follower is not None:
+                follower(inputs[0], epochs, records, begin)
+        self.held = self.first.size - 1
+        refuse_divergence(problem, history)
+
+    def smooth(self, full: bool = True) -> Smoothed:
+        """Run the backward pass over what the last forward pass left.
+
+        Parameters
+        ----------
+        full : bool
+            Whether covariances, cross-covariances of events and separations are wanted.
+
+        Returns
+        -------
+        Smoothed
+            The smoothed errors.
+        """
+        problem, history = self.problem, self.history
+        m, n = problem.epochs.stop.size, problem.layout.size
+        events, chained = history.cross.shape[0], problem.event_chain
+        room = SmootherRoom.of(m, n, self.rows, events, chained, self.separations, full)
+        inputs = forward_inputs(problem, self.closed_loop)
+        state, unset = last_state(n), last_state(n)
+        self.adjoints = []
+        for b, first, last in through(list(self._blocks())[::-1]):
+            epochs, records, begin = self._of_block_views(b, first, last)
+            if not (self.whole or self.held == b):
+                _forward(inputs, epochs, _copied(self.checkpoints[b]), records, begin)
+                self.held = b
+            self._keep_sigma(records.P[begin:], first, last)
+            self.adjoints.append(_adjoint(state, unset))
+            own = room.piece(first - begin, last)
+            run_backward(epochs.event, records, full, state, begin, *own)
+        self.adjoints.reverse()
+        return room.smoothed()
+
+    def _keep_sigma(self, P: Array, first: int, last: int) -> None:
+        """Keep the filter's sigmas at the rows among epochs first..last - 1 with covariances P."""
+        begin, end = np.searchsorted(self.rows, (first, last))
+        variance = np.diagonal(P, axis1=1, axis2=2)[self.rows[begin:end] - first]
+        self.row_sigma[begin:end] = np.sqrt(variance)
+
+    def chain(self, smoothed: Smoothed) -> EventChain | None:
+        """Return what ties the events, where the problem asks for it.
+
+        Parameters
+        ----------
+        smoothed : Smoothed
+            What the backward pass gave.
+
+        Returns
+        -------
+        EventChain or None
+            None where it does not.
+        """
+        if self.transitions is None:
+            return None
+        return EventChain.of(self.problem.epochs, self.transitions, smoothed)
+
+    def again(self) -> "BlockAgain":
+        """Return what passes any block again, when the records are gone."""
+        h = self.history
+        nominal = None if self.closed_loop else (h.nav.copy(), h.x.copy())
+        return BlockAgain(
+            self.problem,
+            self.size,
+            tuple(self.checkpoints),
+            tuple(self.adjoints),
+            nominal,
+            h.slot,
+            h.used,
+            h.outage,
+        )
+
+
+@dataclass(frozen=True)
+class BlockAgain:
+    """Passes a block of a solved flight again, for the covariance of epochs where it was not kept.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was solved.
+    size : int
+        Epochs of a block.
+    checkpoints : tuple of FilterState
+        The filter before each block.
+    adjoints : tuple of SmootherState
+        The smoother behind each block.
+    nominal : tuple of Array, or None
+        (m, 10) and (m, ns) about which the last pass was linearised; None where that was the
+        filter's own.
+    slot, used, outage : ndarray
+        As in `FilterHistory`.
+    """
+
+    problem: EstimationProblem
+    size: int
+    checkpoints: tuple[FilterState, ...]
+    adjoints: tuple[SmootherState, ...]
+    nominal: tuple[Array, Array] | None
+    slot: np.ndarray
+    used: np.ndarray
+    outage: np.ndarray
+
+    def triangles(self, rows: np.ndarray) -> Array:
+        """Return the smoothed covariance of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        rows : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n (n + 1) / 2) lower triangles.
+        """
+        n = self.problem.layout.size
+        out = np.empty((rows.size, n * (n + 1) // 2))
+        block = rows // self.size
+        for b in np.unique(block).tolist():
+            own = np.flatnonzero(block == b)
+            wanted, inverse = np.unique(rows[own], return_inverse=True)
+            out[own] = self._of_block(b, wanted)[inverse]
+        return out
+
+    def _of_block(self, b: int, rows: np.ndarray) -> Array:
+        """Return the triangles of increasing epochs of a block."""
+        epochs, n = self.problem.epochs, self.problem.layout.size
+        first = b * self.size
+        last, front = min(first + self.size, epochs.stop.size), max(first - 1, 0)
+        own = _piece_of_epochs(epochs, front, last)
+        own = own._replace(event=np.full(last - front, ABSENT, dtype=np.int64))
+        outage = _relabelled(self.outage[front:last])
+        room = history_room(
+            *(last - front, n, last - front, self.slot, self.used, outage, last - front, 0)
+        )
+        if self.nominal is not None:
+            room.nav[:], room.x[:] = (each[front:last] for each in self.nominal)
+        inputs = forward_inputs(self.problem, self.nominal is None)
+        _forward(inputs, own, _copied(self.checkpoints[b]), room, first - front)
+        smoother = SmootherRoom.of(last - front, n, rows - front, 0, False, 0)
+        state = _copied(self.adjoints[b])
+        run_backward(own.event, room, True, state, first - front, *smoother)
+        return smoother.kept
+
+
+def _adjoint(state: SmootherState, unset: SmootherState) -> SmootherState:
+    """Return a copy of a state; what is not set of it is that of `unset`, which all share."""
+    if state.within[0]:
+        return _copied(state)
+    return unset._replace(adjoint=state.adjoint.copy(), information=state.information.copy())
+
+
+def _forward(
+    inputs: ForwardInputs, epochs: Epochs, state: FilterState, history: FilterHistory, begin: int
+) -> None:
+    """Filter the epochs of a block from `begin` on; `state` is taken to its end."""
+    intervals, model, earth, lever_b, options = inputs
+    run_forward(intervals, epochs, model, earth, lever_b, state, options, history, begin)
+
+
+def _piece_of_epochs(epochs: Epochs, front: int, last: int) -> Epochs:
+    """Return the epochs front..last - 1, as views."""
+    return Epochs(*(each[front:last] for each in epochs))
+
+
+def _piece_of_history(
+    history: FilterHistory, front: int, last: int, row: int, outages: bool
+) -> FilterHistory:
+    """Return the room of the epochs front..last - 1, as views.
+
+    Parameters
+    ----------
+    history : FilterHistory
+        The room of the flight.
+    front, last : int
+        The epochs.
+    row : int
+        The row of the records that is that of epoch `front`.
+    outages : bool
+        Whether the process noise has rows like the other records.
+
+    Returns
+    -------
+    FilterHistory
+        Arrays of last - front epochs.
+    """
+    count, whole = last - front, {"slot", "used", "cross"}
+    if not outages:
+        whole |= {"W", "Qbb"}
+    parts = {
+        name: each[row : row + count] if name in RECORDS else each[front:last]
+        for name, each in zip(history._fields, history, strict=True)
+        if name not in whole
+    }
+    parts["outage"] = _relabelled(parts["outage"])
+    return history._replace(**parts)
+
+
+def _unread(history: FilterHistory) -> FilterHistory:
+    """Return room of a single row of what nobody reads: it stays in the cache."""
+    return history._replace(
+        **{name: getattr(history, name)[:1] for name in RECORDS if name not in {"W", "Qbb"}}
+    )
+
+
+def _relabelled(outage: np.ndarray) -> np.ndarray:
+    """Return slots of the process noise that are the rows of the epochs themselves."""
+    return np.where(outage != ABSENT, np.arange(outage.size), ABSENT)
+
+
+def _copied(state: State) -> State:
+    """Return a state with arrays of its own."""
+    return type(state)(*(each.copy() for each in state))

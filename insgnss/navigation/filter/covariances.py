@@ -1,0 +1,234 @@
+"""The smoothed covariances of a flight: what is kept of them, and where the rest comes from.
+
+Of every epoch the navigation block is kept, of chosen ones the whole matrix, both as lower
+triangles; any other whole matrix is worked out again with its block (`navigation.filter.blocks`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...records import Array
+from .blocks import BlockAgain
+from .codes import N_NAV, POS
+from .event_chain import SharedError
+from .triangles import diagonal, unpacked
+
+CHUNK = 4096  # covariances that are unpacked at a time
+
+
+@dataclass(frozen=True)
+class SmoothedCovariances:
+    """Smoothed covariances at the m epochs of a solution, or of a part of it.
+
+    Parameters
+    ----------
+    nav : Array
+        (m, 45) lower triangles of the navigation blocks.
+    rows : ndarray
+        (k,) increasing epochs of the whole solution of which all of it is kept.
+    kept : Array
+        (k, n (n + 1) / 2) its lower triangles.
+    row_sigma : Array
+        (k, n) standard deviations of the forward filter at these epochs.
+    again : BlockAgain or None
+        Works out the others; None where the increments are gone.
+    size : int
+        Number of states.
+    first : int
+        Epoch of the whole solution with which a part begins.
+    states : ndarray or None
+        Rows and columns that are left of the n, all of navigation among them; None for all.
+    shared : tuple of SharedError
+        Errors of the positions that no state describes, added to those of their epochs.
+    """
+
+    nav: Array
+    rows: np.ndarray
+    kept: Array
+    row_sigma: Array
+    again: BlockAgain | None
+    size: int
+    first: int = 0
+    states: np.ndarray | None = None
+    shared: tuple[SharedError, ...] = ()
+
+    @property
+    def own_rows(self) -> np.ndarray:
+        """The epochs, counted from those of the part, of which all is kept."""
+        own = self.rows - self.first
+        return own[(own >= 0) & (own < len(self.nav))]
+
+    @property
+    def filter_sigma(self) -> Array:
+        """Standard deviations of the errors of all states in the filter at `own_rows`, (k, n)."""
+        own = self.rows - self.first
+        sigma = self.row_sigma[(own >= 0) & (own < len(self.nav))]
+        return sigma if self.states is None else sigma[:, self.states]
+
+    def of_navigation(self, index: np.ndarray | slice) -> Array:
+        """Return the covariance of position, velocity and attitude errors.
+
+        Parameters
+        ----------
+        index : ndarray or slice
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, 9, 9) in l.
+        """
+        epochs = np.arange(len(self.nav))[index]
+        out = np.empty((epochs.size, N_NAV, N_NAV))
+        for begin in range(0, epochs.size, CHUNK):
+            own = slice(begin, begin + CHUNK)
+            out[own] = unpacked(self.nav[epochs[own]])
+        self._add_shared(out, epochs)
+        return out
+
+    def whole(self, index: np.ndarray) -> Array:
+        """Return the covariance of the errors of all states.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n, n) in l.
+        """
+        epochs = np.arange(len(self.nav))[index]
+        out = unpacked(self._triangles(epochs))
+        if self.states is not None:
+            out = out[:, self.states[:, None], self.states]
+        self._add_shared(out, epochs)
+        return out
+
+    def variance(self, index: np.ndarray) -> Array:
+        """Return the variances of the errors of all states.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n) in l.
+        """
+        epochs = np.arange(len(self.nav))[index]
+        out = diagonal(self._triangles(epochs))
+        if self.states is not None:
+            out = out[:, self.states]
+        for error in self.shared:
+            out[self._within(error, epochs), POS] += np.diag(error.cov)
+        return out
+
+    def variance_of(self, index: np.ndarray, A: Array) -> Array:
+        """Return the variances of linear combinations A e of the errors e of all states.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+        A : ndarray
+            (q, n) the combinations.
+
+        Returns
+        -------
+        Array
+            (k, q), those of the diagonals of A P A', without the matrices P.
+        """
+        epochs = np.arange(len(self.nav))[index]
+        whole = A
+        if self.states is not None:
+            whole = np.zeros((len(A), self.size))
+            whole[:, self.states] = A
+        row, column = np.tril_indices(self.size)
+        factor = whole[:, row] * whole[:, column] * np.where(row == column, 1.0, 2.0)
+        out = np.asarray(self._triangles(epochs) @ factor.T)
+        for error in self.shared:
+            out[self._within(error, epochs)] += np.diag(A[:, POS] @ error.cov @ A[:, POS].T)
+        return out
+
+    def piece(self, first: int, last: int) -> "SmoothedCovariances":
+        """Return those of consecutive epochs.
+
+        Parameters
+        ----------
+        first, last : int
+            The first and the last epoch, both included.
+
+        Returns
+        -------
+        SmoothedCovariances
+            Whose epochs count from the first.
+        """
+        return replace(self, nav=self.nav[first : last + 1], first=self.first + first)
+
+    def without(self, states: np.ndarray) -> "SmoothedCovariances":
+        """Return those without some states.
+
+        Parameters
+        ----------
+        states : ndarray
+            Counted from the first of navigation, of which none may go.
+
+        Returns
+        -------
+        SmoothedCovariances
+            The same otherwise.
+        """
+        here = self.states
+        if here is None:
+            here = np.arange(self.size)
+        return replace(self, states=np.delete(here, states))
+
+    def enlarged(self, shared: tuple[SharedError, ...]) -> "SmoothedCovariances":
+        """Return those of positions that share further errors.
+
+        Parameters
+        ----------
+        shared : tuple of SharedError
+            Their epochs are counted as those of these covariances are.
+
+        Returns
+        -------
+        SmoothedCovariances
+            The same otherwise.
+        """
+        moved = tuple(
+            SharedError(error.first + self.first, error.last + self.first, error.cov)
+            for error in shared
+        )
+        return replace(self, shared=(*self.shared, *moved))
+
+    def _triangles(self, epochs: np.ndarray) -> Array:
+        """Return lower triangles, (k, n (n + 1) / 2), kept or worked out again."""
+        wanted = epochs + self.first
+        slot = np.searchsorted(self.rows, wanted)
+        there = np.zeros(wanted.size, dtype=np.bool_)
+        inside = slot < self.rows.size
+        there[inside] = self.rows[slot[inside]] == wanted[inside]
+        if there.all():
+            return self.kept[slot]
+        if self.again is None:
+            raise ValueError("the increments are gone: covariances are those of Solution.rows")
+        out = np.empty((wanted.size, self.kept.shape[1]))
+        out[there] = self.kept[slot[there]]
+        out[~there] = self.again.triangles(wanted[~there])
+        return out
+
+    def _within(self, error: SharedError, epochs: np.ndarray) -> np.ndarray:
+        """Return which of the epochs share an error, (k,) bool."""
+        whole = epochs + self.first
+        return (whole >= error.first) & (whole <= error.last)
+
+    def _add_shared(self, cov: Array, epochs: np.ndarray) -> None:
+        """Add what no state describes to covariances (k, n, n) of some epochs, in slot."""
+        for error in self.shared:
+            cov[self._within(error, epochs), POS, POS] += error.cov

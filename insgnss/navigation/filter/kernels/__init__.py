@@ -1,0 +1,26 @@
+"""Numba kernels of the navigation core.
+
+Mathematics, with the numbers of the equations that the kernels quote: `navigation.filter.strapdown`
+(S), `navigation.filter.error_model` (E), `navigation.filter.filter` (K),
+`navigation.filter.smoother` (B).
+
+============== ===================================================================
+records        what kernels take and fill: intervals, epochs, models, scratch
+strapdown      the nominal state from one epoch to the next
+error_model    transition and process noise of the errors over the same interval
+measurements   innovation and derivative of each kind of measured triple
+update         innovation gate, update with three scalars, covariance reset, feedback
+forward        the filter over all epochs
+backward       the smoother over all epochs
+outage         the smoothed covariance between fixes that are far apart
+transitions    of all errors from each camera event to the next
+copies         of vectors and matrices, element by element
+blas           what multiplies matrices, without the package around it
+============== ===================================================================
+
+Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops
+but within outages.
+`nav` is (10,): position, velocity in l and the quaternion q_lb; `x` (ns,) the other states' values;
+`n` = 9 + ns. Which state stands where, and what the integers mean, is defined in
+`navigation.filter.codes`.
+"""

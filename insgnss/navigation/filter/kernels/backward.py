@@ -1,0 +1,195 @@
+"""The smoother (B) over all epochs."""
+
+import numpy as np
+
+from ....base.compilation import njit
+from ..codes import ABSENT, IMU0, N_NAV
+from .copies import copy_matrix, copy_vector
+from .outage import gain_within, smooth_across
+from .update import remove_triple, weigh
+
+CANCELLED = 1e-2  # share of the filter's variance, below which (B.1) loses digits within an outage
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def run_backward(
+    event,
+    history,
+    full,
+    state,
+    begin,
+    delta,
+    nav_cov,
+    slot,
+    kept,
+    event_cross,
+    event_filter,
+    event_gain,
+    keep,
+    keep_information,
+    keep_adjoint,
+):
+    """Run the modified Bryson-Frazier smoother (B.1-B.8) from the last epoch to the first.
+
+    Of most epochs the navigation block of the covariance is all that anybody asks for, a quarter of
+    the work; the whole of it where `slot` says so, and within outages.
+
+    Parameters
+    ----------
+    event : ndarray
+        (m,) number of the camera event of each epoch, or ABSENT.
+    history : FilterHistory
+        What the forward pass left.
+    full : bool
+        Whether covariances and cross-covariances of events are smoothed as well.
+    state : SmootherState
+        The smoother before the last epoch, zero at the end of the flight; taken on in place to the
+        epoch before `begin`.
+    begin : int
+        The epoch to end with, as of `run_forward`.
+    delta : ndarray
+        (m, n) smoothed errors of the nominal, filled in place.
+    nav_cov : ndarray
+        (m, 45) lower triangle of the smoothed covariance of the navigation errors, row by row,
+        filled in place with `full`.
+    slot : ndarray
+        (m,) the slot that takes the whole covariance of an epoch, or ABSENT.
+    kept : ndarray
+        (slots, n (n + 1) / 2) its lower triangle, row by row, filled in place with `full`.
+    event_cross : ndarray
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one, filled in place with `full`.
+    event_filter, event_gain : ndarray
+        (events, n, n) covariance of the filter, post, and what later data make of it on its right,
+        1 - Lambda P or P^-1 P_s (B.8), at each event, filled in place with `full`; without rows
+        where nobody asks for them.
+    keep : ndarray
+        (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
+    keep_information, keep_adjoint : ndarray
+        (slots, n, n) Lambda and (slots, n) lambda, filled in place.
+    """
+    nz, n = history.H.shape[1], history.m.shape[1]
+    ns = n - N_NAV
+    lam, Lam, smoothed_later = state.adjoint, state.information, state.later
+    chained = event_gain.shape[0] > 0
+    new = np.zeros(n)
+    A, B, smoothed, gain = (
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+    )
+    M, G, AN = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros((N_NAV, n))
+    BN, nav = np.zeros((N_NAV, N_NAV)), np.zeros((N_NAV, N_NAV))
+    g = np.zeros((3, n))
+    for e in range(event.size - 1, begin - 1, -1):
+        P = history.P[e]
+        if keep[e] != ABSENT:
+            copy_matrix(Lam, keep_information[keep[e]])
+            copy_vector(lam, keep_adjoint[keep[e]])
+        estimate = delta[e]
+        copy_vector(history.m[e], estimate)
+        for c in range(n):  # P is symmetric
+            t, row = lam[c], P[c]
+            for r in range(n):
+                estimate[r] += t * row[r]
+        if full:
+            within, outage, j = state.within[0] != 0, history.outage[e], event[e]
+            np.dot(P[:N_NAV], Lam, AN)
+            np.dot(AN, P[:N_NAV].T, BN)
+            cancelled = False
+            for r in range(N_NAV):
+                for c in range(N_NAV):
+                    nav[r, c] = P[r, c] - 0.5 * (BN[r, c] + BN[c, r])
+                cancelled = cancelled or (within and not nav[r, r] > CANCELLED * P[r, r])
+            whole = slot[e] != ABSENT or outage != ABSENT or cancelled
+            if whole or (chained and j != ABSENT):
+                np.dot(Lam, P, A)
+            if whole:
+                np.dot(P, A, B)
+                for r in range(n):
+                    for c in range(n):
+                        smoothed[r, c] = P[r, c] - 0.5 * (B[r, c] + B[c, r])
+                copy_matrix(nav, smoothed)
+            if j != ABSENT:
+                cross = history.cross[j]
+                np.dot(AN, cross.T, BN)
+                for r in range(N_NAV):
+                    for c in range(N_NAV):
+                        event_cross[j, r, c] = cross[r, c] - BN[c, r]
+                if chained:
+                    copy_matrix(P, event_filter[j])
+                    for r in range(n):
+                        for c in range(n):
+                            event_gain[j, r, c] = -A[r, c]
+                        event_gain[j, r, r] += 1.0
+            if cancelled:
+                F, D, W, Qbb = state.F, state.D, state.W, state.Qbb
+                if smooth_across(P, F, D, W, Qbb, smoothed_later, smoothed):
+                    copy_matrix(smoothed[:N_NAV, :N_NAV], nav)
+                    if j != ABSENT and gain_within(P, smoothed, gain):
+                        np.dot(history.cross[j], gain, M)
+                        copy_matrix(M[:, :N_NAV], event_cross[j])
+                        if chained:
+                            copy_matrix(gain, event_gain[j])
+            t = 0
+            for r in range(N_NAV):
+                for c in range(r + 1):
+                    nav_cov[e, t] = nav[r, c]
+                    t += 1
+            if slot[e] != ABSENT:
+                t = 0
+                for r in range(n):
+                    for c in range(r + 1):
+                        kept[slot[e], t] = smoothed[r, c]
+                        t += 1
+            state.within[0] = outage != ABSENT
+            if outage != ABSENT:
+                copy_matrix(smoothed, smoothed_later)
+                copy_matrix(history.F[e], state.F)
+                copy_vector(history.D[e], state.D)
+                copy_matrix(history.W[outage], state.W)
+                copy_vector(history.Qbb[outage], state.Qbb)
+        for i in range(nz - 3, -1, -3):
+            if history.S[e, i] <= 0.0:
+                continue
+            h, k, used = history.H[e, i : i + 3], history.K[e, i : i + 3], history.used[i]
+            if full:
+                weigh(Lam, k, n, g)
+                remove_triple(Lam, h, k, history.S[e, i : i + 3], used, g)
+            for j in range(2, -1, -1):
+                t, row, of = history.y[e, i + j] / history.S[e, i + j], h[j], k[j]
+                for r in range(n):
+                    t -= of[r] * lam[r]
+                for r in range(used):
+                    lam[r] += t * row[r]
+        if e == 0:
+            break
+        F = history.F[e]
+        D = history.D[e]
+        new[:] = 0.0
+        for r in range(N_NAV):
+            t, row = lam[r], F[r]
+            for c in range(n):
+                new[c] += t * row[c]
+        for s in range(ns):
+            new[IMU0 + s] += D[s] * lam[IMU0 + s]
+        copy_vector(new, lam)
+        if full:
+            # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose
+            for r in range(N_NAV):
+                for c in range(N_NAV):
+                    nav[r, c] = 0.5 * Lam[r, c]
+            np.dot(nav, F, G)
+            for r in range(N_NAV):
+                to, row = G[r, IMU0:], Lam[r, IMU0:]
+                for s in range(ns):
+                    to[s] += row[s] * D[s]
+            np.dot(F.T, G, A)
+            for r in range(ns):
+                t, to, row = 0.5 * D[r], A[IMU0 + r, IMU0:], Lam[IMU0 + r, IMU0:]
+                for c in range(ns):
+                    to[c] += t * D[c] * row[c]
+            for r in range(n):
+                for c in range(n):
+                    Lam[r, c] = A[r, c] + A[c, r]

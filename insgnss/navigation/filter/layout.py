@@ -1,0 +1,338 @@
+"""The state vector: which error states a noise model asks for, and where they stand.
+
+The first nine states are the navigation errors (position, velocity, psi in the axes of l). Then,
+one after the other, the IMU error states. Each adds ``x_s u_s`` to the measured rate of one of six
+channels (gyro x y z, accelerometer x y z in body axes): u_s is one for a bias, the time since the
+start for a drift, the measured rate of a channel for a scale factor or a misalignment. Each obeys
+``dx/dt = -beta x + sqrt(drive) w``:
+
+    turn-on bias, scale factor, misalignment, drift    beta = 0, drive = 0    a constant with an
+                                                                              a-priori sigma
+    random walk                                        beta = 0, drive > 0
+    Gauss-Markov                                       beta = 1/T, drive > 0  started in its
+                                                                              stationary state
+
+A turn-on bias stays a state of its own. Folded into the longest Gauss-Markov process its fed-back
+estimate would decay with that process's correlation time, and the filter would take for certain a
+bias that walks away from it (NEES 3 for the tilt).
+
+Behind them stand, where asked for, errors of the fixes that touch no channel (u_s = 0) and enter
+the measurement alone (`navigation.filter.filter`): lever arm and time offset, constants with an
+a-priori sigma, and the time-correlated error of the fixes, a Gauss-Markov process; and those of a
+barometer, its bias, a random walk, and its scale factor, a constant.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records import Array
+from ..noise_model.model import AxisNoise, NoiseModel
+from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
+from .kernels.records import StateModel
+
+DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
+CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
+
+Row = tuple[str, int, int, float, float, float]  # name, channel, factor, beta, drive, sigma0
+
+
+@dataclass(frozen=True)
+class FixErrors:
+    """Errors of the GNSS fixes that are estimated; None where they are taken as known, or as white.
+
+    Parameters
+    ----------
+    lever_arm_m : float, optional
+        A-priori sigma of each component of the antenna's lever arm, m.
+    time_offset_s : float, optional
+        A-priori sigma of the time offset of the stamps, s.
+    clock_rate : float, optional
+        A-priori sigma of what the one clock gains on the other, s a second, besides.
+    gm_sigma : tuple of float, optional
+        (3,) stationary sigma of the time-correlated (Gauss-Markov) error of all fixes, north, east,
+        down, in standard deviations of each fix.
+    correlation_time_s : float
+        Its correlation time.
+    white_scale : tuple of float
+        (3,) sigma of the white error in the same unit.
+    unfixed_gm_sigma : float, optional
+        Sigma of the time-correlated error that float and code solutions have besides
+        (`epochs.unfixed_solutions`), of each axis, in the same unit.
+    unfixed_correlation_time_s : float
+        Its correlation time.
+    unfixed_white_scale : float
+        Sigma of the white error of such fixes, of each axis, in the same unit.
+    velocity_gm_sigma_mps : float, optional
+        Sigma of the time-correlated error of measured velocities, of each axis, m/s.
+    velocity_correlation_time_s : float
+        Its correlation time.
+    velocity_white_scale : float
+        Sigma of the white error of velocities in their standard deviations.
+    """
+
+    lever_arm_m: float | None = None
+    time_offset_s: float | None = None
+    clock_rate: float | None = None
+    gm_sigma: tuple[float, ...] | None = None
+    correlation_time_s: float = 60.0
+    white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+    unfixed_gm_sigma: float | None = None
+    unfixed_correlation_time_s: float = 60.0
+    unfixed_white_scale: float = 1.0
+    velocity_gm_sigma_mps: float | None = None
+    velocity_correlation_time_s: float = 60.0
+    velocity_white_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class BarometerErrors:
+    """Errors of a barometer that are estimated.
+
+    Parameters
+    ----------
+    bias_m : float
+        A-priori sigma of the bias of its heights at the start, m.
+    bias_walk : float
+        Random walk of the bias, m/sqrt(s): weather, temperature of the sensor, wind.
+    scale_factor : float
+        A-priori sigma of the scale factor of its heights: air warmer or colder than the standard
+        atmosphere by 1 % of its absolute temperature makes 1 %.
+    """
+
+    bias_m: float
+    bias_walk: float
+    scale_factor: float
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """The error states behind those of navigation, in their order.
+
+    Parameters
+    ----------
+    names : tuple of str
+        (ns,) one name a state.
+    channel, factor : ndarray
+        (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
+        DRIFT, AIDING_ERROR (`navigation.filter.codes`) or the channel whose measured rate it is.
+    beta, drive : Array
+        (ns,) inverse correlation time, 1/s, and PSD of the driving noise.
+    sigma0 : Array
+        (ns,) a-priori standard deviation.
+    white : Array
+        (6,) PSD of the channels' white noise, (rad/s)^2/Hz and (m/s^2)^2/Hz.
+    quantization : Array
+        (6,) rad and m/s, of one increment.
+    lever, offset, rate : int
+        The first state of the lever arm's error, the state of the time offset, that of its rate; -1
+        without.
+    gm, unfixed_gm, velocity_gm : int
+        The first state of the time-correlated error of all fixes, of that which float and code
+        solutions have besides, and of that of the velocities; -1 without.
+    white_scale : tuple of float
+        (3,) sigma of the fixes' white error in their standard deviations, north, east, down.
+    unfixed_white_scale, velocity_white_scale : float
+        That of float and code solutions, and that of velocities.
+    barometer : int
+        The state of the barometer's bias, with that of its scale factor behind it; -1 without.
+    """
+
+    names: tuple[str, ...]
+    channel: np.ndarray
+    factor: np.ndarray
+    beta: Array
+    drive: Array
+    sigma0: Array
+    white: Array
+    quantization: Array
+    lever: int = ABSENT
+    offset: int = ABSENT
+    rate: int = ABSENT
+    gm: int = ABSENT
+    unfixed_gm: int = ABSENT
+    velocity_gm: int = ABSENT
+    white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+    unfixed_white_scale: float = 1.0
+    velocity_white_scale: float = 1.0
+    barometer: int = ABSENT
+
+    @property
+    def size(self) -> int:
+        """Number of all states, the nine of navigation included."""
+        return N_NAV + len(self.names)
+
+    def kernel_model(self, block_s: float, aiding_interval_s: float) -> StateModel:
+        """Return the arrays as the kernels take them.
+
+        Parameters
+        ----------
+        block_s : float
+            Length of the blocks over which the transition is built as one step, s.
+        aiding_interval_s : float
+            Interval between fixes, s: quantization enters as white noise of the same variance over
+            it.
+
+        Returns
+        -------
+        StateModel
+            The model of these states, with one component of noise.
+        """
+        white = self.white + 2.0 * self.quantization**2 / aiding_interval_s
+        first_gm = np.array([self.gm, self.unfixed_gm, self.velocity_gm])
+        of_fixes = self.lever, self.offset, self.rate, first_gm, self.white_scales
+        return StateModel(
+            *(self.channel, self.factor, self.beta, self.drive[None], white[None], block_s),
+            *of_fixes,
+            self.barometer,
+        )
+
+    @property
+    def white_scales(self) -> Array:
+        """(3, 3) shares of white errors: of fixed positions, of others, of velocities."""
+        unfixed, velocity = (self.unfixed_white_scale,) * 3, (self.velocity_white_scale,) * 3
+        return np.array([self.white_scale, unfixed, velocity])
+
+    @property
+    def of_fixes(self) -> bool:
+        """Whether errors of the fixes are among the states."""
+        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != ABSENT
+
+    def channel_sum(self) -> Array:
+        """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
+        M = np.zeros((N_CHANNELS, len(self.names)))
+        for s, (c, f) in enumerate(zip(self.channel, self.factor, strict=True)):
+            if f == BIAS:
+                M[c, s] = 1.0
+        return M
+
+
+def state_layout(
+    model: NoiseModel,
+    scale_factor: bool = False,
+    misalignment: bool = False,
+    fixes: FixErrors = FixErrors(),
+    barometer: BarometerErrors | None = None,
+) -> StateLayout:
+    """Return the states that a noise model asks for, and those that are asked for besides.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        Noise of the six channels.
+    scale_factor, misalignment : bool
+        Whether each channel has a scale factor, and a misalignment towards either other axis of its
+        triad, as states. Their a-priori sigma is the model's, where it has none 1000 ppm and 1
+        mrad.
+    fixes : FixErrors
+        Which errors of the GNSS fixes are states.
+    barometer : BarometerErrors, optional
+        The errors of a barometer, where there is one.
+
+    Returns
+    -------
+    StateLayout
+        The states in their order.
+    """
+    rows: list[Row] = []
+    axes = [*model.gyro, *model.accel]
+    for c, axis in enumerate(axes):
+        rows += _axis_states(c, axis)
+    for c, axis in enumerate(axes):
+        if scale_factor:
+            rows.append(
+                (f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE)
+            )
+        if misalignment:
+            sigma = axis.misalignment or DEFAULT_SCALE
+            triad = range(3 * (c // 3), 3 * (c // 3) + 3)
+            rows += [
+                (f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, sigma)
+                for j in triad
+                if j != c
+            ]
+    first: dict[str, int] = {}
+    for kind, states in _fix_states(fixes):
+        first[kind] = len(rows)
+        rows += states
+    if barometer is not None:
+        first["barometer"] = len(rows)
+        rows += _barometer_states(barometer)
+    names, channel, factor, beta, drive, sigma0 = (
+        zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
+    )
+    return StateLayout(
+        tuple(names),
+        np.array(channel, dtype=np.int64),
+        np.array(factor, dtype=np.int64),
+        np.array(beta, dtype=np.float64),
+        np.array(drive, dtype=np.float64),
+        np.array(sigma0, dtype=np.float64),
+        np.array([a.white_noise**2 for a in axes]),
+        np.array([a.quantization for a in axes]),
+        **first,
+        white_scale=fixes.white_scale,
+        unfixed_white_scale=fixes.unfixed_white_scale,
+        velocity_white_scale=fixes.velocity_white_scale,
+    )
+
+
+def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
+    """Yield the field of `StateLayout` and the states of each error of the fixes."""
+    if fixes.lever_arm_m is not None:
+        axes = ("forward", "right", "down")
+        yield (
+            "lever",
+            [
+                (f"antenna lever arm {axis}", 0, AIDING_ERROR, 0.0, 0.0, fixes.lever_arm_m)
+                for axis in axes
+            ],
+        )
+    if fixes.time_offset_s is not None:
+        yield "offset", [("GNSS time offset", 0, AIDING_ERROR, 0.0, 0.0, fixes.time_offset_s)]
+        if fixes.clock_rate is not None:
+            yield "rate", [("GNSS clock rate", 0, AIDING_ERROR, 0.0, 0.0, fixes.clock_rate)]
+    if fixes.gm_sigma is not None:
+        yield "gm", _gauss_markov("GNSS", fixes.gm_sigma, fixes.correlation_time_s)
+    if fixes.unfixed_gm_sigma is not None:
+        sigma = (fixes.unfixed_gm_sigma,) * 3
+        yield "unfixed_gm", _gauss_markov("GNSS unfixed", sigma, fixes.unfixed_correlation_time_s)
+    if fixes.velocity_gm_sigma_mps is not None:
+        sigma = (fixes.velocity_gm_sigma_mps,) * 3
+        time_s = fixes.velocity_correlation_time_s
+        yield "velocity_gm", _gauss_markov("GNSS velocity", sigma, time_s)
+
+
+def _barometer_states(errors: BarometerErrors) -> list[Row]:
+    """Return bias and scale factor of a barometer."""
+    walk2 = errors.bias_walk**2
+    return [
+        ("barometer bias", 0, AIDING_ERROR, 0.0, walk2, errors.bias_m),
+        ("barometer scale factor", 0, AIDING_ERROR, 0.0, 0.0, errors.scale_factor),
+    ]
+
+
+def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
+    """Return a time-correlated error as three Gauss-Markov states."""
+    beta = 1.0 / time_s
+    named = zip(("north", "east", "down"), sigma, strict=True)
+    return [
+        (f"{of} time-correlated error {axis}", 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
+        for axis, s in named
+    ]
+
+
+def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
+    """Return the bias-like states of channel c."""
+    name = CHANNELS[c]
+    rows = []
+    if axis.turn_on_bias > 0.0 or axis.random_walk > 0.0:
+        rows.append((f"{name} bias", c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
+    if axis.drift > 0.0:
+        rows.append((f"{name} drift", c, DRIFT, 0.0, 0.0, axis.drift))
+    for k, gm in enumerate(axis.gauss_markov, start=1):
+        rows.append(
+            (f"{name} GM {k}", c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma)
+        )
+    return rows

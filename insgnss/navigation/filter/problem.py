@@ -1,0 +1,132 @@
+"""One flight's estimation problem, the state it starts from, and problems cut out of others."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...geodesy.frames import LocalFrame
+from ...records import Array, Increments
+from .codes import ABSENT
+from .kernels.records import Epochs
+from .layout import StateLayout
+
+
+@dataclass(frozen=True)
+class EstimationProblem:
+    """Everything that one flight's estimation stands on.
+
+    Parameters
+    ----------
+    inc : Increments
+        Body increments between the marks; every mark is an epoch.
+    epochs : Epochs
+        What is measured at each of the m epochs.
+    frame : LocalFrame
+        The local frame l in which everything is estimated.
+    layout : StateLayout
+        The error states behind those of navigation.
+    antenna_lever_b : Array
+        (3,) m, from the IMU to the antenna's phase centre, body axes.
+    gate : float
+        Normalised innovation squared (NIS) above which a triple is rejected.
+    aiding_interval_s : float
+        Usual interval between fixes, s.
+    backward : bool
+        The increments and fixes run against time (`navigation.align.initial`), so that the Earth
+        turns the other way.
+    huber_threshold : float
+        NIS above which a triple is taken with a larger covariance (K.11); infinite for never.
+    event_chain : bool
+        Whether the solution is to give the covariance between any two camera events (B.8).
+    """
+
+    inc: Increments
+    epochs: Epochs
+    frame: LocalFrame
+    layout: StateLayout
+    antenna_lever_b: Array
+    gate: float
+    aiding_interval_s: float
+    backward: bool = False
+    huber_threshold: float = np.inf
+    event_chain: bool = True
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """The state at the first epoch.
+
+    Parameters
+    ----------
+    nav : Array
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : Array
+        (ns,) nominal values of the other states.
+    mean : Array
+        (n,) a-priori mean of the errors about the nominal.
+    P : Array
+        (n, n) a-priori covariance of the errors.
+    """
+
+    nav: Array
+    x: Array
+    mean: Array
+    P: Array
+
+
+def sub_problem(problem: EstimationProblem, first: int, last: int) -> EstimationProblem:
+    """Return the epochs first..last of a problem as a problem of their own, without camera events.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The whole problem.
+    first, last : int
+        The first and the last epoch, both included.
+
+    Returns
+    -------
+    EstimationProblem
+        The part, whose time counts from its own first epoch.
+    """
+    index = np.arange(first, last + 1)
+    inc, s0, s1 = problem.inc, problem.epochs.stop[first], problem.epochs.stop[last]
+    increments = Increments(
+        inc.dt[s0:s1],
+        inc.dtheta[s0:s1],
+        inc.dvel[s0:s1],
+        inc.marks[index],
+        problem.epochs.stop[index] - s0,
+        inc.rate[index],
+        inc.nominal_s,
+    )
+    return with_epochs(problem, index, increments)
+
+
+def with_epochs(
+    problem: EstimationProblem, index: np.ndarray, inc: Increments
+) -> EstimationProblem:
+    """Return the problem with some of its epochs over other increments, without camera events.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem whose epochs are taken.
+    index : ndarray
+        (k,) the epochs to take, in the order of the marks of `inc`.
+    inc : Increments
+        The increments between these epochs, with k marks.
+
+    Returns
+    -------
+    EstimationProblem
+        The problem of the k epochs.
+    """
+    ep = problem.epochs
+    own = ("stop", "time", "rate", "event")
+    taken = {name: getattr(ep, name)[index] for name in ep._fields if name not in own}
+    event = np.full(index.size, ABSENT, dtype=np.int64)
+    epochs = ep._replace(
+        stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken
+    )
+    return replace(problem, inc=inc, epochs=epochs)

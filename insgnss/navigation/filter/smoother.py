@@ -1,0 +1,293 @@
+"""Fixed-interval smoother with full covariance: modified Bryson-Frazier.
+
+It gives the same means and covariances as the Rauch-Tung-Striebel recursion, x_s = x + G (x_s' -
+x'), without its n x n inverse at every epoch, and it needs no invertible covariance (a constant
+bias has no process noise). With the adjoint lambda and its covariance Lambda after epoch k (both
+zero after the last), x, P the filter's result after the update at k:
+
+    x_s = x + P lambda,      P_s = P - P Lambda P                                             (B.1)
+    through a scalar update: lambda <- lambda + h' (nu / S - k' lambda)                       (B.2)
+                             Lambda <- (1 - k h)' Lambda (1 - k h) + h' h / S                 (B.3)
+    to the epoch before:     lambda <- Phi' lambda,   Lambda <- Phi' Lambda Phi               (B.4)
+
+Lambda is the inverse of the covariance of the difference between what the later data say of the
+state and what the earlier data say, and Lambda^-1 lambda is that difference: the forward/backward
+separation with its covariance comes at no cost.
+
+The covariance between the errors at an event j and at the next event k > j: the filter tracks C =
+cov(x_j, x_k) given the data up to k (C <- C Phi', C <- C (1 - k h)'); the later data see x_k only,
+hence
+
+    cov_s(x_j, x_k) = C - C Lambda_k P_k                                                      (B.5)
+
+Through an outage the filter's variance grows until nearly all of it goes again with the next fix:
+P - P Lambda P is the difference of two large numbers, and after two minutes on a MEMS IMU a
+millimetre is 1e-10 of them. There, where less than `kernels.backward.CANCELLED` of a variance
+stays, the covariance is that of Rauch, Tung and Striebel, as a sum of squares that has nothing to
+lose, and with it that of events:
+
+    C = P Phi' (Phi P Phi' + Q)^-1
+    P_s = (1 - C Phi) P (1 - C Phi)' + C (Q + P_s') C'                                        (B.6)
+    cov_s(x_j, x_k) = cov(x_j, x_k) P_k^-1 P_s,k                                              (B.7)
+
+Between any two events j < k, not neighbours alone, the errors of all n states are followed: M_k,
+the product of (1 - k h) and Phi over the epochs after event k - 1 up to event k, takes x_k-1 to
+x_k, and what the later data add stands on the right as in (B.5), or (B.7) within an outage,
+
+    cov_s(x_j, x_k) = P_j M_j+1' ... M_k' (1 - Lambda_k P_k)                                  (B.8)
+
+(`event_chain`). The chain of neighbours' blocks of (B.5) is none of it: position, velocity and psi
+alone are no Markov process beside biases and errors of the fixes.
+
+The means keep (B.1), whose terms are far smaller. `filter.OUTAGE_S` says between which fixes the
+process noise Q is kept for it.
+
+Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and Potter (1969) for
+the two-filter view.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...records import Array
+from .codes import ABSENT, N_NAV, NAV
+from .kernels.backward import run_backward
+from .kernels.records import Epochs, FilterHistory, SmootherState
+from .triangles import unpacked
+
+TINY = 1e-300  # keeps a division by zero away
+DETERMINED = 1e-10  # relative eigenvalue of the information from which on a direction is determined
+OUTSIDE = 1e-6  # squared share of a state in directions that are not, above which it is not
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What the backward pass gives at the m epochs.
+
+    Parameters
+    ----------
+    delta : Array
+        (m, n) smoothed error estimate about the nominal of the history.
+    nav_cov : Array
+        (m, 45) lower triangle of the smoothed covariance of the navigation errors, of a full run
+        only (else without rows).
+    rows : ndarray
+        (k,) the epochs of which the whole covariance is kept.
+    kept : Array
+        (k, n (n + 1) / 2) its lower triangle.
+    event_cross : Array
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one (of the first: zero).
+    event_filter, event_gain : Array
+        (events, n, n) P_k of the filter and the last factor of (B.8); without rows where nobody
+        asked for them.
+    separation_epoch : ndarray
+        (s,) the epochs at which the forward/backward separation was worked out.
+    separation, separation_sigma : Array
+        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN
+        where the later data do not determine it.
+    """
+
+    delta: Array
+    nav_cov: Array
+    rows: np.ndarray
+    kept: Array
+    event_cross: Array
+    event_filter: Array
+    event_gain: Array
+    separation_epoch: np.ndarray
+    separation: Array
+    separation_sigma: Array
+
+    @property
+    def P(self) -> Array | None:
+        """Smoothed covariance (k, n, n) at `rows`; None after a run without covariances."""
+        return unpacked(self.kept) if self.rows.size else None
+
+
+class SmootherRoom(NamedTuple):
+    """What `kernels.backward.run_backward` fills, in the order of its parameters.
+
+    Parameters
+    ----------
+    delta, nav_cov, slot, kept, event_cross, event_filter, event_gain, keep : ndarray
+        As there.
+    information, adjoint : ndarray
+        Its `keep_information` and `keep_adjoint`.
+    """
+
+    delta: Array
+    nav_cov: Array
+    slot: np.ndarray
+    kept: Array
+    event_cross: Array
+    event_filter: Array
+    event_gain: Array
+    keep: np.ndarray
+    information: Array
+    adjoint: Array
+
+    @classmethod
+    def of(
+        cls,
+        m: int,
+        n: int,
+        rows: np.ndarray,
+        events: int,
+        chained: bool = True,
+        separations: int = 100,
+        full: bool = True,
+    ) -> "SmootherRoom":
+        """Return room for m epochs of n states.
+
+        Parameters
+        ----------
+        m, n : int
+            Epochs and states.
+        rows : ndarray
+            (k,) epochs of which the whole covariance is wanted.
+        events : int
+            Camera events.
+        chained : bool
+            Whether the covariance between any two of them is wanted (B.8).
+        separations : int
+            Number of epochs at which the forward/backward separation is worked out.
+        full : bool
+            Whether there are covariances at all.
+
+        Returns
+        -------
+        SmootherRoom
+            Arrays.
+        """
+        rows = rows if full else rows[:0]
+        chosen = np.zeros(0, dtype=np.int64)
+        if full and separations:
+            chosen = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
+        chain = (events if full and chained else 0, n, n)
+        return cls(
+            np.empty((m, n)),
+            np.empty((m if full else 0, N_NAV * (N_NAV + 1) // 2)),
+            _numbered(m, rows),
+            np.empty((rows.size, n * (n + 1) // 2)),
+            np.zeros((events, N_NAV, N_NAV)),
+            np.zeros(chain),
+            np.zeros(chain),
+            _numbered(m, chosen),
+            np.zeros((chosen.size, n, n)),
+            np.zeros((chosen.size, n)),
+        )
+
+    def piece(self, first: int, last: int) -> "SmootherRoom":
+        """Return the room of some consecutive epochs.
+
+        Parameters
+        ----------
+        first, last : int
+            The first of them, and the first behind them.
+
+        Returns
+        -------
+        SmootherRoom
+            Views; what is not by epochs is the whole.
+        """
+        own = slice(first, last)
+        return self._replace(
+            delta=self.delta[own],
+            nav_cov=self.nav_cov[own],
+            slot=self.slot[own],
+            keep=self.keep[own],
+        )
+
+    def smoothed(self) -> Smoothed:
+        """Return what the pass has filled in."""
+        separation, sigma = _separation(self.information, self.adjoint)
+        return Smoothed(
+            self.delta,
+            self.nav_cov,
+            np.flatnonzero(self.slot != ABSENT),
+            self.kept,
+            self.event_cross,
+            self.event_filter,
+            self.event_gain,
+            np.flatnonzero(self.keep != ABSENT),
+            separation,
+            sigma,
+        )
+
+
+def _numbered(m: int, rows: np.ndarray) -> np.ndarray:
+    """Return the number (m,) of each epoch among increasing rows, or ABSENT."""
+    out = np.full(m, ABSENT, dtype=np.int64)
+    out[rows] = np.arange(rows.size)
+    return out
+
+
+def last_state(n: int) -> SmootherState:
+    """Return the smoother at the end of a flight, where no data are to come.
+
+    Parameters
+    ----------
+    n : int
+        Number of states.
+
+    Returns
+    -------
+    SmootherState
+        All zero.
+    """
+    ns = n - N_NAV
+    return SmootherState(
+        np.zeros(n),
+        np.zeros((n, n)),
+        np.zeros(1, dtype=np.int64),
+        np.zeros((n, n)),
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+    )
+
+
+def run_smoother(
+    epochs: Epochs, history: FilterHistory, full: bool = True, separations: int = 100
+) -> Smoothed:
+    """Run the backward pass over a flight whose records are all kept.
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The m epochs.
+    history : FilterHistory
+        What the forward pass left.
+    full : bool
+        Whether covariances, of all states at all epochs, cross-covariances of events and
+        separations are wanted.
+    separations : int
+        Number of epochs at which the forward/backward separation is worked out.
+
+    Returns
+    -------
+    Smoothed
+        The smoothed errors.
+    """
+    m, n = history.m.shape
+    events = history.cross.shape[0]
+    room = SmootherRoom.of(m, n, np.arange(m), events, separations=separations, full=full)
+    run_backward(epochs.event, history, full, last_state(n), 0, *room)
+    return room.smoothed()
+
+
+def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
+    """Return backward minus forward of the navigation states (s, 9), its sigma; NaN if unknown."""
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), TINY))
+    w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
+    observable = w > DETERMINED
+    inverse_w = np.where(observable, 1.0 / np.where(observable, w, 1.0), 0.0)
+    inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
+    value = np.einsum("sij,sj->si", inverse, adjoint / scale) / scale
+    sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
+    determined = np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < OUTSIDE
+    return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[:, NAV]

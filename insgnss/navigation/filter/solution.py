@@ -1,0 +1,473 @@
+"""Filter and smoother, as often as it takes, and what came out.
+
+The first pass is the closed-loop filter followed by the smoother. The smoother's correction psi of
+the nominal attitude tells how far off it was linearised. What linear theory leaves out is, with psi
+split into tilt t and heading c,
+
+    t (c + t / 2)  of the tilt,      c^2 / 2  of the heading                                  (N.1)
+
+Where that exceeds a fifth of the sigma that the filter had at the same epoch, or the start was two
+degrees off, another pass is run, linearised about the smoothed flight (`filter`, K.6): a
+Gauss-Newton step of the batch least-squares problem over the whole flight, which converges to its
+solution.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...geodesy.rotation import rotation_from_quaternion
+from ...records import Array, Trajectory
+from .blocks import ROWS, BlockwisePasses, Follower
+from .codes import AX, AY, AZ, IMU, N_NAV, POS, PSI, PSI0, QUAT, QW, QX, QY, QZ, VEL
+from .covariances import SmoothedCovariances
+from .event_chain import EventChain
+from .problem import EstimationProblem, InitialState
+from .smoother import Smoothed
+from .triangles import diagonal
+
+MAX_PASSES = 6
+CHUNK = 4096  # covariances that are turned at a time
+SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
+LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sigma, (N.1) met
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The smoothed flight at the m epochs of its problem, with n states as in its layout.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was solved.
+    nav : Array
+        (m, 10) smoothed position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : Array
+        (m, ns) smoothed values of the other states.
+    covariances : SmoothedCovariances
+        Smoothed covariances of the errors; `covariance`, `variance` and `nav_covariance` ask them.
+    filter_sigma : Array
+        (m, 9) standard deviations of the navigation errors in the forward filter.
+    innovation, innovation_sigma : Array
+        (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
+        axes.
+    nis : Array
+        (m, 5) normalised innovation squared of each kind of triple (`codes.POSITION` and so on).
+    verdict : ndarray
+        (m, 5) what became of it: `codes.NOT_MEASURED`, `USED`, `REJECTED`, `COVARIANCE_RESET`.
+    event_cross : Array
+        (events, 9, 9) navigation errors of the event before with those of this one.
+    separation_epoch : ndarray
+        (s,) epochs of the forward/backward separation.
+    separation, separation_sigma : Array
+        (s, 9) backward minus forward of the navigation states, and its standard deviation.
+    passes : int
+        Forward passes run.
+    chain : EventChain or None
+        What ties the events, for the covariance of several of them, where the problem asks for it.
+    """
+
+    problem: EstimationProblem
+    nav: Array
+    x: Array
+    covariances: SmoothedCovariances
+    filter_sigma: Array
+    innovation: Array
+    innovation_sigma: Array
+    nis: Array
+    verdict: np.ndarray
+    event_cross: Array
+    separation_epoch: np.ndarray
+    separation: Array
+    separation_sigma: Array
+    passes: int
+    chain: EventChain | None
+
+    @property
+    def time(self) -> Array:
+        """Times of the epochs, (m,) s, GPST."""
+        return self.problem.inc.marks
+
+    @property
+    def event_epochs(self) -> np.ndarray:
+        """Index of the epoch of each camera event, in the order of the events."""
+        at_event = np.flatnonzero(self.problem.epochs.event >= 0)
+        return at_event[np.argsort(self.problem.epochs.event[at_event])]
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The epochs of which the whole covariance is kept: camera events and regular ones."""
+        return self.covariances.own_rows
+
+    @property
+    def row_sigma(self) -> Array:
+        """Standard deviations of the errors of all states in the forward filter at `rows`."""
+        return self.covariances.filter_sigma
+
+    def covariance(self, index: np.ndarray) -> Array:
+        """Return the smoothed covariance of the errors of all states at some epochs.
+
+        At `rows` it is kept; at any other epoch it costs some ten milliseconds a block of epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n, n) in l, navigation first.
+        """
+        return self.covariances.whole(index)
+
+    def variance(self, index: np.ndarray) -> Array:
+        """Return the smoothed variances of the errors of all states at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        Array
+            (k, n), navigation first.
+        """
+        return self.covariances.variance(index)
+
+    def nav_covariance(self, index: np.ndarray | slice = slice(None)) -> Array:
+        """Return the smoothed covariance of the navigation errors at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray or slice
+            (k,) the epochs; all of them without it.
+
+        Returns
+        -------
+        Array
+            (k, 9, 9) of position, velocity and attitude errors in l.
+        """
+        return self.covariances.of_navigation(index)
+
+    def without_increments(self) -> "Solution":
+        """Return the solution without the increments of the IMU, for what only reads results.
+
+        Covariances of all states are those of `rows` then.
+
+        Returns
+        -------
+        Solution
+            The same otherwise.
+        """
+        inc, none = self.problem.inc, np.zeros((0, 3))
+        problem = replace(self.problem, inc=replace(inc, dt=none[:, 0], dtheta=none, dvel=none))
+        return replace(self, problem=problem, covariances=replace(self.covariances, again=None))
+
+    def channel_bias(self, index: np.ndarray) -> tuple[Array, Array]:
+        """Return the smoothed bias of the six channels at some epochs.
+
+        Parameters
+        ----------
+        index : ndarray
+            (k,) the epochs.
+
+        Returns
+        -------
+        bias, sigma : Array
+            (k, 6) rad/s and m/s^2 in body axes, and its standard deviation.
+        """
+        M = self.problem.layout.channel_sum()
+        A = np.concatenate([np.zeros((len(M), N_NAV)), M], axis=1)
+        spread = self.covariances.variance_of(index, A)
+        return self.x[index] @ M.T, np.sqrt(np.maximum(spread, 0.0))
+
+
+def solve(
+    problem: EstimationProblem,
+    start: InitialState,
+    second_pass: Literal["auto", "on", "off"] = "auto",
+    progress: Callable[[str], None] = lambda _: None,
+    separations: int = 100,
+    about: Solution | None = None,
+    rows: int = ROWS,
+    follower: Follower | None = None,
+) -> Solution:
+    """Filter and smooth a flight.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What is measured, and how.
+    start : InitialState
+        The state at the first epoch.
+    second_pass : {"auto", "on", "off"}
+        "auto" linearises again while it changes the result, "on" at least once, "off" never.
+    progress : callable
+        Called with the name of each step.
+    separations : int
+        Number of epochs at which the forward/backward separation is worked out.
+    about : Solution, optional
+        A solution of the same epochs and states about which the first pass is linearised already.
+    rows : int
+        Number of regular epochs, at most, of which the whole covariance is kept, besides the first,
+        the last and the camera events.
+    follower : Follower, optional
+        What goes along with the first pass.
+
+    Returns
+    -------
+    Solution
+        The smoothed flight.
+
+    Raises
+    ------
+    DataError
+        Where the fixes and the inertial data contradict each other for long.
+    """
+    passes = BlockwisePasses(problem, start, _kept_rows(problem, rows), separations)
+    history = passes.history
+    progress("filter")
+    if about is not None:
+        history.nav[:], history.x[:] = about.nav, about.x
+    passes.filter(about is None, follower)
+    count = 1
+    while True:
+        another = second_pass == "on" and count == 1
+        if not another:
+            progress("smoother")
+        smoothed = passes.smooth(full=not another)
+        if second_pass == "off" or count == MAX_PASSES:
+            break
+        if not (another or _nonlinear(smoothed.delta, history.sigma)):
+            break
+        _move(history.nav, history.x, smoothed.delta)
+        count += 1
+        progress(f"filter, pass {count}, linearised about the smoothed flight")
+        passes.filter(closed_loop=False)
+    refuse_negative_variances(problem, smoothed.nav_cov)
+    return _solution(passes, smoothed, count)
+
+
+def _kept_rows(problem: EstimationProblem, regular: int) -> np.ndarray:
+    """Return the epochs of which the whole covariance is kept."""
+    epochs = problem.epochs
+    m = epochs.stop.size
+    stride = -(-m // regular) if regular else m
+    ends = np.array([0, m - 1])
+    return np.unique(
+        np.concatenate([np.arange(0, m, stride), ends, np.flatnonzero(epochs.event >= 0)])
+    )
+
+
+def refuse_negative_variances(problem: EstimationProblem, nav_cov: Array) -> None:
+    """Refuse where rounding has used up a variance of the smoothed navigation states.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        What was solved.
+    nav_cov : Array
+        (m, 45) lower triangles of the smoothed covariance.
+
+    Raises
+    ------
+    DataError
+        With the first instant.
+    """
+    odd = ~(diagonal(nav_cov) >= 0.0).all(axis=1)
+    if odd.any():
+        first = float(np.abs(problem.inc.marks[int(np.argmax(odd))]))
+        raise DataError(
+            f"the smoothed covariance has negative variances from {first:.1f} s on: the filter's"
+            " own is so large there that its digits do not hold the smoothed one; cut the flight"
+            " there with start_tow and end_tow"
+        )
+
+
+def _solution(passes: BlockwisePasses, smoothed: Smoothed, count: int) -> Solution:
+    """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
+    history = passes.history
+    covariances = SmoothedCovariances(
+        smoothed.nav_cov,
+        smoothed.rows,
+        smoothed.kept,
+        passes.row_sigma,
+        passes.again(),
+        passes.problem.layout.size,
+    )
+    _move(history.nav, history.x, smoothed.delta)
+    return Solution(
+        passes.problem,
+        history.nav,
+        history.x,
+        covariances,
+        history.sigma,
+        history.innovation,
+        history.innovation_sigma,
+        history.nis,
+        history.verdict,
+        smoothed.event_cross,
+        smoothed.separation_epoch,
+        smoothed.separation,
+        smoothed.separation_sigma,
+        count,
+        passes.chain(smoothed),
+    )
+
+
+def _nonlinear(delta: Array, sigma: Array) -> bool:
+    """Return whether products of attitude corrections (N.1) matter against the filter's sigma."""
+    tilt = np.hypot(delta[:, AX], delta[:, AY])
+    heading = np.abs(delta[:, AZ])
+    of_tilt = tilt * (heading + 0.5 * tilt) / sigma[:, AX:AZ].min(axis=1)
+    of_heading = 0.5 * heading**2 / sigma[:, AZ]
+    second_order = max(of_tilt.max(), of_heading.max())
+    return bool(second_order > SECOND_ORDER or np.hypot(tilt[0], heading[0]) > LARGE_RAD)
+
+
+def _move(nav: Array, x: Array, delta: Array) -> None:
+    """Add the smoothed error estimate to the nominal, in place; attitude from the left."""
+    nav[:, :PSI0] += delta[:, :PSI0]
+    half = 0.5 * delta[:, PSI]
+    angle = np.linalg.norm(half, axis=1)
+    w = np.cos(angle)
+    a, b, c = (half * np.sinc(angle / np.pi)[:, None]).T
+    q0, q1, q2, q3 = nav[:, QUAT].T.copy()
+    nav[:, QW] = w * q0 - a * q1 - b * q2 - c * q3
+    nav[:, QX] = w * q1 + a * q0 + b * q3 - c * q2
+    nav[:, QY] = w * q2 - a * q3 + b * q0 + c * q1
+    nav[:, QZ] = w * q3 + a * q2 - b * q1 + c * q0
+    x += delta[:, IMU]
+
+
+def trajectory(
+    solution: Solution, index: np.ndarray, gps_week: int, events: bool = False
+) -> Trajectory:
+    """Return the smoothed trajectory at some epochs.
+
+    Accelerations are differences of the velocities at these epochs, rates those of the gyros at the
+    instant.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight.
+    index : ndarray
+        (k,) the epochs.
+    gps_week : int
+        The week that its times belong to.
+    events : bool
+        Whether these are the epochs of all camera events: then the cross-covariances of neighbours
+        come along.
+
+    Returns
+    -------
+    Trajectory
+        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
+        with covariances of the errors in the same axes.
+    """
+    nav, cov = solution.nav[index], solution.nav_covariance(index)
+    cross = solution.event_cross[1:] if events else None
+    return local_trajectory(solution, index, solution.time[index], nav, cov, cross, gps_week)
+
+
+def local_trajectory(
+    solution: Solution,
+    index: np.ndarray,
+    time: Array,
+    nav: Array,
+    cov: Array,
+    cross: Array | None,
+    gps_week: int,
+) -> Trajectory:
+    """Return states and covariances of the local frame as a trajectory in axes at the point.
+
+    Parameters
+    ----------
+    solution : Solution
+        The smoothed flight that they are of.
+    index : ndarray
+        (k,) the epochs of which the body rates are taken.
+    time : Array
+        (k,) s, GPST.
+    nav : Array
+        (k, 10) position (m), velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    cov : Array
+        (k, 9, 9) covariances of their errors in l, which are turned in place.
+    cross : Array or None
+        (k - 1, 9, 9) covariances of the errors of neighbours in l.
+    gps_week : int
+        The week that the times belong to.
+
+    Returns
+    -------
+    Trajectory
+        As `trajectory` does.
+    """
+    frame = solution.problem.frame
+    lat, lon, height = frame.geodetic_from_position(nav[:, POS])
+    C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
+    C_lb = rotation_from_quaternion(nav[:, QUAT])
+    turn_own(C_nl, cov)
+    cross = None if cross is None else rotate_blocks(C_nl[:-1], cross, C_nl[1:])
+    velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
+    C_nb = C_nl @ C_lb
+    acceleration = None
+    if index.size > 1:
+        acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
+    rate = _body_rate(solution, index, C_lb)
+    return Trajectory(
+        time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
+    )
+
+
+def _body_rate(solution: Solution, index: np.ndarray, C_lb: Array) -> Array:
+    """Return the rate of the body against the Earth, (k, 3) rad/s in body axes, without bias."""
+    M = solution.problem.layout.channel_sum()[:3]
+    earth = np.einsum("nij,i->nj", C_lb, solution.problem.frame.earth_rate_l)
+    return solution.problem.inc.rate[index] - solution.x[index] @ M.T - earth
+
+
+def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
+    """Return covariances between errors in other axes.
+
+    Parameters
+    ----------
+    C_left : Array
+        (n, 3, 3) rotations from the axes of the errors of the rows into the wanted ones.
+    cov : Array
+        (n, 3k, 3k) covariances in blocks of three.
+    C_right : Array
+        (n, 3, 3) rotations from the axes of the errors of the columns into the wanted ones.
+
+    Returns
+    -------
+    Array
+        (n, 3k, 3k) with every block B replaced by C_left B C_right'.
+    """
+    n, size = cov.shape[:2]
+    k = size // 3
+    blocks = cov.reshape(n, k, 3, k, 3)
+    turned = np.einsum("nij,najbk,nlk->naibl", C_left, blocks, C_right, optimize=True)
+    return turned.reshape(n, size, size)
+
+
+def turn_own(C: Array, cov: Array) -> None:
+    """Take covariances to other axes in place, piece by piece, exactly symmetric.
+
+    Parameters
+    ----------
+    C : Array
+        (n, 3, 3) rotations into the wanted axes.
+    cov : Array
+        (n, 3k, 3k) covariances in blocks of three.
+    """
+    for begin in range(0, len(cov), CHUNK):
+        own = slice(begin, begin + CHUNK)
+        turned = rotate_blocks(C[own], cov[own], C[own])
+        cov[own] = 0.5 * (turned + np.swapaxes(turned, -1, -2))

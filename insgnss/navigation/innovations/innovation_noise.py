@@ -1,0 +1,580 @@
+"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter.
+
+The estimate comes with what is needed to judge it.
+
+What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is
+estimated together with what else shapes the innovations: the scale of the fixes' own sigmas, and of
+their time-correlated error where it is a state. Fixes that claim too little would otherwise be
+taken for a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected
+second derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
+
+    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,
+    cov theta = 2 A^-1 at the maximum                                                          (N.1)
+
+from the best of a few starts. The static model is the maximum with the IMU's factors held at one
+and everything else free; the gain between the two is chi-square of as many degrees of freedom as
+factors where the static model holds. A factor known to worse than `KNOWN_SIGMA` that may as well be
+one, and a factor at the edge of the search, are not determined by this flight: they are held at one
+and the others are estimated again. What -2 log L loses by that is chi-square, too: a significant
+loss says that the innovations ask for a noise that these factors do not have. Whiteness goes by the
+autocorrelations r_l of the whitened innovations: at lag one, and by Ljung and Box's sum Q over L =
+`LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of L degrees of freedom, one for each
+direction. With many fixes the least correlation is significant; how large it is, all lags together,
+tells
+
+    sqrt((Q - L) / n)                                                                          (N.2)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...base.advance import converged, share, through, within
+from ...base.errors import DataError
+from ...records import Array
+from ..filter.codes import IMU0
+from ..filter.layout import StateLayout
+from ..filter.problem import sub_problem
+from ..filter.solution import Solution
+from .likelihood import (
+    CORRELATED,
+    DRIVEN,
+    OF_FIXES,
+    WHITE,
+    Evaluated,
+    LinearSegment,
+    available,
+    evaluate,
+    linear_segment,
+)
+
+IMU = (*WHITE, *DRIVEN)
+DEFAULT = ("gyro.white_noise", "accel.white_noise")
+# a fix is not trusted to less than a fifth of its sigma
+RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
+KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
+SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
+STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
+# of the information: standard deviations of a logarithm of 1400 and 45 000
+LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
+STARTED = 0.3  # of the search: by then the best of the starts is known
+STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
+LAGS = 20
+SHORTEST_S, FEWEST = 20.0, 60  # of a segment in motion, and its fixes
+LONGEST_MIN = 600.0  # of a flight that is proposed
+OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is reported
+WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
+CHANCE_OF_WHITE = 1e-3  # chance of white innovations below which those together count
+# gain in -2 log L that a time-correlated error of the fixes must bring beside free noise of the IMU
+EXPLAINED = 20.0
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Tests of the whitened innovations north, east, down.
+
+    Parameters
+    ----------
+    lag_one : ndarray, (3,)
+        Autocorrelation at lag one.
+    bound : float
+        Its 99 % bound for white innovations.
+    portmanteau, p_value : ndarray, (3,)
+        Ljung and Box's sum and its probability.
+    lags : int
+        Number of lags in the sum.
+    together : ndarray, (3,)
+        Size of the correlation of all lags (N.2).
+    """
+
+    lag_one: Array
+    bound: float
+    portmanteau: Array
+    p_value: Array
+    lags: int
+    together: Array
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What a noise makes of the innovations of the positions.
+
+    Parameters
+    ----------
+    nis : float
+        Mean normalised innovation squared (NIS) a degree of freedom, of the used fixes.
+    fixes, rejected : int
+        Number of fixes, and of those rejected.
+    cost : float
+        -2 log L.
+    whiteness : Whiteness
+        Tests of the whitened innovations.
+    """
+
+    nis: float
+    fixes: int
+    rejected: int
+    cost: float
+    whiteness: Whiteness
+
+
+@dataclass(frozen=True)
+class InFlightNoise:
+    """Factors of the noise by a flight's innovations.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters that were estimated, the IMU's first.
+    factor : ndarray, (p,)
+        Their factors on the static model.
+    log_sigma : ndarray, (p,)
+        Standard deviations of the logarithms; 0 where the factor is held.
+    correlation : ndarray, (p, p)
+        Correlations of the logarithms.
+    held : tuple of (str, str)
+        IMU parameters that the flight does not determine, with the reason.
+    gain : float
+        Gain of -2 log L against the static model, under which it is chi-square of `free` degrees of
+        freedom.
+    free : int
+        Number of factors that were estimated.
+    chance : float
+        Probability of the gain under the static model.
+    before, after : Innovations
+        Innovations with the static model and with the estimated IMU, the fixes as they claim.
+    at_best : Innovations
+        Innovations with everything as estimated.
+    static_at_best : Innovations
+        Innovations with the static IMU and everything else as estimated with it.
+    duration_s : float
+        Length of the motion used, s.
+    loss : float
+        Loss of -2 log L by what is held.
+    """
+
+    names: tuple[str, ...]
+    factor: Array
+    log_sigma: Array
+    correlation: Array
+    held: tuple[tuple[str, str], ...]
+    gain: float
+    free: int
+    chance: float
+    before: Innovations
+    after: Innovations
+    at_best: Innovations
+    static_at_best: Innovations
+    duration_s: float
+    loss: float = 0.0
+
+    def sigma(self, name: str) -> float:
+        """Return the standard deviation of a factor, 0 where it is held."""
+        k = self.names.index(name)
+        return float(self.factor[k] * self.log_sigma[k])
+
+    def imu_factors(self) -> dict[str, float]:
+        """Return the factor of each IMU parameter; one where it is held."""
+        return {
+            name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU
+        }
+
+    @property
+    def significant(self) -> bool:
+        """Whether the static model makes such innovations with a chance below `SIGNIFICANT`."""
+        return self.chance < SIGNIFICANT
+
+    @property
+    def white(self) -> bool:
+        """Whether what was estimated leaves the innovations white.
+
+        A model of the noise that holds does, one that stands in for another does not.
+        """
+        w = self.at_best.whiteness
+        near = np.abs(w.lag_one).max() < max(WHITE_ENOUGH, w.bound)
+        return bool(near and ((w.p_value > CHANCE_OF_WHITE) | (w.together < WHITE_ENOUGH)).all())
+
+    @property
+    def asks_for_more(self) -> bool:
+        """Whether the innovations rule out what is held."""
+        return _chance(self.loss, len(self.held)) < SIGNIFICANT
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the fixes' errors are significantly larger or smaller than claimed."""
+        return bool(self._far.any())
+
+    @property
+    def off_claim(self) -> tuple[str, ...]:
+        """Scales of the fixes' errors that are not one, by so much that it matters."""
+        far = self._far & (np.abs(self.factor - 1.0) > OFF_CLAIM)
+        return tuple(name for name, off in zip(self.names, far, strict=True) if off)
+
+    @property
+    def _far(self) -> np.ndarray:
+        of_fixes = np.array([name not in IMU for name in self.names])
+        return np.asarray(of_fixes & (np.abs(np.log(self.factor)) > OFF_SIGMAS * self.log_sigma))
+
+    @property
+    def compared(self) -> tuple[Innovations, Innovations]:
+        """The innovations before and after as they describe the IMU.
+
+        The fixes are as they claim or, where their errors are of another size, as estimated.
+        """
+        return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
+
+
+def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
+    """Cut a solution into its segments in motion: engines stand still in stationary periods.
+
+    Parameters
+    ----------
+    solution : Solution
+        A solved segment.
+    stationary : ndarray, (k, 2)
+        Begin and end of the stationary periods, s, GPST.
+
+    Returns
+    -------
+    list of Solution
+        Segments of `SHORTEST_S` and `FEWEST` fixes and more.
+    """
+    time, fix = solution.time, solution.problem.epochs.has_position
+    resting = np.zeros(time.size, dtype=np.bool_)
+    for begin, end in stationary:
+        resting |= (time >= begin) & (time <= end)
+    edge = np.flatnonzero(np.diff(np.concatenate([[1], resting.astype(np.int64), [1]])))
+    parts = []
+    for first, stop in edge.reshape(-1, 2):
+        fixes = first + np.flatnonzero(fix[first:stop])
+        if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
+            parts.append(sub_solution(solution, int(fixes[0]), int(fixes[-1])))
+    return parts
+
+
+def sub_solution(solution: Solution, first: int, last: int) -> Solution:
+    """Return the epochs first..last as a solution of their own, its constants as they are there."""
+    epochs = slice(first, last + 1)
+    problem = sub_problem(solution.problem, first, last)
+    x = solution.x[epochs].copy()
+    layout = problem.layout
+    if layout.rate >= 0:  # time begins anew
+        x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
+    arrays = {
+        k: getattr(solution, k)[epochs]
+        for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
+    }
+    covariances = solution.covariances.piece(first, last)
+    return replace(solution, problem=problem, x=x, covariances=covariances, **arrays)
+
+
+def without_correlated(solution: Solution) -> Solution:
+    """Remove the states of the fixes' time-correlated (Gauss-Markov) error from a solution.
+
+    Parameters
+    ----------
+    solution : Solution
+        A solution with such states.
+
+    Returns
+    -------
+    Solution
+        The same without them, the fixes' sigmas taken as white.
+    """
+    layout = solution.problem.layout
+    gone = np.arange(layout.gm, layout.gm + 3)
+    states: dict[str, Any] = {
+        k: np.delete(getattr(layout, k), gone)
+        for k in ("channel", "factor", "beta", "drive", "sigma0")
+    }
+    first: dict[str, Any] = {
+        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
+        for k in ("lever", "offset", "rate", "unfixed_gm", "velocity_gm", "barometer")
+    }
+    names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
+    bare: StateLayout = replace(
+        layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
+    )
+    return replace(
+        solution,
+        problem=replace(solution.problem, layout=bare),
+        x=np.delete(solution.x, gone, axis=1),
+        covariances=solution.covariances.without(IMU0 + gone),
+    )
+
+
+def in_flight_noise(
+    solutions: Sequence[Solution],
+    parameters: Sequence[str] = DEFAULT,
+    progress: Callable[[str], None] = lambda _: None,
+) -> InFlightNoise:
+    """Estimate factors of the IMU's noise from solved segments in motion.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The segments in motion, of one flight.
+    parameters : sequence of str
+        Parameters of `IMU` to estimate.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    InFlightNoise
+        The factors and what they make of the innovations.
+
+    Raises
+    ------
+    UsageError
+        For a parameter that the layout of states does not have.
+    DataError
+        For too short a flight.
+    """
+    duration = sum(float(s.time[-1] - s.time[0]) for s in solutions)
+    if not solutions:
+        raise DataError(
+            f"no segment in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a"
+            " standing or very short recording say nothing of the noise in flight: use a flight,"
+            " or `insgnss tune` on static recordings"
+        )
+    progress("linearise")
+    present = available(
+        solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions)
+    )
+    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in present))
+    segments = [linear_segment(s, names) for s in solutions]
+    search = Search(segments, names, progress)
+    imu = np.array([name in IMU for name in names])
+    static = search.maximum(~imu)
+    held: dict[str, str] = {}
+    minutes, every = _minutes(static, duration / 60.0), np.inf
+    while True:
+        free = np.array([name not in held for name in names])
+        best = search.maximum(free) if (free & imu).any() else static
+        every = min(every, best.evaluated.cost)
+        sigma, correlation = best.spread(free)
+        unknown = {
+            name: reason
+            for i, name in enumerate(names)
+            if imu[i]
+            and free[i]
+            and (reason := _untold(float(best.theta[i]), float(sigma[i]), float(minutes[i])))
+        }
+        if not unknown:
+            break
+        worst = max(unknown, key=lambda name: sigma[names.index(name)])
+        held[worst] = unknown[worst]
+    count = int(np.count_nonzero(free & imu))
+    gain = max(static.evaluated.cost - best.evaluated.cost, 0.0)
+    only_imu = np.where(imu, best.theta, 0.0)
+    progress("innovations before and after")
+    return InFlightNoise(
+        names,
+        np.exp(best.theta),
+        sigma,
+        correlation,
+        tuple(held.items()),
+        gain,
+        count,
+        _chance(gain, count),
+        innovations(evaluate(segments, np.zeros(len(names)))),
+        innovations(evaluate(segments, only_imu)),
+        innovations(best.evaluated),
+        innovations(static.evaluated),
+        duration,
+        best.evaluated.cost - every,
+    )
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """The likelihood at its maximum over some factors.
+
+    Parameters
+    ----------
+    theta : ndarray, (p,)
+        Logarithms of the factors.
+    evaluated : Evaluated
+        The likelihood there.
+    """
+
+    theta: Array
+    evaluated: Evaluated
+
+    def spread(self, free: np.ndarray) -> tuple[Array, Array]:
+        """Return standard deviations (p,) of theta and correlations (p, p).
+
+        A standard deviation is infinite where nothing determines the parameter, 0 where it is held.
+        """
+        A = self.evaluated.information[np.ix_(free, free)]
+        determined = np.diag(A) > LEAST_INFORMATION
+        index = np.flatnonzero(free)[determined]
+        cov = 2.0 * np.linalg.inv(A[np.ix_(determined, determined)] + RIDGE * np.eye(index.size))
+        sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
+        sigma[index] = np.sqrt(np.diag(cov))
+        correlation[np.ix_(index, index)] = cov / np.outer(sigma[index], sigma[index])
+        return sigma, correlation
+
+
+@dataclass
+class Search:
+    """Maxima of the likelihood of `segments` over some of the parameters `names`.
+
+    Parameters
+    ----------
+    segments : sequence of LinearSegment
+        The segments, with `names` as their parameters.
+    names : tuple of str
+        The parameters.
+    progress : callable
+        Receives the name of each step.
+    range_of_fixes : tuple of float
+        Bounds of the factors of the fixes.
+    """
+
+    segments: Sequence[LinearSegment]
+    names: tuple[str, ...]
+    progress: Callable[[str], None]
+    range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
+
+    def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
+        """Maximise over some parameters, the others at one, from the best start.
+
+        Parameters
+        ----------
+        free : ndarray of bool, (p,)
+            The parameters that vary.
+        starts : sequence of float
+            Logarithms of the IMU's factors from which it is looked for.
+
+        Returns
+        -------
+        Maximum
+            The maximum.
+        """
+        moved = np.array([name in IMU for name in self.names]) & free
+        thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
+        count = int(np.count_nonzero(free))
+        self.progress(f"likelihood of the innovations, {count} factor{'s' if count > 1 else ''}")
+        with within(0.0, STARTED):
+            first = [Maximum(theta, evaluate(self.segments, theta)) for theta in through(thetas)]
+        with within(STARTED, 1.0):
+            return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
+
+    def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
+        """Climb to the maximum by (N.1)."""
+        low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
+        damping, longest = 0.0, 0.0
+        for _ in range(STEPS):
+            theta, g = here.theta, here.evaluated.gradient
+            active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
+            if not active.any():
+                break
+            A = here.evaluated.information[np.ix_(active, active)]
+            step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
+            moved = theta.copy()
+            moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+            moved = np.clip(moved, low, high)
+            there = Maximum(moved, evaluate(self.segments, moved))
+            size = float(np.abs(moved - theta).max())
+            longest = max(longest, size)
+            share(converged(size, longest, DONE))
+            if there.evaluated.cost <= here.evaluated.cost:
+                small = here.evaluated.cost - there.evaluated.cost < DONE or size < DONE
+                here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
+                if small:
+                    break
+            elif size < DONE or damping > 1e6:
+                break
+            else:
+                damping = max(10.0 * damping, 1e-2)
+        return here
+
+
+def _minutes(static: Maximum, minutes: float) -> Array:
+    """Return the lengths (p,), min, of such a flight that determine factors to `KNOWN_SIGMA`.
+
+    The factors are near one; a length is infinite where that is no question of length.
+    """
+    sigma = static.spread(np.ones(static.theta.size, dtype=np.bool_))[0]
+    longer = minutes * (sigma / KNOWN_SIGMA) ** 2
+    return np.where((longer > minutes) & (longer < LONGEST_MIN), longer, np.inf)
+
+
+def _untold(theta: float, sigma: float, minutes: float) -> str:
+    """Return why a flight does not determine a factor, and how long a flight would; or nothing."""
+    longer = (
+        f"; a factor near one would be determined by {np.ceil(minutes):.0f} min of such a flight"
+        if np.isfinite(minutes)
+        else ""
+    )
+    if not abs(theta) < np.log(RANGE[1]) - 1e-6:
+        return (
+            f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static"
+            f" model{longer}"
+        )
+    if sigma > KNOWN_SIGMA and abs(theta) < ONE_SIGMAS * sigma:
+        factor = np.exp(min(sigma, 9.0))
+        return (
+            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {factor:.2f} only"
+            f" (limit {np.exp(KNOWN_SIGMA):.2f}){longer}"
+        )
+    return ""
+
+
+def _chance(gain: float, free: int) -> float:
+    from scipy.special import chdtrc
+
+    return float(chdtrc(free, gain)) if free else 1.0
+
+
+def innovations(evaluated: Evaluated) -> Innovations:
+    """Summarise the innovations of the positions.
+
+    Parameters
+    ----------
+    evaluated : Evaluated
+        The likelihood at one theta.
+
+    Returns
+    -------
+    Innovations
+        Its figures.
+    """
+    return Innovations(
+        float(np.mean(evaluated.white**2)),
+        evaluated.offered,
+        evaluated.rejected,
+        evaluated.cost,
+        whiteness(evaluated.white),
+    )
+
+
+def whiteness(white: Array) -> Whiteness:
+    """Test whether innovations are white, column by column.
+
+    Parameters
+    ----------
+    white : ndarray, (k, 3)
+        Whitened innovations in the order of time.
+
+    Returns
+    -------
+    Whiteness
+        The tests.
+    """
+    from scipy.special import chdtrc, ndtri
+
+    n = len(white)
+    lags = min(LAGS, n // 4)
+    e = white - white.mean(axis=0)
+    power = np.sum(e**2, axis=0)
+    r = np.array([np.sum(e[lag:] * e[:-lag], axis=0) / power for lag in range(1, lags + 1)])
+    sum_ = n * (n + 2.0) * np.sum(r**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
+    together = np.sqrt(np.maximum(sum_ - lags, 0.0) / n)
+    return Whiteness(
+        r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags, together
+    )

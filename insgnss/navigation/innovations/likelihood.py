@@ -1,0 +1,349 @@
+r"""Likelihood of a segment's innovations as a function of its noise, with exact slopes.
+
+It is cheap to evaluate many times.
+
+The segment is linearised once about its smoothed solution (`navigation.filter.filter`, K.6).
+Transitions, measured rows and the innovations of the nominal then do not depend on the noise, and
+process noise, a-priori covariance and measurement noise are linear in variances v:
+
+    Q_k = Q_k0 + sum_i v_i Q_ki,     P_0 = P_00 + sum_i v_i P_0i,     R_k = v_i R_k0           (L.1)
+
+    white noise of a triad      a share of Q among the navigation states, by (E.7) with that white
+                                noise alone
+    driving noise of a triad    (E.6) with those states' driving noise alone; Gauss-Markov processes
+                                start stationary, so P_0 as well
+    errors of the fixes         R of positions, of velocities; of a time-correlated error, Q and P_0
+                                of its states                                                 (L.2)
+
+Parameters are theta_i = log f_i, with f_i the factor of a root density or sigma, v_i = f_i^2. (L.3)
+With S and y the variance and the innovation of each scalar of a triple whitened by R_k0 (Schweppe
+1965), as in (C.1),
+
+    -2 log L = sum over used triples [ log det R_k0 + sum (log S + y^2 / S) ]
+               + (gate + log det R_k) for each rejected                                        (L.4)
+
+Slopes go along with the filter (Gupta and Mehra 1974). A scalar update with row h, variance r, gain
+k = P h' / S and b = P' h', primes on P, m, r, S, y being derivatives with respect to one theta:
+
+    S' = h b + r',    y' = -h m',    P' <- P' - k b' - b k' + k S' k',
+    m' <- m' + (b - k S') y / S + k y'
+    d(-2 log L) = S'/S (1 - y^2/S) + 2 y y'/S,
+    expected second derivative  S_i' S_j' / S^2 + 2 y_i' y_j' / S                              (L.5)
+
+Twice the inverse of the latter is the covariance of the maximum's theta. Which triples are
+rejected, and how far the covariance is reset (K.7), is decided at each evaluation as the filter
+does; (L.5) holds the decisions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.errors import UsageError
+from ...records import Array
+from ..filter.codes import (
+    BIAS,
+    IMU0,
+    N_NAV,
+    NOT_MEASURED,
+    POS,
+    POSITION,
+    PSI,
+    REJECTED,
+    USED,
+    VEL,
+    VELOCITY,
+)
+from ..filter.filter import BLOCK_S, RESET_FIXES, RESET_S, measured_kinds
+from ..filter.layout import StateLayout
+from ..filter.solution import Solution
+from ..filter.strapdown import kernel_earth, kernel_intervals
+from ._kernels import Linear, linearise_segment, run_linear
+
+WHITE = {
+    "gyro.white_noise": slice(0, 3),
+    "accel.white_noise": slice(3, 6),
+    "white_noise": slice(0, 6),
+}  # the last: one factor for both
+DRIVEN = {"gyro.driving_noise": (0, 1, 2), "accel.driving_noise": (3, 4, 5)}
+CORRELATED = "fixes.correlated"
+CORRELATED_STATES = {
+    CORRELATED: "gm",
+    "fixes.unfixed_correlated": "unfixed_gm",
+    "fixes.velocity_correlated": "velocity_gm",
+}
+OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
+PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, *CORRELATED_STATES)
+# of the start, as `navigation.align.initial` has it
+WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The likelihood (L.4) at theta, with its slopes.
+
+    Parameters
+    ----------
+    cost : float
+        -2 log L.
+    gradient : ndarray, (p,)
+        Its gradient.
+    information : ndarray, (p, p)
+        Its expected second derivative.
+    white : ndarray, (k, 3)
+        Whitened innovations of the used positions, first components first, of all segments in turn.
+    nis : ndarray, (k,)
+        Normalised innovations squared of all positions.
+    rejected, offered : int
+        Numbers of positions.
+    """
+
+    cost: float
+    gradient: Array
+    information: Array
+    white: Array
+    nis: Array
+    rejected: int
+    offered: int
+
+
+@dataclass(frozen=True)
+class LinearSegment:
+    """A segment linearised about its solution, ready for `evaluate`.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters, in the order of theta.
+    linear : Linear
+        The linearised segment.
+    P0 : ndarray, (d, n, n)
+        A-priori covariance, component by component.
+    mean0 : ndarray, (n,)
+        A-priori mean about the nominal.
+    of_part, of_kind : ndarray of int
+        The parameter of each component of the noise and of each kind of measurement, or -1.
+    gate : float
+        Gate of the innovation test.
+    reset_s : float
+        Time of rejected fixes after which the covariance is reset, s.
+    """
+
+    names: tuple[str, ...]
+    linear: Linear
+    P0: Array
+    mean0: Array
+    of_part: np.ndarray
+    of_kind: np.ndarray
+    gate: float
+    reset_s: float
+
+
+def one_factor_each(names: Sequence[str]) -> None:
+    """Refuse two names that are factors of one density.
+
+    Raises
+    ------
+    UsageError
+        Where two of `names` are factors of one density.
+    """
+    if "white_noise" in names and {"gyro.white_noise", "accel.white_noise"} & set(names):
+        raise UsageError(
+            "noise parameter 'white_noise' is one factor for gyros and accelerometers; ask for it"
+            " or for theirs, not for both"
+        )
+
+
+def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
+    """Return the parameters that a layout of states has.
+
+    Parameters
+    ----------
+    layout : StateLayout
+        Layout of the filter's states.
+    velocity : bool
+        Whether velocities are measured.
+
+    Returns
+    -------
+    tuple of str
+        Those of `PARAMETERS` that act on it.
+    """
+    driven = {name: _driven(layout, name).any() for name in (*DRIVEN, *CORRELATED_STATES)}
+    white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
+    return tuple(
+        name
+        for name in PARAMETERS
+        if {**white, **driven, "fixes.position": True, "fixes.velocity": velocity}[name]
+    )
+
+
+def _driven(layout: StateLayout, name: str) -> np.ndarray:
+    """Return the states (ns,) bool whose driving noise parameter `name` scales."""
+    if name in CORRELATED_STATES:
+        states = np.zeros(len(layout.names), dtype=np.bool_)
+        first = getattr(layout, CORRELATED_STATES[name])
+        if first >= 0:
+            states[first : first + 3] = True
+        return states
+    return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
+
+
+def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
+    """Linearise a solved segment about its smoothed states, its noise parted by `names`.
+
+    Parameters
+    ----------
+    solution : Solution
+        A smoothed solution.
+    names : sequence of str
+        Parameters, in the order of theta (L.1, L.2).
+
+    Returns
+    -------
+    LinearSegment
+        The linearised segment.
+
+    Raises
+    ------
+    UsageError
+        For a name that is not among `available`, and for two factors of one density.
+    """
+    problem = solution.problem
+    ep, layout = problem.epochs, problem.layout
+    possible = available(layout, bool(ep.has_velocity.any()))
+    one_factor_each(names)
+    for name in names:
+        if name not in possible:
+            raise UsageError(
+                f"noise parameter {name!r} is none that this flight's filter has; use"
+                f" {', '.join(possible)}"
+            )
+    driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]
+    parts = [*driven, *(name for name in names if name in WHITE)]
+    imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    white, drive = (np.tile(density, (1 + len(parts), 1)) for density in (imu.white, imu.drive))
+    white[1:], drive[1:] = 0.0, 0.0
+    P0 = np.zeros((1 + len(driven), layout.size, layout.size))
+    P0[0] = _start(solution)
+    for k, name in enumerate(parts, start=1):
+        if name in WHITE:
+            white[k, WHITE[name]] = layout.white[WHITE[name]]
+            white[0, WHITE[name]] -= layout.white[WHITE[name]]
+            continue
+        states = _driven(layout, name)
+        drive[k, states], drive[0, states] = drive[0, states], 0.0
+        stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
+        P0[k, stationary, stationary] = P0[0, stationary, stationary]
+        P0[0, stationary, stationary] = 0.0
+    linear = _linear(solution, len(parts) + 1, len(driven) + 1)
+    lever = np.array(problem.antenna_lever_b, dtype=np.float64)
+    earth = kernel_earth(problem.frame, problem.backward)
+    linearise_segment(
+        kernel_intervals(problem.inc),
+        ep,
+        imu._replace(white=white, drive=drive),
+        earth,
+        lever,
+        solution.nav,
+        solution.x,
+        linear,
+    )
+    linear.there[ep.withheld] &= linear.kind != POSITION
+    index = {name: i for i, name in enumerate(names)}
+    of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
+    kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
+    of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
+    mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
+    reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
+    return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
+
+
+def _start(solution: Solution) -> Array:
+    """Return the a-priori covariance (n, n).
+
+    The attitude is as the solution has it, widened; position and velocity are unknown; the IMU is
+    as the model has it.
+    """
+    layout = solution.problem.layout
+    P = np.diag(np.concatenate([np.zeros(N_NAV), layout.sigma0]) ** 2)
+    spread = np.sqrt(np.trace(solution.problem.epochs.position_cov[0]))
+    P[POS, POS] = np.eye(3) * max(WIDE_M, 10.0 * spread) ** 2
+    P[VEL, VEL] = np.eye(3) * max(WIDE_MS, 2.0 * spread) ** 2
+    P[PSI, PSI] = WIDEN**2 * solution.nav_covariance(slice(1))[0, PSI, PSI] + np.diag(FLOOR_RAD**2)
+    return P
+
+
+def _linear(solution: Solution, parts: int, driven: int) -> Linear:
+    """Allocate a linearised segment."""
+    ep, layout = solution.problem.epochs, solution.problem.layout
+    present, columns = measured_kinds(ep, layout)
+    kind = np.flatnonzero(present)
+    m, n, k = ep.stop.size, layout.size, kind.size
+    return Linear(
+        time=ep.time,
+        F=np.zeros((m, N_NAV, n)),
+        D=np.zeros((m, n - N_NAV)),
+        gap=np.zeros((m, n)),
+        Q=np.zeros((m, parts, N_NAV, N_NAV)),
+        Q_cross=np.zeros((m, driven, N_NAV, n - N_NAV)),
+        Q_states=np.zeros((m, driven, n - N_NAV)),
+        kind=kind,
+        there=np.zeros((m, k), dtype=np.bool_),
+        H=np.zeros((m, k, 3, n)),
+        nu=np.zeros((m, k, 3, 1)),
+        R=np.zeros((m, k, 3, 3)),
+        used=columns[kind].astype(np.int64),
+    )
+
+
+def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
+    """Evaluate (L.4) and (L.5) of all segments together.
+
+    Parameters
+    ----------
+    segments : sequence of LinearSegment
+        The segments.
+    theta : ndarray, (p,)
+        Logarithms of the factors (L.3).
+
+    Returns
+    -------
+    Evaluated
+        The likelihood and its slopes.
+    """
+    p = theta.size
+    total, cost = np.zeros((1 + p, p)), 0.0
+    variance = np.exp(
+        2.0 * np.append(theta, 0.0)
+    )  # the last, of index -1, is that of what stays as it is
+    every: list[tuple[Array, Array, np.ndarray]] = []
+    for s in segments:
+        m, k = s.linear.there.shape
+        white, nis, verdict = (
+            np.empty((m, k, 3)),
+            np.empty((m, k)),
+            np.zeros((m, k), dtype=np.int64),
+        )
+        share, scale = variance[s.of_part], variance[s.of_kind]
+        cost += run_linear(
+            s.linear,
+            s.P0,
+            s.mean0,
+            share,
+            s.of_part,
+            scale,
+            s.of_kind,
+            s.gate,
+            s.reset_s,
+            total,
+            white,
+            nis,
+            verdict,
+        )
+        measured = verdict[:, POSITION] != NOT_MEASURED
+        every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
+    white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))
+    rejected = int(np.count_nonzero(verdict == REJECTED))
+    return Evaluated(cost, total[0], total[1:], white[verdict == USED], nis, rejected, nis.size)

@@ -1,0 +1,75 @@
+"""The path that the fixes draw: in metres, and which of them lie on it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.earth import curvature_radii
+from ...records import Array, GnssFixes
+
+FASTEST_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
+OUTLYING, LEAST_M = (
+    8.0,
+    0.05,
+)  # a fix off its neighbours' cubic by so many typical distances, and by at least this
+
+
+def north_east(gnss: GnssFixes) -> Array:
+    """Return north and east from the first fix, shape (n, 2), m."""
+    M, N = curvature_radii(gnss.lat[0])
+    return np.column_stack(
+        [(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])]
+    )
+
+
+def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
+    """Find the `length_s` seconds in which the fixes draw the longest path.
+
+    Returns
+    -------
+    tuple of float, s
+        Begin and end.
+    """
+    step = np.minimum(
+        np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time)
+    )
+    path = np.concatenate([[0.0], np.cumsum(step)])
+    end = np.searchsorted(gnss.time, gnss.time + length_s, side="right") - 1
+    first = int(np.argmax(path[end] - path))
+    return float(gnss.time[first]), float(gnss.time[end[first]])
+
+
+def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
+    """Find the fixes that lie on a smooth path with their two neighbours on either side.
+
+    Single gross fixes, the outliers of the path, do not.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    p = np.column_stack([north_east(gnss), -gnss.height])
+    sound = np.ones(gnss.time.size, dtype=bool)
+    for _ in range(4):
+        rows = np.flatnonzero(sound)
+        if rows.size < 10:
+            break
+        q = p[rows]
+        off = np.zeros(rows.size)
+        off[2:-2] = np.linalg.norm(
+            q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1
+        )
+        even = np.zeros(rows.size, dtype=bool)
+        step = np.diff(gnss.time[rows])
+        around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
+        even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
+        off[~even] = 0.0
+        limit = max(OUTLYING * float(np.median(off)), LEAST_M)
+        peak = off.copy()
+        for shift in (1, 2):
+            peak[shift:] = np.maximum(peak[shift:], off[:-shift])
+            peak[:-shift] = np.maximum(peak[:-shift], off[shift:])
+        bad = (off > limit) & (off == peak)
+        if not bad.any():
+            break
+        sound[rows[bad]] = False
+    return sound

@@ -1,0 +1,188 @@
+"""The one door of this room for samples: from IMUs as they were read to what is estimated from.
+
+`prepared` leaves out stuck channels, applies sign, time offset, calibration and week, combines
+several IMUs to one, and finds gyros with a dead band and the stationary periods. What a segment
+needs besides, which the marks of its fixes and exposures decide, the result makes of itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...records import Array, Check, GnssFixes, ImuSamples, Increments
+from ...records.observations import in_week
+from .calibration import ImuCalibration
+from .dead_band import DeadBand, dead_bands
+from .gaps import edges, segments
+from .increments import body_increments, merge_marks
+from .several_imus.combine import combine
+from .stationarity import StationaryPeriods, stationary_periods
+from .stuck_channels import STUCK_S, without_stuck_channels
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """An IMU as it was read, and what is known of it.
+
+    Parameters
+    ----------
+    samples : ImuSamples
+        In its own axes, as its file has them.
+    C_b_imu : ndarray, shape (3, 3)
+        Its axes to body.
+    lever_m : tuple of float
+        From the first IMU to it, body axes, m.
+    accel_sign : float
+        -1 where the accelerometers give the reaction to the specific force.
+    time_offset_s : float
+        What is added to its stamps, s.
+    calibration : ImuCalibration or None
+        Its deterministic calibration.
+    white_noise : tuple of float
+        White noise root densities of gyros (rad/s/sqrt(Hz)) and accelerometers (m/s^2/sqrt(Hz)),
+        by which several IMUs are weighed.
+    """
+
+    samples: ImuSamples
+    C_b_imu: Array
+    lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    accel_sign: float = 1.0
+    time_offset_s: float = 0.0
+    calibration: ImuCalibration | None = None
+    white_noise: tuple[float, float] = (1.0, 1.0)
+
+    def in_shape(self, week: int) -> ImuSamples:
+        """Return the samples as they are estimated from.
+
+        Parameters
+        ----------
+        week : int
+            The GPS week whose seconds the stamps are to count.
+
+        Returns
+        -------
+        ImuSamples
+            Calibrated, without stuck channels, acceleration with the sign of specific force.
+        """
+        imu = without_stuck_channels(self.samples, STUCK_S)
+        if self.accel_sign < 0:
+            imu = replace(imu, accel=-imu.accel)
+        if self.time_offset_s:
+            imu = replace(imu, time=imu.time + self.time_offset_s)
+        return in_week(imu if self.calibration is None else self.calibration.apply(imu), week)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedImu:
+    """The samples of a recording, and what they say of themselves.
+
+    Parameters
+    ----------
+    samples : ImuSamples
+        In the axes that `C_b_imu` takes into those of the body; of several IMUs in body axes.
+    C_b_imu : ndarray, shape (3, 3)
+        Takes the axes of the samples into those of the body.
+    stationary : StationaryPeriods
+        The stationary periods that hold a fix.
+    dead_bands : mapping of int to DeadBand
+        By the number of the gyro.
+    weight : ndarray, shape (m, 2), or None
+        Shares of each of m IMUs in gyro and accelerometer; None of a single one.
+    checks : tuple of Check
+        What several IMUs say of each other.
+    """
+
+    samples: ImuSamples
+    C_b_imu: Array
+    stationary: StationaryPeriods
+    dead_bands: Mapping[int, DeadBand]
+    weight: Array | None = None
+    checks: tuple[Check, ...] = ()
+
+    def segments(self, lo: float, hi: float) -> list[tuple[float, float]]:
+        """Return begin and end, s, of the segments of [lo, hi] between gaps that are not bridged.
+
+        Parameters
+        ----------
+        lo, hi : float, s
+
+        Returns
+        -------
+        list of tuple of float
+        """
+        return segments(self.samples.time, lo, hi)
+
+    def increments(
+        self, lo: float, hi: float, *times: Array
+    ) -> tuple[Increments, list[np.ndarray]]:
+        """Integrate the samples of a segment, split at instants and at both ends of every gap.
+
+        Parameters
+        ----------
+        lo, hi : float, s
+            First and last instant of the segment.
+        *times : ndarray, shape (n_i,), s
+            Sorted instants.
+
+        Returns
+        -------
+        tuple of Increments and list of ndarray of int, shape (n_i,)
+            The increments, and for each of `times` the marks of its instants.
+
+        Raises
+        ------
+        DataError
+            Where the recording does not show how well a gap is bridged.
+        """
+        marks, (*rows, _) = merge_marks(*times, edges(self.samples.time, lo, hi))
+        return body_increments(self.samples, self.C_b_imu, marks), rows
+
+    def without_samples(self) -> "PreparedImu":
+        """Return the same with the first and the last sample alone."""
+        return replace(self, samples=self.samples[[0, -1]])
+
+    def without_stationary(self) -> "PreparedImu":
+        """Return the same without stationary periods."""
+        none = np.zeros(len(self.stationary), dtype=np.bool_)
+        return replace(self, stationary=self.stationary.where(none))
+
+
+def prepared(devices: Sequence[Device], gnss: GnssFixes, week: int) -> PreparedImu:
+    """Prepare the samples of a recording.
+
+    Parameters
+    ----------
+    devices : sequence of Device
+        Its IMUs, the first one first.
+    gnss : GnssFixes
+        The fixes, on the clock of the recording.
+    week : int
+        The GPS week whose seconds the stamps are to count.
+
+    Returns
+    -------
+    PreparedImu
+
+    Raises
+    ------
+    InputError
+        Where several IMUs do not make one.
+    """
+    imus = [device.in_shape(week) for device in devices]
+    imu, C_b_imu, weight, checks = imus[0], devices[0].C_b_imu, None, tuple[Check, ...]()
+    if len(imus) > 1:
+        combined = combine(
+            imus,
+            [device.C_b_imu for device in devices],
+            [device.lever_m for device in devices],
+            [device.white_noise for device in devices],
+        )
+        imu, C_b_imu, weight, checks = (
+            *(combined.samples, np.eye(3)),
+            *(combined.weight, combined.checks),
+        )
+    stationary = stationary_periods(imu, gnss)
+    first_fix, end_fix = (np.searchsorted(gnss.time, stationary.time[:, k]) for k in (0, 1))
+    stationary = stationary.where(end_fix > first_fix)
+    return PreparedImu(imu, C_b_imu, stationary, dead_bands(imu), weight, checks)

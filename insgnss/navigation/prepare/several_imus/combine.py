@@ -1,0 +1,438 @@
+"""Several IMUs on one rigid body, combined into one at the position of the first.
+
+All feel one rotation; the specific force at IMU j, at l_j from the first (body axes), differs by
+the motion of the lever arm,
+
+    f_j = f_1 + omega x (omega x l_j) + alpha x l_j,      alpha = d omega / dt                 (K.1)
+
+Each is turned into body axes, put onto the time base of the first, freed of its lever arm and
+weighted by its white noise:
+
+    x = sum w_j x_j / sum w_j,   w_j = 1 / q_j^2                                               (K.2)
+
+The root density of the result is 1 / sqrt(sum w_j).
+
+Time base. What a mean rate or an increment integrates is interpolated as a running sum (cubic,
+slopes from the neighbours), so nothing that was turned is lost or counted twice. Clocks may differ
+by a constant time offset: found where the rates correlate best, refined by
+
+    d = omega_j(t) - omega_1(t) = tau d omega / dt + constant + noise                          (K.3)
+
+both smoothed over `SMOOTH_S` (vibration is not alike), until tau does not change; it is applied
+where it passes five of its standard deviations.
+
+alpha is the slope of a least-squares line over `SLOPE_S` of that IMU's own rates (a fault of one
+stays in it): a difference of two samples would have more gyro noise over a few centimetres than
+the accelerometers have.
+
+The parity of the combined samples (`parity`) shows whether one of them is faulty. It is reported,
+and left in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....base.errors import InputError
+from ....records import Array, Check, ImuSamples, Quantity, Verdict
+from ..gaps import LACKING, nominal_interval
+from ._kernels import interpolate, running_sum
+from .parity import Parity, parity_of
+
+MOST_LACKING = 0.1  # share of the samples
+SLOPE_S, SMOOTH_S = 0.02, 0.1
+LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
+APPLIED_SIGMAS, SETTLED_SIGMAS = (
+    5.0,
+    0.1,
+)  # of an offset that is added, and of the change that ends its refinement
+LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
+ALIKE = 0.7  # least correlation of rates of one body
+TURNING = 0.01  # rad/s, rms: less does not show the clocks
+ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class CombinedImu:
+    """Several IMUs as one.
+
+    Parameters
+    ----------
+    samples : ImuSamples
+        In body axes, at the first IMU's position and stamps.
+    names : tuple of str
+        Names of the m IMUs, in their order.
+    offset_s : ndarray, shape (m,), s
+        Time offset added to the stamps of each.
+    offset_sigma_s : ndarray, shape (m,), s
+        Its standard deviation; NaN where the rates do not show it.
+    gyro_noise : float, rad/s/sqrt(Hz)
+        Root density of the result for white noise (K.2).
+    accel_noise : float, m/s^2/sqrt(Hz)
+    weight : ndarray, shape (m, 2)
+        Shares of each in gyro and accelerometer, of sum 1: a process of density q_j in IMU j
+        becomes sqrt(sum (weight q_j)^2).
+    parity : Parity
+    checks : tuple of Check
+        Of clocks, gaps and parity.
+    """
+
+    samples: ImuSamples
+    names: tuple[str, ...]
+    offset_s: Array
+    offset_sigma_s: Array
+    gyro_noise: float
+    accel_noise: float
+    weight: Array
+    parity: Parity
+    checks: tuple[Check, ...]
+
+
+def combine(
+    imus: Sequence[ImuSamples],
+    C_b_imu: Sequence[ArrayLike],
+    lever_b: Sequence[ArrayLike],
+    sigma: Sequence[tuple[float, float]],
+) -> CombinedImu:
+    """Combine two IMUs and more on one body (K.1, K.2).
+
+    Parameters
+    ----------
+    imus : sequence of ImuSamples
+        m recordings in their own axes, of one GPS week; mean rates and increments may be mixed,
+        instantaneous rates not with them.
+    C_b_imu : sequence of array, shape (3, 3)
+        IMU axes to body, for each.
+    lever_b : sequence of array, shape (3,), m
+        From the first IMU to each, body axes; that of the first is zero.
+    sigma : sequence of tuple of float
+        White noise root densities of each (gyro rad/s/sqrt(Hz), accelerometer m/s^2/sqrt(Hz)).
+
+    Returns
+    -------
+    CombinedImu
+
+    Raises
+    ------
+    InputError
+        For lists of different lengths, mixed quantities, a first lever arm that is not zero and
+        recordings without overlap.
+    """
+    names = _checked(imus, C_b_imu, lever_b, sigma)
+    base = imus[0]
+    tracks = [
+        _Track.of(imu, _body_rates(imu, np.asarray(C, dtype=np.float64)))
+        for imu, C in zip(imus, C_b_imu, strict=True)
+    ]
+    stack, there = (
+        np.empty((len(imus), base.time.size, 6)),
+        np.ones((len(imus), base.time.size), dtype=bool),
+    )
+    stack[0] = _body_rates(base, np.asarray(C_b_imu[0], dtype=np.float64))
+    offset, offset_sigma, checks = np.zeros(len(imus)), np.full(len(imus), np.nan), []
+    offset_sigma[0], angles = 0.0, tracks[0].angles()
+    for j in range(1, len(imus)):
+        offset[j], offset_sigma[j], check = _offset(
+            angles, tracks[j].angles(), max(sigma[0][0], sigma[j][0]), names[j]
+        )
+        checks.append(check)
+        stack[j], there[j] = tracks[j].over(base, offset[j])
+        if not there[j].all():
+            finding = (
+                f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
+                " used there"
+            )
+            verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
+            advice = (
+                "its biases come and go with it: leave it out, or cut the flight with start_tow and"
+                " end_tow"
+            )
+            checks.append(
+                Check("IMU overlap", finding, "all IMUs over the whole recording", verdict, advice)
+            )
+    weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
+    for reading, lever in zip(stack, lever_b, strict=True):
+        _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
+    parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names)
+    gyro, accel = (
+        _weighted(stack[:, :, axes], there, weight[:, k])
+        for k, axes in enumerate((slice(0, 3), slice(3, 6)))
+    )
+    total = weight.sum(axis=0)
+    noise = 1.0 / np.sqrt(total)
+    quantity: Quantity = "instant_rate" if base.quantity == "instant_rate" else "mean_rate"
+    source = " + ".join(imu.source or "IMU" for imu in imus)
+    samples = replace(
+        base,
+        gyro=gyro,
+        accel=accel,
+        quantity=quantity,
+        source=source,
+        notes=tuple(n for imu in imus for n in imu.notes),
+    )
+    checks.append(parity.check)
+    return CombinedImu(
+        samples,
+        names,
+        offset,
+        offset_sigma,
+        float(noise[0]),
+        float(noise[1]),
+        weight / total,
+        parity,
+        tuple(checks),
+    )
+
+
+def _checked(
+    imus: Sequence[ImuSamples],
+    C: Sequence[ArrayLike],
+    lever: Sequence[ArrayLike],
+    sigma: Sequence[tuple[float, float]],
+) -> tuple[str, ...]:
+    """Names of the IMUs, after the refusals of `combine`."""
+    m = len(imus)
+    if m < 2 or not (len(C) == len(lever) == len(sigma) == m):
+        raise InputError(
+            f"{m} IMUs with {len(C)} sets of axes, {len(lever)} lever arms and {len(sigma)} noises;"
+            " two and more, one of each"
+        )
+    if np.abs(np.asarray(lever[0])).max() > 0.0:
+        raise InputError(
+            f"lever arm {np.asarray(lever[0]).tolist()} m of the first IMU; lever arms are counted"
+            " from it, its own is zero"
+        )
+    if not (np.array(sigma) > 0.0).all():
+        raise InputError(
+            f"noise {[tuple(s) for s in sigma]}; weights need root densities greater than zero"
+        )
+    instant = {imu.quantity == "instant_rate" for imu in imus}
+    if len(instant) > 1:
+        raise InputError(
+            "instantaneous rates beside mean rates or increments; combine recordings of one kind"
+        )
+    if len({imu.gps_week for imu in imus} - {None}) > 1:
+        raise InputError(
+            f"GPS weeks {[imu.gps_week for imu in imus]} of the IMUs differ; put them onto one"
+            " first"
+        )
+    for k, imu in enumerate(imus[1:], 2):
+        if min(imu.time[-1], imus[0].time[-1]) - max(imu.time[0], imus[0].time[0]) < 1.0:
+            span = f"{imu.time[0]:.3f} to {imu.time[-1]:.3f} s"
+            raise InputError(
+                f"{imu.source or f'IMU {k}'}: {span} does not overlap {imus[0].time[0]:.3f} to"
+                f" {imus[0].time[-1]:.3f} s of the first"
+            )
+    return tuple(
+        f"IMU {k} ({Path(imu.source).name})" if imu.source else f"IMU {k}"
+        for k, imu in enumerate(imus, 1)
+    )
+
+
+def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
+    """(n, 6) rates in body axes."""
+    per_s = 1.0
+    if imu.quantity == "increments":
+        nominal = nominal_interval(imu.time)
+        step = np.diff(imu.time, prepend=imu.time[0] - nominal)
+        per_s = 1.0 / np.where(step > LACKING * nominal, nominal, step)[:, None]  # type: ignore[assignment]
+    return np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T]) * per_s
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """Running sums of mean rates at the ends of samples, or instantaneous rates, in body axes.
+
+    time (k,) s, value (k, 6), chord (k - 1, 6) mean slopes of value, broken (k - 1,) intervals
+    without samples; instant says whether `value` is a rate.
+    """
+
+    time: Array
+    value: Array
+    chord: Array
+    broken: NDArray[np.bool_]
+    instant: bool
+
+    @classmethod
+    def of(cls, imu: ImuSamples, rates: Array) -> "_Track":
+        """Track of a recording and its rates in body axes."""
+        nominal = nominal_interval(imu.time)
+        if imu.quantity == "instant_rate":
+            step = np.diff(imu.time)
+            return cls(
+                imu.time,
+                rates,
+                np.diff(rates, axis=0) / step[:, None],
+                step > LACKING * nominal,
+                True,
+            )
+        time = np.concatenate([[imu.time[0] - nominal], imu.time])
+        value = np.empty((time.size, 6))
+        running_sum(time, rates, value)
+        return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
+
+    def values_at(self, instants: Array) -> Array:
+        """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
+        out = np.empty((instants.size, self.value.shape[1]))
+        interpolate(self.time, self.value, self.chord, instants, out)
+        return out
+
+    def angles(self) -> "_Track":
+        """Running sums of the angular rates alone, (k, 3) rad."""
+        value, chord = (
+            np.ascontiguousarray(self.value[:, :3]),
+            np.ascontiguousarray(self.chord[:, :3]),
+        )
+        if self.instant:
+            chord = 0.5 * (value[1:] + value[:-1])
+            value = np.empty_like(value)
+            running_sum(self.time, chord, value)
+        return _Track(self.time, value, chord, self.broken, False)
+
+    def over(self, base: ImuSamples, offset: float) -> tuple[Array, NDArray[np.bool_]]:
+        """Rates (n, 6) over the samples of `base`, and which of them this track covers (n,).
+
+        `offset` s is added to this track's stamps.
+        """
+        end = base.time - offset
+        nominal = nominal_interval(base.time)
+        step = np.diff(base.time, prepend=base.time[0] - nominal)
+        begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
+        rates = (
+            self.values_at(end)
+            if self.instant
+            else (self.values_at(end) - self.values_at(begin)) / (end - begin)[:, None]
+        )
+        breaks = np.concatenate([[0], np.cumsum(self.broken)])
+        slack = 1e-6
+        lo = np.clip(np.searchsorted(self.time, begin + slack) - 1, 0, self.time.size - 1)
+        hi = np.clip(np.searchsorted(self.time, end - slack), 0, self.time.size - 1)
+        inside = (begin > self.time[0] - slack) & (end < self.time[-1] + slack)
+        return rates, inside & (breaks[hi] == breaks[lo])
+
+
+def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Check]:
+    """Time offset to add to the stamps of `other`, its standard deviation, and the check (K.3).
+
+    first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
+    deviation is NaN where the rates do not show the offset.
+    """
+    check_name, expected = "IMU clocks", "stamps of one clock, to 1 ms"
+    grid = np.arange(
+        max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
+    )
+    a, b = _grid_rates(first, grid), _grid_rates(other, grid)
+    if min(np.mean(a**2), np.mean(b**2)) < max(TURNING**2, 10.0 * noise**2 / SMOOTH_S):
+        return (
+            0.0,
+            np.nan,
+            Check(
+                check_name,
+                f"{name}: the body hardly turns; taken as one clock with the first",
+                expected,
+            ),
+        )
+    tau, alike = _coarse_offset(a, b)
+    if alike < ALIKE:
+        finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
+        return (
+            0.0,
+            np.nan,
+            Check(
+                check_name,
+                finding,
+                f"{ALIKE} and more of one body",
+                "contradiction",
+                "check imu.further: file, axes and clock",
+            ),
+        )
+    slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
+    inside = slice(
+        *np.searchsorted(grid, [grid[0] + abs(tau) + SMOOTH_S, grid[-1] - abs(tau) - SMOOTH_S])
+    )
+    for _ in range(ROUNDS):
+        d, s = (a - _grid_rates(other, grid - tau))[inside], slope[inside]
+        d, s = d - d.mean(axis=0), s - s.mean(axis=0)
+        power = float(np.sum(s * s))
+        change = -float(np.sum(s * d)) / power
+        tau += change
+        sigma = float(
+            np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S)
+        )  # neighbours within the window are one
+        if abs(change) < SETTLED_SIGMAS * sigma:
+            break
+    applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
+    finding = (
+        f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
+        f" {'added' if applied else 'would fit, not added'} to its stamps"
+    )
+    return (
+        tau if applied else 0.0,
+        sigma,
+        Check(check_name, finding, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
+    )
+
+
+def _grid_rates(angles: _Track, grid: Array) -> Array:
+    """(n - 1, 3) mean rates between the instants of the grid, smoothed, free of their mean."""
+    rates = np.diff(angles.values_at(grid), axis=0) / COARSE_S
+    reach = round(0.5 * SMOOTH_S / COARSE_S)
+    kernel = 1.0 + np.cos(np.pi * np.arange(-reach, reach + 1) / (reach + 1))
+    padded = np.pad(rates - rates.mean(axis=0), ((reach, reach), (0, 0)), mode="edge")
+    return np.stack(
+        [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T], axis=1
+    )
+
+
+def _coarse_offset(a: Array, b: Array) -> tuple[float, float]:
+    """Offset at which rates (n, 3) on one grid correlate best, s, and the correlation there.
+
+    It is interpolated to a fraction of `COARSE_S`.
+    """
+    n = len(a)
+    size = 2 ** int(np.ceil(np.log2(2 * n)))
+    correlation = np.fft.irfft(
+        (np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))).sum(axis=1), size
+    )
+    reach = min(int(LARGEST_OFFSET_S / COARSE_S), n - 2)
+    lag = np.arange(-reach, reach + 1)
+    value = correlation[lag] / np.sqrt(np.sum(a**2) * np.sum(b**2))
+    k = int(np.clip(np.argmax(value), 1, lag.size - 2))
+    left, middle, right = value[k - 1 : k + 2]
+    bend = left - 2.0 * middle + right
+    return float(COARSE_S * (lag[k] + (0.5 * (left - right) / bend if bend < 0.0 else 0.0))), float(
+        middle
+    )
+
+
+def _slope(rate: Array, time: Array) -> Array:
+    """(n, 3) slope of the least-squares line through the rates within `SLOPE_S`."""
+    dt = nominal_interval(time)
+    reach = max(1, round(0.5 * SLOPE_S / dt))
+    arms = np.arange(-reach, reach + 1, dtype=np.float64)
+    kernel = -arms / (dt * np.sum(arms**2))
+    padded = np.pad(rate, ((reach, reach), (0, 0)), mode="edge")
+    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
+
+
+def _weighted(stack: Array, there: NDArray[np.bool_], weight: Array) -> Array:
+    """(n, 3) weighted mean of (m, n, 3) over those that are there; the first where none is."""
+    w = weight[:, None] * there
+    total = w.sum(axis=0)
+    mean = np.einsum("mn,mnc->nc", w, stack) / np.where(total > 0.0, total, 1.0)[:, None]
+    return np.where((total > 0.0)[:, None], mean, stack[0])
+
+
+def _remove_lever(reading: Array, time: Array, lever: Array) -> None:
+    """Take the motion of its lever arm off the specific force of a reading (n, 6), in place (K.1).
+
+    The motion is that of the reading's own rates.
+    """
+    if lever.any():
+        rate = reading[:, :3]
+        reading[:, 3:] -= np.cross(rate, np.cross(rate, lever)) + np.cross(
+            _slope(rate, time), lever
+        )

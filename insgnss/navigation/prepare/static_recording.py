@@ -1,0 +1,525 @@
+"""Checks of a static recording: is it fit to show the noise of its sensor?
+
+It must be stationary, whole, alive, in the right units and finer than its own rounding. Blocks of a
+second show that: their means and variances. A sensor at rest has noise and a bias that wanders, and
+both are Gaussian, so in each channel the values
+
+    log of the variance in a block, difference of two neighbouring means,
+    difference of two neighbouring means of ten blocks                                         (S.1)
+
+scatter about their medians like normal deviates whose sigma is 1.4826 median |deviation|. One that
+is beyond eight sigma is no noise: it is a knock, a person walking by, a tilt of the table, or a
+jump of the bias (a step, where only the means of ten blocks show it). Slow wander of the bias does
+not trigger it, since its own differences are the scale. `stationarity` decides whether the sensor
+is stationary, with limits of its own.
+
+Rounding to a step s adds s^2/12 of white noise as long as the noise before it exceeds half a step
+(Widrow and Kollar 2008, chapter 5); below that the rounding error follows the signal, and no
+variance shows the sensor's noise any more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import DataError
+from ...base.units import STANDARD_GRAVITY
+from ...geodesy.earth import EARTH_RATE
+from ...records import Array, Check, ImuSamples, Verdict
+from ...records.variances import MAD_TO_SIGMA
+from .gaps import LACKING, find_gaps, mean_interval, nominal_interval
+from .stationarity import (
+    MAX_ACCEL,
+    MAX_BIAS,
+    MAX_GYRO,
+    NORM_HIGH,
+    NORM_LOW,
+    StationaryPeriods,
+    stationary_periods,
+)
+from .stuck_channels import CHANNELS, LONGER, constant_runs
+
+LEAST_S = 60.0
+STUCK_S, STUCK_SAMPLES = 5.0, 10
+BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
+SIGMAS, STRONG = 8.0, 20.0
+LEAST_EARTH = 0.5  # of the Earth's rate, below which the mean rate is not that of a sensor at rest
+NEAR = 0.1  # of the mean force to gravity, to suggest a unit
+LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
+REST_SHARE = 0.9
+FINE = 1.5  # samples scatter by so many steps of their rounding
+ROUNDED = 0.5  # below it the rounding hides the noise
+PROBED = 200_000
+RAIL_RUN, RAIL_SIGMAS = 3, 6.0
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance of a static recording, which is no noise of the sensor.
+
+    Parameters
+    ----------
+    begin_s : float, s
+        From the recording's start.
+    length_s : float, s
+    channel : str
+    kind : str
+        "shaken" or "step".
+    sigmas : float
+        Size in robust standard deviations.
+    """
+
+    begin_s: float
+    length_s: float
+    channel: str
+    kind: str
+    sigmas: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.kind} at {self.begin_s:.0f} s for {self.length_s:.0f} s ({self.channel},"
+            f" {self.sigmas:.0f} sigma)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StaticSpan:
+    """The samples that serve, as mean rates in SI at equal intervals, with the checks.
+
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3), rad/s
+    accel : ndarray, shape (n, 3), m/s^2
+    rate_hz : float, Hz
+    begin_s : float, s
+        Begin of the span, from the recording's first sample.
+    filled : int
+        Number of interpolated samples in the place of missing ones.
+    checks : tuple of Check
+    disturbances : tuple of Disturbance
+        The strongest first.
+    """
+
+    gyro: Array
+    accel: Array
+    rate_hz: float
+    begin_s: float
+    filled: int
+    checks: tuple[Check, ...]
+    disturbances: tuple[Disturbance, ...]
+
+    @property
+    def length_s(self) -> float:
+        """Length of the span, s."""
+        return len(self.gyro) / self.rate_hz
+
+
+def static_span(
+    imu: ImuSamples,
+    skip_s: float = 0.0,
+    keep_s: float = np.inf,
+    bridge_s: float = 0.0,
+    channels: Sequence[bool] = (True,) * 6,
+) -> StaticSpan:
+    """Find the longest unbroken span of a recording and check it.
+
+    A check with the verdict "contradiction" makes the recording unfit.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    skip_s : float, s
+        Time left out at the beginning.
+    keep_s : float, s
+        Time taken from there on.
+    bridge_s : float, s
+        Gaps up to this length are filled by the straight line between their ends.
+    channels : sequence of bool
+        Which of gyroscopes x, y, z and accelerometers x, y, z are there; others hold constants, of
+        which nothing is checked.
+
+    Returns
+    -------
+    StaticSpan
+
+    Raises
+    ------
+    DataError
+        Where nothing is left from `skip_s` on.
+    """
+    nominal = nominal_interval(imu.time)
+    time = imu.time - imu.time[0]
+    lo, hi = (int(k) for k in np.searchsorted(time, [skip_s - 1e-9, skip_s + keep_s - 1e-9]))
+    if hi - lo < 2:
+        raise DataError(
+            f"{imu.source}: nothing from {skip_s:g} s on; the recording is {time[-1]:.1f} s long;"
+            " skip less"
+        )
+    first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
+    cells = _places(time[first:last], nominal)
+    filled = int(cells[-1]) + 1 - cells.size
+    scale = 1.0 / nominal if imu.quantity == "increments" else 1.0
+    gyro, accel = (
+        _even(triad[first:last], cells, filled, scale) for triad in (imu.gyro, imu.accel)
+    )
+    rate = float(cells[-1] / (time[last - 1] - time[first]))
+    checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
+    named = [
+        (name, column)
+        for name, column, there in zip(CHANNELS, [*gyro.T, *accel.T], channels, strict=True)
+        if there
+    ]
+    checks += _channels(named, rate)
+    checks.append(_units(gyro, accel, all(channels[3:])))
+    checks += _earth_rate(gyro) if all(channels[:3]) else []
+    disturbances: tuple[Disturbance, ...] = ()
+    if all(check.verdict != "contradiction" for check in checks):
+        disturbances, rest = _at_rest(
+            gyro, accel, float(time[first]), rate, [column for _, column in named]
+        )
+        checks.append(rest)
+    return StaticSpan(
+        gyro, accel, rate, float(time[first]), filled, (*imu.notes, *checks), disturbances
+    )
+
+
+def _length(length_s: float) -> Check:
+    verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
+    expected, advice = (
+        f"{LEAST_S:.0f} s and more",
+        "record for longer: hours, to resolve slow processes",
+    )
+    return Check("length", f"{length_s:.1f} s without interruption", expected, verdict, advice)
+
+
+def _rate(time: Array, nominal: float) -> Check:
+    """Stamps that come in bunches make no rate."""
+    mean = mean_interval(time)
+    finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
+    if nominal < 0.5 * mean:
+        advice = (
+            "the stamps come in bunches: leave their column out and give the sensor's rate"
+            " (--columns, --rate)"
+        )
+        return Check(
+            "sampling",
+            f"{finding}; median interval {nominal:.3g} s, mean {mean:.3g} s",
+            "even stamps",
+            "contradiction",
+            advice,
+        )
+    return Check("sampling", finding, "even stamps")
+
+
+def _unbroken(
+    time: Array, lo: int, hi: int, nominal: float, bridge_s: float
+) -> tuple[int, int, Check]:
+    """First sample, the one after the last of the longest unbroken span, and the check."""
+    expected = "no interval over 1.5 nominal ones"
+    gaps = find_gaps(time[lo:hi], nominal)
+    if not gaps:
+        return lo, hi, Check("missing samples", "none", expected)
+    step = np.diff(time[lo:hi])
+    cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
+    edges = np.concatenate([[0], cuts + 1, [hi - lo]])
+    longest = int(np.argmax(np.diff(edges)))
+    first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
+    worst = max(gaps, key=lambda gap: gap[1])
+    finding = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
+    if cuts.size:
+        share = (last - first) / (hi - lo)
+        finding += (
+            f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
+            f" {share:.0%} of the samples"
+        )
+    if bridge_s:
+        finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
+    return (
+        first,
+        last,
+        Check(
+            "missing samples",
+            finding,
+            expected,
+            "note",
+            "" if bridge_s else "--bridge SECONDS fills short gaps instead",
+        ),
+    )
+
+
+def _places(time: Array, nominal: float) -> NDArray[np.int64]:
+    """Number of each sample on a grid of equal intervals."""
+    step = np.diff(time)
+    whole = np.where(step > LACKING * nominal, np.rint(step / nominal), 1.0)
+    return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
+
+
+def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
+    """(n, 3) on the grid, in rates."""
+    if filled:
+        grid = np.arange(cells[-1] + 1)
+        values = np.column_stack([np.interp(grid, cells, column) for column in values.T])
+    return values if scale == 1.0 else values * scale
+
+
+def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Check]:
+    """Check for stuck channels, rails and rounding."""
+    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
+        advice = "the sensor is dead, its column is wrong, or its driver hides small values"
+        return [Check("constant channel", "; ".join(stuck), expected, "contradiction", advice)]
+    checks = [Check("constant channel", "every channel alive", expected)]
+    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
+    if coarse:
+        names, steps = (
+            ", ".join(name for name, _, _ in coarse),
+            ", ".join(f"{n:.2g}" for _, n, _ in coarse),
+        )
+        shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
+        finding = (
+            f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
+            " rounding"
+        )
+        hidden = min(n for _, n, _ in coarse) < ROUNDED
+        verdict: Verdict = "contradiction" if hidden else "note"
+        advice = (
+            "the rounding hides the noise: record with a finer range"
+            if hidden
+            else "the white noise found contains the rounding"
+        )
+        checks.append(
+            Check("rounding", finding, f"samples scatter by {FINE} steps and more", verdict, advice)
+        )
+    if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
+        checks.append(
+            Check(
+                "range",
+                "; ".join(rails),
+                "no reading at the end of the range",
+                "note",
+                "a knock, or a range too small",
+            )
+        )
+    return checks
+
+
+def _stuck(column: Array, rate: float) -> str:
+    """Describe how a channel is stuck; empty where it is not."""
+    if column.min() == column.max():
+        return f"is {column[0]:z.6g} throughout"
+    probed = column[:PROBED]
+    p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.9999)
+    shortest = int(
+        max(STUCK_SAMPLES, STUCK_S * rate, LONGER * np.log(column.size) / np.log(1.0 / p))
+    )
+    runs = constant_runs(column, shortest + 1)
+    if not runs:
+        return ""
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    return (
+        f"stays at {column[first]:z.6g} for {(last - first + 1) / rate:.1f} s from"
+        f" {first / rate:.1f} s on"
+    )
+
+
+def _units(gyro: Array, accel: Array, whole: bool) -> Check:
+    """Check the units against gravity and the smallness of the rate at rest.
+
+    whole : whether the three accelerometers are there; fewer do not show gravity.
+    """
+    name, expected = (
+        "units",
+        (
+            f"|mean force| {NORM_LOW} to {NORM_HIGH} m/s^2, mean rate below"
+            f" {np.degrees(MAX_BIAS):.1f} deg/s"
+        ),
+    )
+    force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
+    finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
+    if whole and not NORM_LOW < force < NORM_HIGH:
+        factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
+        near = [
+            unit
+            for unit, factor in factors.items()
+            if abs(force * factor / STANDARD_GRAVITY - 1.0) < NEAR
+        ]
+        one = f"{STANDARD_GRAVITY / max(force, 1e-12):.4g} m/s^2"
+        advice = (
+            f"the values look like {near[0]}: give --accel-unit {near[0]}"
+            if near
+            else f"if these are counts, --accel-unit {one!r}"
+        )
+        return Check(name, finding, expected, "contradiction", f"{advice}; gravity must be in them")
+    if rate > MAX_BIAS:
+        return Check(
+            name,
+            finding,
+            expected,
+            "contradiction",
+            "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count",
+        )
+    return Check(name, finding, expected)
+
+
+def _earth_rate(gyro: Array) -> list[Check]:
+    """Note that the rates are too small for a sensor on the turning Earth.
+
+    At rest the three read the Earth's rate and their biases, whose sum is so small by chance only.
+    """
+    mean = float(np.linalg.norm(gyro.mean(axis=0)))
+    if mean >= LEAST_EARTH * EARTH_RATE:
+        return []
+    per_hour = 3600.0 * np.degrees([mean, EARTH_RATE, np.degrees(mean)])
+    advice = (
+        "fine where the sensor takes its mean off at the start; else the values are of a larger"
+        f" unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
+    )
+    return [
+        Check(
+            "Earth's rate",
+            f"|mean rate| {per_hour[0]:.3g} deg/h",
+            f"{LEAST_EARTH * per_hour[1]:.3g} deg/h and more: the Earth turns by {per_hour[1]:.4g}",
+            "note",
+            advice,
+        )
+    ]
+
+
+def _rounding(column: Array, size: int) -> tuple[float, float] | None:
+    """Scatter of the samples in steps of their resolution, and the step, where that is coarse."""
+    probed = column[: min(PROBED, len(column) // size * size) // size * size]
+    values = np.unique(probed)
+    if values.size < 2 or values.size > probed.size // 4:
+        return None
+    step = float(np.quantile(np.diff(values), 0.2))
+    scatter = float(np.sqrt(np.median(probed.reshape(-1, size).var(axis=1))))
+    return None if scatter > FINE * step else (max(scatter / step, 1e-3), step)
+
+
+def _rail(column: Array) -> str:
+    """Describe a reading at the end of the range; empty where there is none.
+
+    That is the same extreme value, far off, several times in a row.
+    """
+    mean, sigma = float(column.mean()), float(column.std())
+    for extreme in (column.min(), column.max()):
+        if abs(extreme - mean) > RAIL_SIGMAS * sigma:
+            rows = np.flatnonzero(column == extreme)
+            if (
+                rows.size >= RAIL_RUN
+                and (rows[RAIL_RUN - 1 :] - rows[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
+            ):
+                return f"reads {extreme:.4g} in {rows.size} samples"
+    return ""
+
+
+def _at_rest(
+    gyro: Array, accel: Array, begin: float, rate: float, columns: Sequence[Array]
+) -> tuple[tuple[Disturbance, ...], Check]:
+    """Find the disturbances, and check that the sensor is stationary."""
+    length = len(gyro) / rate
+    periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
+    share = float(np.sum(periods.time[:, 1] - periods.time[:, 0]) / length)
+    name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
+    if share < REST_SHARE:
+        scatter = ", ".join(
+            f"{x.std(axis=0).max():.2g} {unit}" for x, unit in ((gyro, "rad/s"), (accel, "m/s^2"))
+        )
+        unit = (
+            ", and the rates look like deg/s: --gyro-unit deg/s"
+            if gyro.std(axis=0).max() > MAX_GYRO and accel.std(axis=0).max() < MAX_ACCEL
+            else ""
+        )
+        advice = (
+            "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one"
+            " out with --skip and --keep; if it was at rest, check the units: it scatters by"
+            f" {scatter}{unit}"
+        )
+        return (), Check(
+            name,
+            f"at rest for {share:.0%} of the time{_longest(periods, begin)}",
+            expected,
+            "contradiction",
+            advice,
+        )
+    disturbances = _disturbances(np.column_stack(columns), begin, rate)
+    if not disturbances:
+        return (), Check(name, "at rest throughout", expected)
+    more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
+    how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
+    advice = (
+        "leave the recording out, or cut it with --skip and --keep"
+        if disturbances[0].sigmas > STRONG
+        else ""
+    )
+    return disturbances, Check(
+        name,
+        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}",
+        "nothing but noise",
+        "note",
+        advice,
+    )
+
+
+def _longest(periods: StationaryPeriods, begin: float) -> str:
+    if not len(periods):
+        return ""
+    lo, hi = periods.time[int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))] + begin
+    return f", longest from {lo:.0f} to {hi:.0f} s"
+
+
+def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...]:
+    """All beyond `SIGMAS` (S.1), merged where they touch."""
+    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    blocks = len(x) // size
+    if blocks < 4 * LONG_BLOCKS:
+        return ()
+    cut = x[: blocks * size].reshape(blocks, size, -1)
+    mean, power = cut.mean(axis=1), np.log(np.maximum(cut.var(axis=1), 1e-300))
+    long = _moving_mean(mean, LONG_BLOCKS)
+    scores = np.zeros((3, blocks, x.shape[1]))
+    scores[0] = _score(power, LEAST_RISE / SIGMAS)
+    scores[1, 1:] = _score(np.diff(mean, axis=0), 0.0)
+    half = long.shape[0] - LONG_BLOCKS
+    scores[2, LONG_BLOCKS : LONG_BLOCKS + half] = _score(long[LONG_BLOCKS:] - long[:half], 0.0)
+    scores[0] = np.maximum(scores[0], 0.0)
+    beyond = np.flatnonzero((np.abs(scores) > SIGMAS).any(axis=(0, 2)))
+    if not beyond.size:
+        return ()
+    disturbances = []
+    for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > LONG_BLOCKS) + 1):
+        run_scores = np.abs(scores[:, run[0] : run[-1] + 1])
+        channel = int(np.argmax(run_scores.max(axis=(0, 1))))
+        quick = bool(run_scores[:2].max() > SIGMAS)
+        lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
+        kind = "shaken" if quick else "step"
+        disturbances.append(
+            Disturbance(
+                begin + lo * size / rate,
+                (hi - lo) * size / rate,
+                CHANNELS[channel],
+                kind,
+                float(run_scores.max()),
+            )
+        )
+    return tuple(sorted(disturbances, key=lambda d: -d.sigmas))
+
+
+def _quick_span(scores: Array, first: int) -> tuple[int, int]:
+    blocks = np.flatnonzero((scores > SIGMAS).any(axis=(0, 2)))
+    return first + int(blocks[0]), first + int(blocks[-1]) + 1
+
+
+def _moving_mean(x: Array, width: int) -> Array:
+    total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])
+    return np.asarray((total[width:] - total[:-width]) / width)
+
+
+def _score(x: Array, least: float) -> Array:
+    """Deviations from the median in robust sigmas, column by column."""
+    off = x - np.median(x, axis=0)
+    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), least)
+    return np.asarray(off / np.where(sigma > 0.0, sigma, np.inf))

@@ -1,0 +1,133 @@
+"""Samples of a stuck (frozen) channel: one number again and again while its neighbours move.
+
+A sensor whose noise is finer than its resolution repeats a value with a probability p, which the
+recording itself shows; in n samples the longest run to be expected is log n / log(1 / p). A run
+that is three times as long, while another channel of the triad changes, is a register that was not
+renewed. Its samples are no measurements: they are left out, which makes a gap of them (`gaps`), and
+counted. Gyros of some devices read exactly zero as long as they hardly turn; such a dead band is no
+stuck channel. A channel that is stuck for longer than `STUCK_S` is a dead sensor, for
+a person to look at.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...records import Array, Check, ImuSamples
+from .gaps import nominal_interval
+
+STUCK_S = 5.0  # of a run: beyond it the channel is dead, and its samples are kept to be looked at
+LEAST_SAMPLES, LEAST_S = 20, 0.2
+LONGER = 3.0  # times the longest run that chance makes
+DEAD_BAND, OFTEN = 0.05, 0.01  # rad/s; share of the samples
+MOVES = 0.3  # share of the samples at which another channel of the triad changes
+MOST_PROBED = 200_000
+CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z")
+
+
+def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
+    """Find every run of `shortest` equal values and more.
+
+    Returns
+    -------
+    list of tuple of int
+        First and last sample of each run.
+    """
+    step = max(shortest // 2, 1)
+    probe = column[::step]
+    same = np.flatnonzero(probe[1:] == probe[:-1])
+    runs: list[tuple[int, int]] = []
+    for k in same.tolist():
+        if runs and k * step <= runs[-1][1]:
+            continue
+        lo, hi = max(0, (k - 2) * step), min(column.size, (k + 3) * step)
+        value = column[k * step]
+        while lo > 0 and column[lo] == value:
+            lo = max(0, lo - 2 * step)
+        while hi < column.size and column[hi - 1] == value:
+            hi = min(column.size, hi + 2 * step)
+        other = np.flatnonzero(column[lo:hi] != value) + lo
+        first = int(other[other < k * step].max()) + 1 if (other < k * step).any() else lo
+        last = int(other[other > k * step].min()) - 1 if (other > k * step).any() else hi - 1
+        if last - first + 1 >= shortest:
+            runs.append((first, last))
+    return runs
+
+
+def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
+    """Leave out the samples at which a channel is stuck.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    longest_s : float, s
+        A longer run is kept: that channel is dead.
+
+    Returns
+    -------
+    ImuSamples
+        The samples that are left, with a note that names the runs; `imu` itself where there are
+        none.
+    """
+    dt = nominal_interval(imu.time)
+    drop = np.zeros(imu.time.size, dtype=np.bool_)
+    runs = []
+    for triad, offset in ((imu.gyro, 0), (imu.accel, 3)):
+        for c in range(3):
+            for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
+                others = np.delete(triad[first : last + 1], c, axis=1)
+                moves = np.mean(np.diff(others, axis=0) != 0.0, axis=0).max()
+                length = imu.time[last] - imu.time[first]
+                if (
+                    moves > MOVES
+                    and length <= longest_s
+                    and not (offset == 0 and dead_band(imu, c, first, last))
+                ):
+                    drop[first + 1 : last + 1] = True
+                    runs.append(
+                        f"{CHANNELS[offset + c]} from {imu.time[first]:.2f} s for {length:.2f} s"
+                    )
+    if not runs:
+        return imu
+    keep = ~drop
+    finding = (
+        f"{int(drop.sum())} samples left out where a channel is stuck:"
+        f" {', '.join(runs[:5])}{', ...' if runs[5:] else ''}"
+    )
+    note = Check(
+        "IMU rows",
+        finding,
+        "every channel renewed with every sample",
+        "note",
+        "look at the sensor's connection and logger",
+    )
+    return replace(
+        imu,
+        time=imu.time[keep],
+        gyro=imu.gyro[keep],
+        accel=imu.accel[keep],
+        notes=(*imu.notes, note),
+    )
+
+
+def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
+    """Whether a gyro reads exactly zero because it hardly turns, as some devices make it.
+
+    That is so where it reads zero often, or while none of the gyros turns.
+    """
+    column, per_second = (
+        imu.gyro[:, channel],
+        1.0 / nominal_interval(imu.time) if imu.quantity == "increments" else 1.0,
+    )
+    if column[first] != 0.0:
+        return False
+    often = (np.count_nonzero(column == 0.0) - (last - first + 1)) > OFTEN * column.size
+    return bool(often or np.abs(imu.gyro[first : last + 1]).max() * per_second < DEAD_BAND)
+
+
+def _shortest(column: Array, dt: float) -> int:
+    """Samples of a run that chance does not make."""
+    probed = column[:MOST_PROBED]
+    p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.999)
+    expected = np.log(max(column.size, 2)) / np.log(1.0 / p)
+    return int(max(LEAST_SAMPLES, LEAST_S / dt, LONGER * expected))

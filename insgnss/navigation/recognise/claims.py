@@ -1,0 +1,273 @@
+"""The flight file's claims of units, axes, sign and clock against what the data show of themselves.
+
+A contradiction says what would put the claim right; the exchange of two axes was tried before it is
+advised (`handedness`).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...geodesy.gpstime import WEEK_S, weeks_apart
+from ...records import Array, Check, Verdict
+from .axes import axes_words, imu_word
+from .handedness import LEFT_HANDED, SURE, of_axes, what_is_wrong
+from .recognition import EXCHANGED_ADVICE, Recognition
+from .units import ACCEL_UNITS, GYRO_UNITS
+
+INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
+SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
+LEAST_OFFSET_S = 0.02  # a time offset that is reported
+OFFSET_LIMIT_S = (
+    0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
+)
+Remedy = Callable[[tuple[int, int]], str]
+
+
+def exchange_in_words(pair: tuple[int, int]) -> str:
+    """Say how to exchange two axes in a flight file whose columns are not known."""
+    a, b = ("xyz"[k] for k in pair)
+    return f"exchange the names g{a} and g{b}, and a{a} and a{b}, in imu.columns"
+
+
+def compare(
+    recognition: Recognition,
+    C_b_imu: Array,
+    *,
+    quantity: str = "mean_rate",
+    gyro_unit: str = "rad/s",
+    accel_unit: str = "m/s^2",
+    accel_sign: int = 1,
+    time_offset_s: float = 0.0,
+    remedy: Remedy = exchange_in_words,
+) -> list[Check]:
+    """Compare the flight file's claim with the data.
+
+    Parameters
+    ----------
+    recognition : Recognition
+        Of the records as the claim makes them: converted to SI from the claimed units, force with
+        the claimed sign, GNSS with the claimed time offset, IMU in its own axes. It has factor 1,
+        sign +1 and no offset if the claim is right.
+    C_b_imu : ndarray, shape (3, 3)
+        The claimed axes; this and the following go into the advice.
+    quantity, gyro_unit, accel_unit : str
+    accel_sign : int
+        +1 or -1.
+    time_offset_s : float, s
+        GNSS minus IMU offset.
+    remedy : callable
+        Returns how to exchange two axes in gyros and accelerometers alike.
+
+    Returns
+    -------
+    list of Check
+        "recognised units", "recognised axes", "recognised sign" and "recognised clock":
+        "contradiction" where the data are surer than `SURE` of something else (of a clock: by more
+        than `OFFSET_LIMIT_S`), "note" where they do not determine it or are less sure, "ok"
+        otherwise.
+    """
+    return [
+        _compare_units(recognition, quantity, gyro_unit, accel_unit),
+        _compare_axes(recognition, C_b_imu, accel_sign, remedy),
+        _compare_sign(recognition, accel_sign),
+        _compare_clock(recognition, time_offset_s),
+    ]
+
+
+def _compare_units(
+    recognition: Recognition, quantity: str, gyro_unit: str, accel_unit: str
+) -> Check:
+    """Compare the units. A factor other than 1 shows by what the claim is wrong."""
+    name, expected = (
+        "recognised units",
+        f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}",
+    )
+    sensors = (
+        (
+            "gyro",
+            recognition.finding("gyro unit"),
+            recognition.gyro_factor,
+            GYRO_UNITS | INCREMENT_UNITS,
+            gyro_unit,
+        ),
+        (
+            "accel",
+            recognition.finding("accelerometer unit"),
+            recognition.accel_factor,
+            ACCEL_UNITS | INCREMENT_UNITS,
+            accel_unit,
+        ),
+    )
+    wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
+    advice, sure, evidence = [], 1.0, []
+    for sensor, finding, factor, units, claimed in sensors:
+        evidence.append(f"{finding.name} {finding.value}: {finding.evidence}")
+        if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
+            continue
+        true = factor * units[claimed]
+        of_quantity = INCREMENT_UNITS if recognition.quantity == "increments" else units
+        unit = next(
+            (
+                u
+                for u, f in of_quantity.items()
+                if abs(np.log(true / f)) < 1e-6 and u in SENSOR_UNITS[sensor]
+            ),
+            None,
+        )
+        look = f'the numbers look like imu.units {sensor} = "{unit}"'
+        advice.append(
+            look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
+        )
+        sure = min(sure, finding.confidence)
+    if wrong_quantity and recognition.finding("quantity").confidence:
+        advice.append(f'they look like imu.quantity = "{recognition.quantity}"')
+    if advice:
+        verdict: Verdict = "contradiction" if sure > SURE else "note"
+        return Check(name, "; ".join(evidence), expected, verdict, "; ".join(advice))
+    silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
+    return Check(
+        name,
+        "; ".join(evidence),
+        expected,
+        "note" if silent else "ok",
+        f"the data do not determine the {' and '.join(silent)}" if silent else "",
+    )
+
+
+def _compare_axes(
+    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Remedy
+) -> Check:
+    """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
+    name, claimed = "recognised axes", axes_words(C_b_imu)
+    finding, vertical, triads = (
+        recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
+    )
+    if recognition.exchanges:
+        return _left_handed(recognition, C_b_imu, accel_sign, remedy)
+    if triads.value not in ("aligned", "unknown"):
+        advice = (
+            f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
+            " in the file"
+        )
+        return Check(
+            name,
+            f"{triads.value}; {triads.evidence}",
+            claimed,
+            "contradiction" if triads.confidence > SURE else "note",
+            advice,
+        )
+    statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
+    if recognition.axes == claimed:
+        return Check(name, statement, claimed)
+    down_word = vertical.value.split()[0]
+    if vertical.confidence > SURE and down_word != imu_word(C_b_imu[2]):
+        hint = (
+            f'imu.axes = "{recognition.axes}"'
+            if recognition.axes
+            else f"imu.axes must have the IMU's {down_word} down"
+        )
+        return Check(name, statement, claimed, "contradiction", f"the data look like {hint}")
+    if recognition.axes is None:
+        return Check(
+            name, statement, claimed, "note", "the data do not determine which axis is forward"
+        )
+    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
+    advice = f'the data look like imu.axes = "{recognition.axes}"'
+    if verdict == "note":
+        advice += ", if it moves nose first"
+    return Check(name, statement, claimed, verdict, advice)
+
+
+def _left_handed(
+    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Remedy
+) -> Check:
+    """Name the exchange of two axes that was tried and explains the motion, and its remedy."""
+    claimed = axes_words(C_b_imu)
+    exchange = of_axes(recognition.exchanges, C_b_imu)
+    sign = ", and imu.accel_sign = 1" if accel_sign < 0 else ""
+    if exchange is not None:
+        a, b = exchange.words
+        error, axes = f"{a} and {b} are exchanged in gyro and accelerometer alike", ""
+    else:
+        exchange = recognition.exchanges[0]
+        a, b = exchange.words
+        error, trial = what_is_wrong(exchange, C_b_imu), exchange.recognition
+        axes = (
+            f', with imu.axes = "{trial.axes}"'
+            if trial.axes
+            else ", and the words of imu.axes by how the exchanged axes lie, the IMU's"
+            f" {trial.finding('vertical axis').value}"
+        )
+        if error != LEFT_HANDED:
+            axes += "; or correct the signs in the file"
+    triads = exchange.recognition.finding("gyro triad")
+    finding = f"{error}: with {a} and {b} exchanged {triads.evidence}"
+    verdict: Verdict = (
+        "contradiction" if recognition.finding("gyro triad").confidence > SURE else "note"
+    )
+    return Check(
+        "recognised axes",
+        finding,
+        f"{claimed}, right-handed",
+        verdict,
+        f"{remedy(exchange.pair)}{sign}{axes}",
+    )
+
+
+def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
+    name, finding = "recognised sign", recognition.finding("force sign")
+    expected = "specific force (up at rest)" + (
+        ", with the sign of the claim" if accel_sign < 0 else ""
+    )
+    statement = f"{finding.value}: {finding.evidence}"
+    if recognition.exchanged:
+        return Check(name, statement, expected, "contradiction", EXCHANGED_ADVICE)
+    if not finding.confidence:
+        return Check(
+            name, statement, expected, "note", "the data do not determine the sign of the force"
+        )
+    if recognition.exchanges:  # as mirrored readings have it: no sign of the force's own
+        advice = "of the left-handed axes alone, see recognised axes"
+        return Check(name, statement, expected, "note", advice)
+    if recognition.accel_sign > 0:
+        return Check(name, statement, expected)
+    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
+    advice = (
+        f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
+        " longitude are exchanged, or one of them has the wrong sign"
+    )
+    return Check(name, statement, expected, verdict, advice)
+
+
+def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
+    name, finding = "recognised clock", recognition.finding("time offset")
+    expected, statement = (
+        f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s",
+        f"{finding.value}: {finding.evidence}",
+    )
+    if not finding.confidence:
+        return Check(name, statement, expected, "note", "the data do not determine the time offset")
+    offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
+    if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
+        return Check(name, statement, expected)
+    advice = (
+        f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
+    )
+    if weeks := weeks_apart(offset):
+        sense = "behind" if offset > 0.0 else "ahead of"
+        statement = f"the fixes are {weeks} {sense} the IMU: {statement}"
+        whole = time_offset_s + WEEK_S * round(offset / WEEK_S)
+        advice = (
+            "the times of one of them are of another week, or count from another one: give both as"
+            f" times of one week; gnss.time_offset_s = {whole:.1f} would do it"
+        )
+    if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
+        advice += f" ({recognition.time_scale}, leap seconds)"
+    return Check(
+        name,
+        statement,
+        expected,
+        "contradiction" if abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE else "note",
+        advice,
+    )

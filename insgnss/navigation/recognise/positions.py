@@ -1,0 +1,178 @@
+"""Positions against the velocities beside them: wrong units, orders and signs of either.
+
+A displacement over some seconds, by its time, is the mean velocity over them, whatever the axes and
+units of the IMU. Where it is not, every misreading that files are known for is tried on the same
+rows, and the one that makes displacements and velocities equal is named:
+
+    off = median |displacement / time - velocity| / median |velocity|                         (R.11)
+
+over the faster half of the rows. As read, right columns leave the noise of the fixes, some percent
+of a drone's speed. A misreading is named where it explains what the columns as read do not, else
+the check abstains: velocities that are wrong in themselves contradict positions that are right.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...records import Array, Check, GnssFixes
+from ...records.observations import UNKNOWN_MPS
+from ..prepare.fix_path import north_east
+
+NAME = "GNSS velocity"
+SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
+LEAST_ROWS, LEAST_MPS = 30, 1.0
+CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
+AGREE, EXPLAINS, BETTER = (
+    0.25,
+    0.2,
+    0.4,
+)  # (R.11): as read in order, a misreading that explains, and of that as read at most
+REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
+ALIKE = 0.1  # within which two misreadings explain the same
+DEG = np.pi / 180.0
+VELOCITY_UNITS = {"km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "cm/s": 1e-2, "mm/s": 1e-3}
+
+
+Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class Misreading:
+    """Fixes as they would be, and what to do if that is right."""
+
+    advice: str
+    displaced: Array
+    moving: Array
+
+
+def check_velocity(gnss: GnssFixes) -> Check:
+    """Check the positions against the velocities of the same fixes.
+
+    Parameters
+    ----------
+    gnss : GnssFixes
+        With velocities.
+
+    Returns
+    -------
+    Check
+        A contradiction names the misreading; a note says that nothing explains the difference.
+    """
+    expected = f"displacements are the velocity times the time, within {AGREE:.0%} in the median"
+    assert gnss.velocity_ned is not None
+    assert gnss.velocity_cov_ned is not None
+    pairs = _pairs(gnss.time)
+    if pairs is None:
+        return Check(NAME, "too few fixes to compare displacements with", expected)
+    mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
+    rows = _fast(mean[:, :2], LEAST_MPS)
+    if rows.sum() < LEAST_ROWS:
+        return Check(NAME, f"never faster than {LEAST_MPS:g} m/s for long", expected)
+    moved = _displaced(gnss, pairs)
+    off = _off(moved[rows, :2], mean[rows, :2])
+    finding = f"displacements are {off:.0%} off the velocities in the median"
+    if off > AGREE:
+        close = _explaining(gnss, pairs, mean, rows, off)
+        if close:
+            return Check(NAME, finding, expected, "contradiction", f"{' or '.join(close)}")
+        advice = "one of them is wrong: check gnss.columns and their units, or leave velocities out"
+        return Check(NAME, finding, expected, "note", advice)
+    measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
+    climbs = _fast(mean[:, 2:], CLIMB_MPS)
+    if measured and climbs.sum() >= LEAST_ROWS:
+        down, stated = moved[climbs, 2:], mean[climbs, 2:]
+        if np.corrcoef(down[:, 0], stated[:, 0])[0, 1] < REVERSED:
+            finding = "the heights rise where the vertical velocity falls"
+            advice = (
+                "it is of the other sense: in gnss.columns call it vu instead of vd, or vd of vu"
+            )
+            return Check(NAME, finding, expected, "contradiction", advice)
+    return Check(NAME, finding, expected)
+
+
+def _explaining(gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: float) -> list[str]:
+    """What to do by the misreadings that explain the difference: the best, and its equals."""
+    trials = [
+        (_off(m.displaced[rows, :2], m.moving[rows, :2]), m.advice)
+        for m in _misreadings(gnss, pairs, mean)
+    ]
+    least = min(value for value, _ in trials)
+    if least > min(EXPLAINS, BETTER * off):
+        return []
+    return [advice for value, advice in trials if value < least + ALIKE]
+
+
+def _misreadings(gnss: GnssFixes, pairs: Pairs, mean: Array) -> Iterator[Misreading]:
+    """What files are known for, applied to the fixes."""
+    exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
+    radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
+    places = [
+        (exchange, gnss.lon, gnss.lat),
+        (radians, gnss.lat / DEG, gnss.lon / DEG),
+        (f"{radians}; and {exchange}", gnss.lon / DEG, gnss.lat / DEG),
+        (
+            'latitude and longitude are in degrees: set gnss.units = { angle = "deg" }',
+            gnss.lat * DEG,
+            gnss.lon * DEG,
+        ),
+        ("the sign of the latitude is wrong", -gnss.lat, gnss.lon),
+        ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
+    ]
+    for advice, lat, lon in places:
+        if np.abs(lat).max() <= 0.5 * np.pi and np.abs(lon).max() <= 2.0 * np.pi:
+            yield Misreading(advice, _displaced(replace(gnss, lat=lat, lon=lon), pairs), mean)
+    moved = _displaced(gnss, pairs)
+    for unit, factor in VELOCITY_UNITS.items():
+        yield Misreading(
+            f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}',
+            moved,
+            factor * mean,
+        )
+    yield Misreading(
+        "vn and ve are exchanged: exchange their names in gnss.columns",
+        moved,
+        mean[:, [1, 0, 2]],
+    )
+
+
+def _pairs(time: Array) -> Pairs | None:
+    """First and last row of displacements over about `SPAN_S`; None with too few fixes."""
+    if time.size < LEAST_ROWS:
+        return None
+    step = float(np.median(np.diff(time)))
+    k = max(1, round(SPAN_S / max(step, 1e-3)))
+    first = np.arange(time.size - k, dtype=np.intp)
+    whole = time[first + k] - time[first] < 1.5 * k * step
+    return (first[whole], first[whole] + k) if whole.sum() >= LEAST_ROWS else None
+
+
+def _mean_velocity(time: Array, velocity: Array, pairs: Pairs) -> Array:
+    """Mean velocity (m, 3) between the rows of each pair."""
+    step = np.diff(time)[:, None]
+    way = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]), axis=0)]
+    )
+    first, last = pairs
+    return np.asarray((way[last] - way[first]) / (time[last] - time[first])[:, None])
+
+
+def _displaced(gnss: GnssFixes, pairs: Pairs) -> Array:
+    """Displacement by time (m, 3), m/s, north, east, down."""
+    first, last = pairs
+    p = np.column_stack([north_east(gnss), -gnss.height])
+    return np.asarray((p[last] - p[first]) / (gnss.time[last] - gnss.time[first])[:, None])
+
+
+def _fast(velocity: Array, least: float) -> Array:
+    """The faster half of the rows, if they are faster than `least`."""
+    speed = np.linalg.norm(velocity, axis=1)
+    return np.asarray(speed > max(least, float(np.median(speed))))
+
+
+def _off(displaced: Array, velocity: Array) -> float:
+    """How far displacements are off the velocities (R.11)."""
+    off = np.median(np.linalg.norm(displaced - velocity, axis=1))
+    return float(off / np.median(np.linalg.norm(velocity, axis=1)))

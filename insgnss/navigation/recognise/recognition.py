@@ -1,0 +1,370 @@
+"""Recognition of a recording: units, axes, sign of force and clock of an IMU.
+
+They are found from its numbers and the GNSS fixes alone.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.rotation import right_angle_rotations
+from ...records import Array, GnssFixes, ImuSamples, Quantity
+from ..prepare.clock import cut_fixes, cut_samples
+from ..prepare.fix_path import liveliest, sound_fixes
+from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
+from .findings import MOST, NAMES, Finding
+from .propulsion import propulsion
+from .relation import MAX_LAG_S, Relation, relate
+from .signal import ImuGrid, dead_channel, imu_grid
+from .units import ForceUnit, force_unit, gyro_unit, unknown_force
+from .verdict import (
+    TELLING,
+    exchange_odds,
+    nothing,
+    of_clock,
+    of_forward,
+    of_gyro,
+    of_sign,
+    of_vertical,
+)
+
+EXCHANGED_ADVICE = (
+    "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
+)
+COMMON_S, WIDE_S = (
+    10.0,
+    900.0,
+)  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
+LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed for all that motion can show
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """What the data show of themselves.
+
+    A field whose finding has confidence 0 holds what the records were read as.
+
+    Parameters
+    ----------
+    quantity : str
+        "mean_rate" (also for instantaneous rates, which the data do not distinguish from mean ones)
+        or "increments".
+    gyro_unit, accel_unit : str
+        Units of the numbers, in the words of the flight file.
+    gyro_factor, accel_factor : float
+        Factors by which the numbers must be multiplied to be rad/s and m/s^2, of increments rad and
+        m/s. Numbers that a claim has converted wrongly have factors that belong to no unit; the
+        name of the unit is empty then.
+    axes : str or None
+        Body directions of the IMU's x, y and z in the words of `axes`; None where the data do not
+        determine them.
+    accel_sign : int
+        +1 where the accelerometers report specific force (up at rest), -1 where they report its
+        reverse.
+    time_offset_s, time_offset_sigma_s : float, s
+        Time offset that must be added to the GNSS stamps to be on the IMU's clock, and its sigma.
+        (0, inf) where the data do not determine it.
+    time_scale : str
+        "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the date (18 s
+        without a week) within half a second, "other" where it is larger than half a second
+        otherwise.
+    findings : tuple of Finding
+        One for each of `findings.NAMES`, in that order.
+    curves : dict of str to ndarray
+        Arrays for a picture (`recognise` lists them).
+    exchanged : bool
+        Whether latitude and longitude are; the sign of the force and the axes are then abstained
+        from.
+    exchanges : tuple of Exchange
+        Of readings of left-handed axes the exchanges of two axes that explain the motion, where
+        they were tried (`handedness.with_exchanges`).
+    """
+
+    quantity: Quantity
+    gyro_unit: str
+    accel_unit: str
+    gyro_factor: float
+    accel_factor: float
+    axes: str | None
+    accel_sign: int
+    time_offset_s: float
+    time_offset_sigma_s: float
+    time_scale: str
+    findings: tuple[Finding, ...]
+    curves: dict[str, Array]
+    exchanged: bool = False
+    exchanges: "tuple[Exchange, ...]" = ()
+
+    def finding(self, name: str) -> Finding:
+        """Return the finding of that name."""
+        return next(f for f in self.findings if f.name == name)
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """Two axes exchanged in gyros and accelerometers alike, with which the motion is explained.
+
+    Parameters
+    ----------
+    pair : tuple of int
+        The two axes, 0 to 2.
+    recognition : Recognition
+        What the readings show with both exchanged, of specific force.
+    """
+
+    pair: tuple[int, int]
+    recognition: Recognition
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """The letters of both axes."""
+        return "xyz"[self.pair[0]], "xyz"[self.pair[1]]
+
+
+def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
+    """Find units, axes, sign of force and clock.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        The numbers as the file has them, in the sensor's own axes, whatever their unit; its
+        `quantity` only says whether a stamp ends an interval (mean rate, increments) or is an
+        instant.
+    gnss : GnssFixes
+        Fixes in rad and m; with velocities where the receiver gives them.
+
+    Returns
+    -------
+    Recognition
+        The recogniser raises nothing: what too few data do not determine is abstained from.
+
+    Notes
+    -----
+    The `curves` are the following, with m rows of the windows in which GNSS saw most motion. All
+    are absent where there is too little to look at, all but the scores of lags and units where
+    nothing fits.
+
+    time : (m,), s
+        On the IMU's clock.
+    force_gnss, force_imu : (m, 3), m/s^2
+        Specific force in body axes (in the IMU's where axes is None) from the motion that GNSS saw
+        (gross fixes and all) and from the accelerometers, averaged alike.
+    turn_gnss, turn_gyro : (m,), rad/s
+        Rate of turn about the vertical, NaN where GNSS is too slow to have a course.
+    lag_s, lag_score : (n,), s and 1
+        Share of the GNSS accelerations that the IMU explains at that time offset (1 all, 0 none,
+        negative worse than nothing).
+    gyro_factor, gyro_factor_score : (h,)
+        The same for the candidate gyro units.
+    orientation, orientation_score : (24, 3, 3) and (24,)
+        C_b_imu of all orientations (words by `axes.axes_words`), and a score of -1 to 1.
+    """
+    grid, sound = imu_grid(imu), sound_fixes(gnss)
+    if dead := dead_channel(imu):
+        why = f"{dead} repeats one value for much of the recording"
+        return _abstained(unknown_force(1.0, why), 1.0, why)
+    force = force_unit(grid)
+    per_sample = grid.interval if force.quantity == "increments" else 1.0
+    shift, reach = _clocks(imu, gnss)
+    gnss = replace(gnss, time=gnss.time + shift)
+    relation = relate(grid, gnss, sound, force, reach)
+    if relation is None:
+        return _abstained(
+            force,
+            per_sample,
+            "too few fixes or readings in common with GNSS, or gyros that show nothing",
+        )
+    if relation.fit is None:
+        why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
+        return _abstained(force, per_sample, why, _scores(relation))
+    mirror = _mirrored(relation, grid, gnss, sound, force, reach)
+    return _recognised(
+        relation,
+        force,
+        grid.interval,
+        imu.gps_week or gnss.gps_week,
+        poses(relation, gnss, sound),
+        shift,
+        mirror,
+    )
+
+
+def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
+    """Apply `recognise` to the liveliest `LOOKED_AT_S` of the fixes.
+
+    The samples reach far enough for every time offset that is looked for.
+    """
+    lo, hi = liveliest(gnss, LOOKED_AT_S)
+    return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
+
+
+def _mirrored(
+    relation: Relation,
+    grid: ImuGrid,
+    gnss: GnssFixes,
+    sound: NDArray[np.bool_],
+    force: ForceUnit,
+    reach: float,
+) -> float:
+    """What specific force explains with latitude and longitude exchanged.
+
+    It is -inf where that need not, or cannot, be looked at. That exchange mirrors the world, not
+    the sensor: it leaves the gyros as they are.
+    """
+    scan = relation.scan
+    if (
+        not np.array_equal(relation.triads, np.eye(3))
+        or scan.up[scan.best] >= scan.down[scan.best]
+        or gnss.velocity_ned is not None
+        or np.abs(gnss.lon).max() >= 0.5 * np.pi
+    ):
+        return -np.inf
+    other = relate(grid, replace(gnss, lat=gnss.lon, lon=gnss.lat), sound, force, reach)
+    return -np.inf if other is None else float(other.scan.up[other.scan.best])
+
+
+def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
+    """What to add to the GNSS stamps before lags are looked for, and how far to look, s.
+
+    Clocks that have nothing in common are set to a common start.
+    """
+    common = min(imu.time[-1], gnss.time[-1]) - max(imu.time[0], gnss.time[0])
+    if common >= COMMON_S:
+        return 0.0, MAX_LAG_S
+    longest = max(imu.time[-1] - imu.time[0], gnss.time[-1] - gnss.time[0])
+    return float(imu.time[0] - gnss.time[0]), float(np.clip(longest, 2.0 * MAX_LAG_S, WIDE_S))
+
+
+def _recognised(
+    relation: Relation,
+    force: ForceUnit,
+    interval: float,
+    week: int | None,
+    pose: Pose,
+    shift: float,
+    mirror: float,
+) -> Recognition:
+    """All answers, each at most as sure as the findings that it is based on."""
+    of_unit, triads = of_gyro(relation, force, interval)
+    trusted = min(force.of_unit.confidence or MOST, of_unit.confidence, triads.confidence)
+    clock = of_clock(relation, week, trusted, shift)
+    sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirror)
+    vertical = down(pose)
+    of_down = of_vertical(vertical, of_force.confidence)
+    ahead = forward(pose, vertical)
+    assert relation.fit is not None
+    moved = propulsion(pose.time, pose.C_ns, relation.fit.felt, ahead.direction.axis)
+    of_ahead = of_forward(ahead, moved, of_down.confidence)
+    C_b_imu = np.array(
+        [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
+    )
+    axes = axes_words(C_b_imu) if of_ahead.confidence and triads.value == "aligned" else None
+    of_axes = Finding(
+        "axes",
+        axes or "unknown",
+        of_ahead.confidence if axes else 0.0,
+        f"{of_down.evidence}; {of_ahead.evidence}",
+    )
+    unit_is_known, per_sample = (
+        of_unit.confidence > 0.0,
+        interval if force.quantity == "increments" else 1.0,
+    )
+    factor = relation.factors[relation.best]
+    return Recognition(
+        force.quantity,
+        gyro_unit(factor, force.quantity, interval) if unit_is_known else _plain_gyro_unit(force),
+        force.unit,
+        factor * per_sample if unit_is_known else 1.0,
+        force.factor * per_sample,
+        axes,
+        sign if of_force.confidence else 1,
+        clock.offset_s,
+        clock.sigma_s,
+        clock.scale,
+        (
+            force.of_quantity,
+            force.of_unit,
+            of_unit,
+            triads,
+            of_force,
+            of_down,
+            of_ahead,
+            of_axes,
+            clock.of_offset,
+            clock.of_scale,
+        ),
+        _scores(relation)
+        | _motion(relation, pose, C_b_imu if axes else np.eye(3))
+        | _orientations(vertical, ahead),
+        clock.of_offset.confidence > 0.0
+        and bool(np.isfinite(mirror))
+        and exchange_odds(relation, mirror) > TELLING,
+    )
+
+
+def _plain_gyro_unit(force: ForceUnit) -> str:
+    return "rad" if force.quantity == "increments" else "rad/s"
+
+
+def _abstained(
+    force: ForceUnit, per_sample: float, why: str, curves: dict[str, Array] | None = None
+) -> Recognition:
+    """What is left where GNSS does not help: the unit of the accelerometers."""
+    findings = (force.of_quantity, force.of_unit, *nothing(NAMES[2:], why))
+    plain = _plain_gyro_unit(force)
+    factor = force.factor * per_sample
+    return Recognition(
+        force.quantity,
+        plain,
+        force.unit,
+        1.0,
+        factor,
+        None,
+        1,
+        0.0,
+        np.inf,
+        "same",
+        findings,
+        curves or {},
+    )
+
+
+def _scores(relation: Relation) -> dict[str, Array]:
+    scan = relation.scan
+    return {
+        "lag_s": scan.lags,
+        "lag_score": scan.score,
+        "gyro_factor": np.array(relation.factors),
+        "gyro_factor_score": np.array([s.score.max() for s in relation.scans]),
+    }
+
+
+def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
+    return {
+        "orientation": right_angle_rotations(),
+        "orientation_score": scores(vertical.vector, ahead.direction.vector),
+    }
+
+
+def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
+    """Specific force and turn rate, of GNSS and of the IMU."""
+    fit, moved = relation.fit, relation.propagated
+    assert fit is not None
+    C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
+    reach = max(1, round(0.25 * pose.width / moved.grid.step))
+    first, last = (
+        np.maximum(fit.middle - reach, 0),
+        np.minimum(fit.middle + reach, moved.C.shape[0] - 1),
+    )
+    change = (moved.turned[last] - moved.turned[first]) / (moved.grid.step * (last - first))[
+        :, None
+    ]
+    rate = np.einsum("nij,nkj,nk->ni", pose.C_ns, moved.C[fit.middle], change)[:, 2]
+    return {
+        "time": pose.time,
+        "force_gnss": np.einsum("nij,nj->ni", C_bn, fit.seen),
+        "force_imu": np.einsum("nij,nj->ni", C_bn, fit.felt),
+        "turn_gnss": pose.course_rate,
+        "turn_gyro": rate,
+    }

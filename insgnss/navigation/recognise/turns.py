@@ -1,0 +1,409 @@
+"""Turns seen by the gyros, by GNSS and by the camera: they must be the same turns at the same time.
+
+The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see,
+omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the
+course rate times cos(phi), whatever the axes. Their regression gives the gyro unit, their sign
+shows a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest
+correlation a time offset of the IMU. Who circles all the time has no changes to correlate: there
+the rates themselves are compared, and no time offset is looked for.
+
+A survey takes its images on lines: the course rate at the exposures is small. Where it is large,
+but small 18 s earlier or later, the events are not in the time scale of the fixes. A camera that
+takes images everywhere does not show that, and no camera shows errors of a second.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from ..prepare.fix_path import north_east, sound_fixes
+from .relation import MAX_LAG_S
+
+STEP_S = 0.1
+SMOOTH_S = 2.0
+LAG_S, LAG_CORRELATION = (
+    0.5,
+    0.9,
+)  # a lag that is reported, where the correlation is clear enough for it
+# of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
+LAG_GAIN = 0.5
+CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
+STRANGERS = (
+    "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
+    " s apart)?"
+)
+NOSE = "its nose does not follow its course, so the turns do not show the clock"
+SURE, CLOCK_SURE, AT_ONCE_S = 0.99, 0.9, 0.5
+# s from the best lag, and times that it must leave less unexplained than any so far from it
+RIVAL_S, DISTINCT = 5.0, 1.3
+ALIKE, UNLIKE = (
+    0.6,
+    0.3,
+)  # correlations: from the first on the same turns are seen, below the second none of them
+BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
+# cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
+# and correlations about its mean tell nothing
+STEADY = 0.95
+# correlation of the course rates of every other fix with those of the rest: below, they are noise
+RELIABLE = 0.7
+RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
+LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
+LEAST_ROWS, LEAST_TURN = (
+    100,
+    0.02,
+)  # of the grid at speed, and the course rate's standard deviation there, rad/s
+FASTEST_TURN = 1.5  # rad/s, of a course
+# s: no other time scale is that near; exposures that would lie as straight there lie so by chance
+NEARER_S, AS_STRAIGHT = 9.0, 2.0
+LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
+USUAL_COSINE = 0.92  # of the bank in a turn
+UTC_S = 18.0
+TURNING, STRAIGHTER = (
+    0.02,
+    4.0,
+)  # rad/s at the exposures, and how many times less it must be at the other time
+ENOUGH_IMAGES = 20
+ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
+# whose clock stamps the exposures, in words
+CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
+
+
+def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Check:
+    """Check count and spacing of the exposures, and their time scale.
+
+    The exposures contradict the fixes where they would lie on straighter lines in another time
+    scale.
+
+    Parameters
+    ----------
+    events : CameraEvents
+    gnss : GnssFixes
+    clock : {"imu", "receiver", ""}
+        Whose clock stamps the exposures, as the finding says; "" where nobody said it.
+
+    Returns
+    -------
+    Check
+    """
+    name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
+    step = np.diff(events.time)
+    finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    finding += CLOCKS[clock]
+    if step.size:
+        finding += f", shortest interval {step.min():.2f} s"
+    grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
+    width = _width(gnss, grid)
+    if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
+        return Check(name, finding, expected)
+    rate, moving = _course_rate(gnss, grid, width)
+    here, shifted = (
+        _turning(events.time, grid, rate, moving),
+        {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)},
+    )
+    best = min(shifted, key=lambda s: shifted[s])
+    straighter = np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]
+    if straighter and not _by_chance(events.time, shifted[best], grid, rate, moving):
+        finding += (
+            f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
+            f" {np.degrees(shifted[best]):.1f} deg/s"
+        )
+        return Check(name, finding, expected, "contradiction", _other_scale(events, best))
+    return Check(name, finding, expected)
+
+
+def _other_scale(events: CameraEvents, offset: float) -> str:
+    """What to set for events that are on lines `offset` s later."""
+    taken = {UTC_S: ("gpst", "gps"), -UTC_S: ("utc",)}[offset]
+    if events.time_scale in taken:
+        other = "utc" if offset == UTC_S else "gpst"
+        return (
+            f"the events look like {other.upper()}, and were taken as {taken[0].upper()}:"
+            f' camera.time_scale = "{other}" would put them on lines'
+        )
+    return (
+        f"the events look like UTC or another clock: camera.time_offset_s = {offset:.0f} would put"
+        " them on lines"
+    )
+
+
+def _by_chance(
+    time: Array, straightest: float, grid: Array, rate: Array, moving: np.ndarray
+) -> bool:
+    """Whether the exposures would lie nearly as straight at a shift that is no time scale's.
+
+    So it is where the course winds faster than leap seconds go by.
+    """
+    shifts = np.arange(-NEARER_S, NEARER_S + 0.5)
+    return any(_turning(time + s, grid, rate, moving) < AS_STRAIGHT * straightest for s in shifts)
+
+
+def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
+    """Mean size of the course rate at `time`, rad/s; infinite where half of it is unknown."""
+    inside = (time >= grid[0]) & (time <= grid[-1])
+    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    usable = inside & moving[cells]
+    return float(np.mean(np.abs(rate[cells[usable]]))) if usable.sum() > 0.5 * time.size else np.inf
+
+
+def _width(gnss: GnssFixes, grid: Array) -> int:
+    """Number of steps to smooth over."""
+    return (
+        round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S)
+        if gnss.time.size > 1
+        else grid.size
+    )
+
+
+def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
+    """Factor by which readings are off where increments and rates are mixed up, and the advice."""
+    if imu.quantity == "increments":
+        return 1.0 / dt, 'imu.quantity = "mean_rate"'
+    return dt, 'imu.quantity = "increments"'
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What the forces that the IMU felt say of the record, against the motion that GNSS saw.
+
+    Parameters
+    ----------
+    offset_s : float, s
+        To be added to the GNSS stamps.
+    sure_of_clock : float
+        Confidence of the offset; 0 where the forces do not show it.
+    sure_of_all : float
+        Of unit, sense and clock together; 0 where one of them is not as the records have it.
+    """
+
+    offset_s: float = 0.0
+    sure_of_clock: float = 0.0
+    sure_of_all: float = 0.0
+
+
+def check_turns(
+    time: Array,
+    rate: Array,
+    force: Array,
+    gnss: GnssFixes,
+    imu: ImuSamples,
+    dt: float,
+    forces: Forces | None = None,
+) -> Check:
+    """Check gyro unit, handedness and clock against the turns of the course.
+
+    The check never contradicts what the forces show: there it abstains. A course is not a heading,
+    and turns that repeat themselves fit at several lags.
+
+    Parameters
+    ----------
+    time : ndarray, shape (k,), s
+    rate : ndarray, shape (k, 3), rad/s
+        In body axes.
+    force : ndarray, shape (k, 3), m/s^2
+        In body axes.
+    gnss : GnssFixes
+    imu : ImuSamples
+    dt : float, s
+        Interval of the IMU.
+    forces : Forces, optional
+        Where it is known already; else it is found where the turns contradict the records.
+
+    Returns
+    -------
+    Check
+    """
+    name, expected = (
+        "turn rate, gyro against GNSS course",
+        f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag",
+    )
+    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
+    width = _width(gnss, grid)
+    if grid.size < max(200, 5 * width):
+        return Check(name, "too short or too few fixes to compare", expected, "note")
+    course_rate, moving = _course_rate(gnss, grid, width)
+    down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
+    down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
+    if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
+        return Check(name, "no turns at speed to compare", expected, "note")
+    lag, best, here, rival = _best_lag(gyro, course_rate, moving)
+    common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
+    ratio = common / squares
+    steady = abs(common) > STEADY * np.sqrt(squares * float(np.sum(gyro[moving] ** 2)))
+    finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    spacing = float(np.median(np.diff(gnss.time)))
+    if steady and abs(here) < ALIKE:
+        here = best = float(np.sign(ratio))
+        lag, finding = 0.0, f"ratio {ratio:.3g}, a turn that never changes"
+    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
+    if not advice:
+        return Check(name, finding, expected, verdict, advice)
+    of_clock = advice == STRANGERS or "time_offset_s" in advice
+    forces = forces or _forces(imu, gnss)
+    agree = forces.sure_of_all >= SURE and abs(forces.offset_s) <= AT_ONCE_S
+    if agree and (verdict == "contradiction" or of_clock):
+        finding += f"; but the forces agree at {forces.offset_s:+.3f} s"
+        return Check(name, finding, expected, "note", NOSE)
+    if of_clock and forces.sure_of_clock >= CLOCK_SURE and abs(forces.offset_s - lag) > AT_ONCE_S:
+        finding += f"; but the forces show {forces.offset_s:+.3f} s"
+        return Check(name, finding, expected, "note", NOSE)
+    if "time_offset_s" in advice and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
+        finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
+        return Check(name, finding, expected, "note", "the turns repeat themselves: no clock shows")
+    if verdict == "contradiction" and not _reliable(gnss, grid, width):
+        return Check(
+            name, finding, expected, "note", "the fixes are too poor, or too few, to show turns"
+        )
+    return Check(name, finding, expected, verdict, advice)
+
+
+def _reliable(gnss: GnssFixes, grid: Array, width: int) -> bool:
+    """Whether every other fix shows the same turns as the rest."""
+    (one, here), (other, there) = (_course_rate(gnss[first::2], grid, width) for first in (0, 1))
+    both = here & there
+    return both.sum() > 50 and float(np.corrcoef(one[both], other[both])[0, 1]) > RELIABLE
+
+
+def _forces(imu: ImuSamples, gnss: GnssFixes) -> Forces:
+    """What the forces show.
+
+    A multirotor's course is not its heading. What it feels when it changes its velocity shows all
+    the same whether the records fit.
+    """
+    from .recognition import recognise_liveliest
+
+    recognition = recognise_liveliest(imu, gnss)
+    clock = recognition.finding("time offset").confidence
+    sure = min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad"))
+    right = (
+        recognition.finding("gyro triad").value == "aligned"
+        and abs(np.log(recognition.gyro_factor)) < 1e-6
+        and recognition.accel_sign > 0
+    )
+    return Forces(recognition.time_offset_s, clock, min(sure, clock) if right else 0.0)
+
+
+def _judge_turns(
+    ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float
+) -> tuple[Verdict, str]:
+    """Verdict and advice.
+
+    least_lag : s, the shortest lag that fixes so far apart can show; 1 - r^2 is what a correlation
+    r leaves.
+    """
+    offset, shift = (
+        f"IMU time is about {lag:+.1f} s off GNSS time",
+        f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
+    )
+    if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
+        if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
+            return "contradiction", STRANGERS
+        hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
+        return "contradiction", f"{offset}: {hint}; {shift}"
+    if abs(best) < UNLIKE:
+        return "contradiction", STRANGERS
+    if here < -ALIKE:
+        return (
+            "contradiction",
+            (
+                "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and"
+                " longitude are exchanged, or the sign of latitude or longitude is wrong"
+            ),
+        )
+    if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
+        return "contradiction", _gyro_unit_advice(ratio, imu, dt)
+    explains = 1.0 - best**2 < LAG_GAIN * (1.0 - here**2)
+    if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and explains:
+        return "note", f"{offset}; {shift}"
+    return ("ok" if here > ALIKE else "note"), ""
+
+
+def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
+    """What the ratio looks like most."""
+    ratio = max(ratio, 1e-12) / USUAL_COSINE
+    guesses = [
+        (np.degrees(1.0), 'imu.units gyro = "deg/s"'),
+        (np.radians(1.0), 'imu.units gyro = "rad/s" (not in deg)'),
+        (np.radians(1.0) / 3600.0, 'imu.units gyro = "rad/s" (not in deg/h)'),
+        (1.0 / 3600.0, 'imu.units gyro = "deg/s" (not in deg/h)'),
+        quantity_guess(imu, dt),
+    ]
+    factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
+    return (
+        f"the gyro values look like {advice}"
+        if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1]
+        else "check imu.units gyro and imu.quantity"
+    )
+
+
+def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
+    """Rate of the course on the grid, rad/s, and where the speed allows it."""
+    sound = sound_fixes(gnss)
+    time, ne = gnss.time[sound], north_east(gnss)[sound]
+    position = np.column_stack([_smooth(np.interp(grid, time, ne[:, c]), width) for c in range(2)])
+    velocity = np.gradient(position, grid, axis=0)
+    acceleration = np.gradient(velocity, grid, axis=0)
+    speed2 = np.sum(velocity**2, axis=1)
+    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(
+        speed2, 1e-3
+    )
+    rate = _smooth(rate, width)
+    noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
+    slow = max(1.0, 3.0 * noise / (width * STEP_S))
+    moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
+    moving[: 2 * width] = moving[-2 * width :] = False
+    return rate, moving & (np.abs(rate) < FASTEST_TURN)
+
+
+def _best_lag(
+    gyro: Array, course_rate: Array, moving: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Lag (s, positive: gyro late), correlation there, at no lag, and at best far from both.
+
+    The sign is that of the correlation of largest size.
+    """
+    most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
+    lags = np.arange(-most, most + 1)
+    value = _correlations(gyro, course_rate, moving, lags)
+    best = int(np.argmax(np.abs(value)))
+    far = np.abs(lags - lags[best]) * STEP_S > RIVAL_S
+    rival = float(np.abs(value[far]).max(initial=0.0))
+    return float(lags[best] * STEP_S), float(value[best]), float(value[most]), rival
+
+
+def _correlations(a: Array, b: Array, use: np.ndarray, lags: np.ndarray) -> Array:
+    """Correlation coefficients of a at i + lag with b at i, over the i that are in use.
+
+    They are zero where there are 50 of these or fewer, or one of the two does not vary. Sums of
+    products over all lags at once come from fast Fourier transforms, padded so that nothing wraps.
+    """
+    if not use.any():
+        return np.zeros(lags.size)
+    size = 1 << int(2 * a.size - 1).bit_length()
+    a = a - a.mean()
+    b = np.where(use, b - b[use].mean(), 0.0)
+    first, end = np.maximum(-lags, 0), a.size - np.maximum(lags, 0)
+
+    def summed(x: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(x)])
+        return np.asarray(total[end] - total[first])
+
+    def products(x: Array, y: Array) -> Array:
+        spectrum = np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size))
+        return np.asarray(np.fft.irfft(spectrum, size)[lags])
+
+    mask = use.astype(np.float64)
+    count, b_sum, b_square = summed(mask), summed(b), summed(b * b)
+    a_sum, a_square = products(a, mask), products(a * a, mask)
+    n = np.maximum(count, 1.0)
+    of_a, of_b = a_square - a_sum**2 / n, b_square - b_sum**2 / n
+    varies = (of_a > ROUNDING * (a * a).sum()) & (of_b > ROUNDING * (b * b).sum())
+    enough = (count > 50) & varies
+    covariance = products(a, b) - a_sum * b_sum / n
+    return np.where(enough, covariance / np.sqrt(np.where(enough, of_a * of_b, 1.0)), 0.0)
+
+
+def _smooth(x: Array, width: int) -> Array:
+    width = min(max(width, 1), x.size)
+    return np.convolve(x, np.ones(width) / width, mode="same")

@@ -1,0 +1,131 @@
+"""Units that the size of the readings allows.
+
+Gravity fixes that of the accelerometers, the possible leaves few for the gyros.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.units import STANDARD_GRAVITY
+from ...records import Quantity
+from .findings import MOST, Finding
+from .signal import ImuGrid
+
+DEG, G = np.pi / 180.0, STANDARD_GRAVITY
+GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}
+ACCEL_UNITS = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
+GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of GYRO_UNITS
+ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)
+SIZE_S = 0.1  # vibration is averaged over it
+LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
+NEAR, FAR, APART = (
+    0.15,
+    0.4,
+    0.5,
+)  # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
+
+
+@dataclass(frozen=True, eq=False)
+class ForceUnit:
+    """Unit of the accelerometers.
+
+    Parameters
+    ----------
+    factor : float
+        To m/s^2, of the readings taken as rates.
+    unit : str
+    quantity : str
+    of_quantity, of_unit : Finding
+    """
+
+    factor: float
+    unit: str
+    quantity: Quantity
+    of_quantity: Finding
+    of_unit: Finding
+
+
+def force_unit(grid: ImuGrid) -> ForceUnit:
+    """Find unit and quantity from the typical size of the specific force.
+
+    That size is gravity's in all that flies, drives or stands.
+    """
+    k = min(max(1, round(SIZE_S / grid.step)), len(grid.dvel))
+    n = len(grid.dvel) // k
+    mean = grid.dvel[: n * k].reshape(n, k, 3).mean(axis=1) / grid.step
+    size = max(float(np.median(np.linalg.norm(mean, axis=1))), 1e-12)
+    candidates: list[tuple[float, str, Quantity]] = [
+        (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
+    ]
+    candidates += [(1.0 / grid.interval, "m/s", "increments")]
+    (off, factor, unit, quantity), second = _nearest(candidates, size)
+    if off > FAR:
+        (off, factor, unit, quantity), second = _nearest(
+            [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
+        )
+    sure = (
+        MOST
+        * float(np.clip((FAR - off) / (FAR - NEAR), 0.0, 1.0))
+        * (0.5 if second < off + APART else 1.0)
+    )
+    if sure == 0.0:
+        evidence = (
+            f"median size {size:.4g} over {SIZE_S} s; gravity has that size in no unit that is"
+            " known"
+        )
+        return unknown_force(G / size, evidence)
+    value = unit or f"{factor:.4g} m/s^2"
+    evidence = (
+        f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
+    )
+    kind = "rates, mean or instantaneous: the data do not show which"
+    if quantity == "increments":
+        evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
+    of_quantity = Finding(
+        "quantity", "rates" if quantity == "mean_rate" else quantity, sure, f"{kind}; {evidence}"
+    )
+    of_unit = Finding("accelerometer unit", value, sure, evidence)
+    return ForceUnit(factor, unit or "m/s^2", quantity, of_quantity, of_unit)
+
+
+def unknown_force(factor: float, why: str) -> ForceUnit:
+    """Return the abstention, with the reason `why`."""
+    of_quantity, of_unit = (
+        Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit")
+    )
+    return ForceUnit(factor, "m/s^2", "mean_rate", of_quantity, of_unit)
+
+
+def _nearest(
+    candidates: list[tuple[float, str, Quantity]], size: float
+) -> tuple[tuple[float, float, str, Quantity], float]:
+    """The candidate in which `size` is most like gravity, with the logarithm it is off by.
+
+    The second value is that logarithm of the next candidate. A candidate is factor, unit and
+    quantity.
+    """
+    ranked = sorted(
+        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in candidates
+    )
+    return ranked[0], ranked[1][0]
+
+
+def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
+    """Return the factors to rad/s that make the readings rates that a drone and a gyro can have."""
+    candidates = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
+    if quantity == "increments":
+        candidates = [f / grid.interval for f in candidates]
+    size = np.linalg.norm(grid.dtheta, axis=1) / grid.step
+    typical, most = float(np.median(size)), float(np.quantile(size, 0.99))
+    return [f for f in candidates if typical * f > LEAST_RATE and most * f < MOST_RATE]
+
+
+def gyro_unit(factor: float, quantity: str, interval: float) -> str:
+    """Return the name of the unit with that factor; empty where a wrong claim made the factor."""
+    f = abs(factor) * (interval if quantity == "increments" else 1.0)
+    name = next(
+        (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),
+        "",
+    )
+    return name.removesuffix("/s") if quantity == "increments" else name

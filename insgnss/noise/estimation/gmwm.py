@@ -1,0 +1,262 @@
+r"""Generalised method of wavelet moments (GMWM): processes fitted to wavelet variances; several
+curves at once (M-GMWM).
+
+Guerrier, Skaloud, Stebler and Victoria-Feser (2013) fit nu(theta), the wavelet variance of a sum of
+processes, to estimates nu_hat by weighted least squares; Bakalli, Radi, Nassar, Guerrier, Zhang and
+Molinari (2018) add up the objectives of replicates:
+
+    Q(theta) = sum_i (nu_hat_i - nu_i(theta))' Omega_i (nu_hat_i - nu_i(theta))                (G.1)
+
+One mechanism serves both. Curves may differ in length, rate and levels, since theta is of
+continuous time. The weights are Omega_i = diag(1 / (high - low)^2) of the 95 % intervals, or given.
+How the minimum is found: `_matching`, `_minimum`.
+
+A minimum may lie on the edge of what is admissible: a density of zero, or a correlation time so
+short that the process is white from sample to sample, or so long that it is a random walk within
+the recording. `Fit.at_bound` names such parameters.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.errors import DataError, UsageError
+from ...navigation.noise_model.model import AxisNoise
+from ...records import Array, WaveletVariance
+from ..moments.theory import Sampling, haar_variance
+from ..processes.composition import Composition
+from ._matching import LONGEST, SHORTEST, Moments, Solution, pooled
+from ._minimum import minimum
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Processes fitted to wavelet variances.
+
+    Parameters
+    ----------
+    parameters : ndarray, (p,)
+        Values in SI, in the order of `composition.parameters`.
+    curves : tuple of WaveletVariance
+        The curves as fitted, of the selected levels only.
+    weights : tuple of ndarray, (J_i, J_i)
+        Omega_i of each curve, 1/X^4.
+    objective : float
+        Q of (G.1).
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+    at_bound : tuple of str
+        Parameters on the edge of the admissible; the time of a Gauss-Markov process without driving
+        noise is arbitrary and stands at its upper bound.
+    times_s : tuple of float or None
+        Limits of the correlation times that the caller set, s.
+    """
+
+    composition: Composition
+    axis: AxisNoise
+    parameters: Array
+    curves: tuple[WaveletVariance, ...]
+    weights: tuple[Array, ...]
+    objective: float
+    sampling: Sampling
+    at_bound: tuple[str, ...]
+    times_s: tuple[float, float] | None = None
+
+    @property
+    def modelled(self) -> tuple[Array, ...]:
+        """nu_i(theta) (J_i,) at the levels of each curve, X^2."""
+        return tuple(
+            haar_variance(self.axis, curve.level, curve.rate_hz, self.sampling)
+            for curve in self.curves
+        )
+
+    @property
+    def residuals(self) -> tuple[Array, ...]:
+        """nu_hat_i - nu_i(theta) (J_i,) of each curve, X^2."""
+        return tuple(
+            curve.variance - modelled
+            for curve, modelled in zip(self.curves, self.modelled, strict=True)
+        )
+
+
+def interval_weights(curve: WaveletVariance) -> Array:
+    """Diagonal Omega (J, J), 1/X^4: one over the squared width of each 95 % interval. Raises
+    DataError where one has no width.
+    """
+    width = curve.high - curve.low
+    if not (width > 1e-140).all():  # its inverse square is finite
+        raise DataError(
+            f"level {int(curve.level[np.argmin(width)])}: the interval of the wavelet variance has"
+            " no width; give weights"
+        )
+    return np.diag(1.0 / width**2)
+
+
+def objective(
+    axis: AxisNoise,
+    curves: Sequence[WaveletVariance],
+    weights: Sequence[Array],
+    sampling: Sampling = "point",
+) -> float:
+    """Q (G.1) of the processes of an axis."""
+    total = 0.0
+    for curve, omega in zip(curves, weights, strict=True):
+        d = curve.variance - haar_variance(axis, curve.level, curve.rate_hz, sampling)
+        total += float(d @ omega @ d)
+    return total
+
+
+def fit(
+    curves: Sequence[WaveletVariance] | WaveletVariance,
+    composition: Composition | str,
+    *,
+    weights: Sequence[Array] | None = None,
+    sampling: Sampling = "point",
+    levels: Sequence[int] | None = None,
+    times_s: tuple[float, float] | None = None,
+) -> Fit:
+    """Fit the processes of a composition to all curves by minimising Q (G.1).
+
+    Parameters
+    ----------
+    curves : sequence of WaveletVariance
+        Wavelet variances of one or several recordings and axes.
+    composition : Composition or str
+        The processes, or their name, such as "WN+3GM".
+    weights : sequence of ndarray (J, J), optional
+        A symmetric positive definite Omega, 1/X^4, for each curve and the levels that remain;
+        `interval_weights` by default.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process (`theory`).
+    levels : sequence of int, optional
+        Levels to fit, by default all.
+    times_s : tuple of float, optional
+        Shortest and longest admissible correlation time, s; by default from white to random walk
+        (`_matching`).
+
+    Returns
+    -------
+    Fit
+        The fitted processes.
+
+    Raises
+    ------
+    UsageError
+        Where curves, levels or weights do not fit together.
+    DataError
+        For fewer levels than parameters.
+    """
+    composition = Composition.parse(composition) if isinstance(composition, str) else composition
+    chosen = _chosen([curves] if isinstance(curves, WaveletVariance) else curves, levels)
+    omegas = (
+        tuple(interval_weights(c) for c in chosen) if weights is None else _checked(weights, chosen)
+    )
+    different = {(j, c.rate_hz) for c in chosen for j in c.level.tolist()}
+    if len(different) < composition.size:
+        parameters = f"the {composition.size} parameters of {composition}"
+        raise DataError(
+            f"{len(different)} scales for {parameters}; name fewer processes or record longer"
+        )
+    moments = Moments(pooled(chosen, omegas), composition, sampling, _admissible(times_s, chosen))
+    values = _parameters(moments, composition, minimum(moments))
+    values.flags.writeable = False
+    axis = composition.axis(values)
+    value = objective(axis, chosen, omegas, sampling)
+    return Fit(
+        composition,
+        axis,
+        values,
+        chosen,
+        omegas,
+        value,
+        sampling,
+        _at_bound(moments, composition, values),
+        times_s,
+    )
+
+
+def _chosen(
+    curves: Sequence[WaveletVariance], levels: Sequence[int] | None
+) -> tuple[WaveletVariance, ...]:
+    if not curves:
+        raise UsageError("no wavelet variance to fit; give at least one curve")
+    if levels is None:
+        return tuple(curves)
+    available = {int(j) for curve in curves for j in curve.level}
+    if unknown := sorted(set(levels) - available):
+        raise UsageError(
+            f"level {unknown[0]} is in no curve; theirs are {min(available)} to {max(available)}"
+        )
+    for i, curve in enumerate(curves, start=1):
+        if not np.isin(curve.level, list(levels)).any():
+            raise UsageError(
+                f"curve {i} has none of the levels to fit, only {curve.level[0]} to"
+                f" {curve.level[-1]}; leave it out"
+            )
+    return tuple(curve.selected(list(levels)) for curve in curves)
+
+
+def _admissible(
+    times_s: tuple[float, float] | None, curves: tuple[WaveletVariance, ...]
+) -> tuple[float, float]:
+    """Bounds of the correlation times, s."""
+    low = SHORTEST / max(c.rate_hz for c in curves)
+    high = LONGEST * max(c.samples / c.rate_hz for c in curves)
+    if times_s is None:
+        return low, high
+    shortest, longest = float(times_s[0]), float(times_s[1])
+    if not (low <= shortest < longest):
+        raise UsageError(
+            f"correlation times from {shortest:g} to {longest:g} s; give at least {low:g} s, and"
+            " then a longer one"
+        )
+    return shortest, min(longest, high)
+
+
+def _checked(weights: Sequence[Array], curves: tuple[WaveletVariance, ...]) -> tuple[Array, ...]:
+    if len(weights) != len(curves):
+        raise UsageError(
+            f"{len(weights)} weight matrices for {len(curves)} curves; give one a curve"
+        )
+    checked = []
+    for i, (omega, curve) in enumerate(zip(weights, curves, strict=True), start=1):
+        a, J = np.array(omega, dtype=np.float64), curve.level.size
+        if a.shape != (J, J):
+            raise UsageError(
+                f"weights of curve {i}: shape {a.shape}, expected ({J}, {J}), its levels"
+            )
+        size = np.sqrt(np.maximum(np.diag(a), 0.0))
+        if not (
+            np.isfinite(a).all()
+            and size.min() > 0.0
+            and (np.abs(a - a.T) <= 1e-6 * np.outer(size, size)).all()
+        ):
+            raise UsageError(
+                f"weights of curve {i}: not a symmetric matrix of finite numbers with a positive"
+                " diagonal"
+            )
+        checked.append(0.5 * (a + a.T))
+    return tuple(checked)
+
+
+def _parameters(moments: Moments, composition: Composition, solution: Solution) -> Array:
+    """Parameters (p,), SI, in the order of the composition."""
+    L = len(composition.linear)
+    variance = solution.x * moments.length
+    named = dict(zip(composition.linear, np.sqrt(variance[:L] / moments.norm), strict=True))
+    if composition.gauss_markov:
+        q2 = 2.0 * variance[L:] / (moments.columns(solution.times)[2] * solution.times)
+        for k, (time, density) in enumerate(zip(solution.times, np.sqrt(q2), strict=True), start=1):
+            named |= {f"correlation_time_{k}": time, f"driving_noise_{k}": density}
+    return np.array([named[name] for name in composition.parameters])
+
+
+def _at_bound(moments: Moments, composition: Composition, parameters: Array) -> tuple[str, ...]:
+    """Names of the parameters on the edge: times on a bound of the search, densities of zero."""
+    named = zip(composition.parameters, parameters.tolist(), strict=True)
+    return tuple(
+        name
+        for name, value in named
+        if value in (moments.bounds if name.startswith("correlation_time") else (0.0,))
+    )

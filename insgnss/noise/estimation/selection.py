@@ -1,0 +1,545 @@
+r"""Which model to take, and whether one model serves all recordings.
+
+Model selection (Guerrier, Radi, Molinari and co-workers; Radi et al. 2019 for IMUs). The objective
+of a fit is smaller than that of the same parameters on another recording, by the optimism of having
+been fitted to this one. With Q = d' Omega d, an independent nu_hat0 of the same covariance V, and
+theta_hat a function of nu_hat,
+
+    E Q0 - E Q = 2 tr(Omega cov(nu_hat, nu(theta_hat)))                                        (S.1)
+
+To first order nu(theta_hat) moves by D H^-1 D' Omega (nu_hat - nu), where H is half the Hessian of
+Q at the fit, H = D' Omega D - sum_j (Omega d)_j d^2 nu_j, whose second part is that of a model that
+does not fit. So the wavelet information criterion is
+
+    WIC = Q + 2 tr(H^-1 D' Omega V Omega D)                                                    (S.2)
+
+and for Omega = V^-1 and a model that fits the penalty is twice the number of parameters, as
+Akaike's. V and Omega must be the same for all models; they are taken at the largest of the family.
+Parameters at an edge count for nothing. With re-fits of drawn curves, (S.1) is the covariance of
+nu* and nu(theta*), edges and all.
+
+The relative curvatures of H against D' Omega D are kept above one half: below, the quadratic
+picture of Q has ended.
+
+With several recordings the objective on a recording that the fit has not seen can be had itself:
+each is left out in turn, and the mean objective on those left out is the cross-validated criterion
+CVWVIC of R package mgmwm (there half of the recordings are left out).
+
+By WIC, models within 2 of the least are equivalent to it, the usual measure for Akaike's criterion.
+By CVWVIC those are that Wilcoxon's signed-rank test over the recordings does not tell from the best
+(5 %), as in mgmwm; six recordings are few for that test, and WIC uses them all at once. Of the
+equivalent models those go first whose parameters are all determined, none at an edge and each to a
+factor of e, and of these the smallest is chosen. Where that is asked for, a model of which a
+Gauss-Markov process is shorter than a sample leaves the competition.
+
+Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient
+weights the joint fit is worse than the single ones by
+
+    S = Q(theta_joint) - sum_i Q_i(theta_i) ~ chi-square(p (R - 1))                            (S.3)
+
+for R recordings; since slow processes are far from that limit, the distribution is bootstrapped:
+draws from the joint fit, re-fitted jointly and singly. Each recording's share of S says which of
+them differs.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...base.advance import through
+from ...base.errors import UsageError
+from ...records import Array, WaveletVariance
+from ..moments.theory import Sampling
+from ..processes.composition import Composition, families
+from .bootstrap import draw_variances, redrawn
+from .estimates import Linearised
+from .gmwm import Fit, fit, interval_weights, objective
+from .goodness import goodness_of_fit, p_text
+from .inference import covariances, efficient, inverse
+
+_STEP = 1e-4  # of the coordinates, for second derivatives
+_LEAST_CURVATURE = 0.5
+_WITHIN = 2.0  # of WIC
+_SIGNIFICANCE = 0.05  # p-value
+_FACTOR_E = 1.0  # standard error of a logarithm
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One model of a family.
+
+    Parameters
+    ----------
+    fit : Fit
+        Its fit.
+    wic, optimism : float
+        The criterion, which is objective + optimism, and the optimism.
+    difference : float
+        Difference of the criterion to the least.
+    p_value : float
+        p-value of the J test, asymptotic.
+    held_out : ndarray (R,) or None
+        Objective on each recording when it is left out.
+    equivalent : bool
+        Whether it cannot be distinguished from the best by its criterion.
+    determined : bool
+        Whether no parameter is at an edge and each is known to a factor of e.
+    remarks : tuple of str
+        What is odd about the fit.
+    """
+
+    fit: Fit
+    wic: float
+    optimism: float
+    difference: float
+    p_value: float
+    held_out: Array | None
+    equivalent: bool
+    determined: bool
+    remarks: tuple[str, ...]
+
+    @property
+    def composition(self) -> Composition:
+        """The processes of the model."""
+        return self.fit.composition
+
+    @property
+    def cross_validated(self) -> float:
+        """Mean objective on the recordings left out, NaN for a single recording."""
+        return math.nan if self.held_out is None else float(self.held_out.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Candidates by `criterion` ("WIC" or "CVWVIC"), best first.
+
+    chosen : of those equivalent to the best, the smallest that is determined, else the smallest.
+    """
+
+    candidates: tuple[Candidate, ...]
+    criterion: str
+    chosen: Candidate
+
+    def table(self) -> str:
+        """One line a model, best first."""
+        rows = [
+            f"{'model':<16}{'par':>4}{'Q':>10}{'WIC':>10}{'diff':>9}{'CV':>10}{'J p':>8}  remarks"
+        ]
+        for c in self.candidates:
+            mark = "* " if c is self.chosen else "= " if c.equivalent else "  "
+            cv = "" if c.held_out is None else f"{c.cross_validated:.4g}"
+            rows.append(
+                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}"
+                f"{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
+                f"  {'; '.join(c.remarks)}".rstrip()
+            )
+        return "\n".join(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class NearStationarity:
+    """The test of near-stationarity (S.3).
+
+    Parameters
+    ----------
+    statistic, degrees, p_value : float
+        S, its degrees of freedom, and its asymptotic p-value.
+    bootstrapped, bootstrapped_error : float
+        p-value over `draws` and its Monte Carlo standard deviation; NaN for no draws.
+    draws : int
+        Number of draws.
+    shares : ndarray, (R,)
+        Share of each recording in the statistic.
+    joint : Fit
+        Fit of all recordings.
+    single : tuple of Fit
+        Fit of each.
+    spread : tuple of (str, float, float)
+        Of each parameter the standard deviation of its logarithm over the recordings, and what it
+        is by chance; NaN at edges.
+    sentence : str
+        The verdict.
+    """
+
+    statistic: float
+    degrees: int
+    p_value: float
+    bootstrapped: float
+    bootstrapped_error: float
+    draws: int
+    shares: Array
+    joint: Fit
+    single: tuple[Fit, ...]
+    spread: tuple[tuple[str, float, float], ...]
+    sentence: str
+
+
+def rank(
+    curves: Sequence[WaveletVariance],
+    models: Composition | str | Sequence[Composition | str],
+    *,
+    weights: str = "efficient",
+    criterion: str = "WIC",
+    recordings: Sequence[int] | None = None,
+    sampling: Sampling = "point",
+    draws: int = 0,
+    seed: int = 0,
+    below_a_sample: bool = True,
+) -> Ranking:
+    """Fit all models to the curves and rank them.
+
+    Parameters
+    ----------
+    curves : sequence of WaveletVariance
+        Wavelet variances of one or several recordings and axes.
+    models : Composition, str or sequence of them
+        The models, or one, which stands for itself and all that it contains.
+    weights : {"efficient", "interval"}
+        The inverse covariance at the largest model, or the weights of the intervals.
+    criterion : {"WIC", "CVWVIC"}
+        The criterion; "CVWVIC" needs two and more recordings.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+    draws, seed : int
+        Re-fits for the bootstrapped optimism, 0 for (S.2), and the seed of their draws.
+    below_a_sample : bool
+        Whether a model stays of which a Gauss-Markov process is shorter than a sample.
+
+    Returns
+    -------
+    Ranking
+        The candidates, best first.
+
+    Raises
+    ------
+    UsageError
+        For other weights or criteria, no model, and recording numbers that do not go with the
+        curves.
+    """
+    curves = tuple(curves)
+    if weights not in ("efficient", "interval"):
+        raise UsageError(f"weights {weights!r} are neither 'efficient' nor 'interval'")
+    groups = _groups(curves, recordings)
+    if criterion not in ("WIC", "CVWVIC"):
+        raise UsageError(f"criterion {criterion!r} is neither 'WIC' nor 'CVWVIC'")
+    if criterion == "CVWVIC" and np.unique(groups).size < 2:
+        raise UsageError(
+            "CVWVIC leaves out one recording after the other and needs two at least; take 'WIC'"
+        )
+    compositions = _compositions(models)
+    largest = max(compositions, key=lambda c: c.size)
+    reference = fit(curves, largest, sampling=sampling)
+    reference = efficient(reference) if weights == "efficient" else reference
+    V = covariances(reference)
+    Omega = (
+        tuple(inverse(block) for block in V)
+        if weights == "efficient"
+        else tuple(interval_weights(c) for c in curves)
+    )
+    if not all(np.isfinite(W).all() for W in Omega):
+        raise UsageError(
+            "the covariance of the wavelet variances is singular; take weights='interval'"
+        )
+    drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
+    candidates = [
+        _candidate(curves, c, Omega, V, groups, sampling, drawn) for c in through(compositions)
+    ]
+    if not below_a_sample:
+        candidates = [c for c in candidates if not _below_a_sample(c.fit)] or candidates
+    return _ranked(candidates, criterion)
+
+
+def _below_a_sample(fitted: Fit) -> bool:
+    """Tell whether a Gauss-Markov process of the fit is shorter than a sampling interval.
+
+    It is white noise by another name, and the model without it competes by itself.
+    """
+    interval_s = 1.0 / max(curve.rate_hz for curve in fitted.curves)
+    return any(0.0 < p.correlation_time_s < interval_s for p in fitted.axis.gauss_markov)
+
+
+def _groups(curves: Sequence[WaveletVariance], recordings: Sequence[int] | None) -> np.ndarray:
+    """Number of the recording of each curve."""
+    groups = np.arange(len(curves)) if recordings is None else np.asarray(recordings)
+    if groups.size != len(curves):
+        raise UsageError(
+            f"{groups.size} recording numbers for {len(curves)} curves; give one a curve"
+        )
+    return groups
+
+
+def _compositions(
+    models: Composition | str | Sequence[Composition | str],
+) -> tuple[Composition, ...]:
+    if isinstance(models, str | Composition):
+        return families(Composition.parse(models) if isinstance(models, str) else models)
+    compositions = tuple(
+        dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models)
+    )
+    if not compositions:
+        raise UsageError("no model to rank; name some, as in 'WN+GM', 'WN+2GM'")
+    return compositions
+
+
+def _candidate(
+    curves: tuple[WaveletVariance, ...],
+    composition: Composition,
+    Omega: tuple[Array, ...],
+    V: tuple[Array, ...],
+    groups: np.ndarray,
+    sampling: Sampling,
+    drawn: tuple[tuple[WaveletVariance, ...], ...],
+) -> Candidate:
+    fitted = fit(curves, composition, weights=Omega, sampling=sampling)
+    linear = Linearised(fitted, V)
+    optimism = _drawn_optimism(fitted, drawn) if drawn else closed_optimism(fitted, linear)
+    test = goodness_of_fit(fitted, linear)
+    held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
+    remarks = [f"{_words(name)} at its edge" for name in fitted.at_bound]
+    if test.p_value < _SIGNIFICANCE and test.misfits:
+        i, level = test.misfits[0]
+        scale_s = 2.0**level / curves[i].rate_hz
+        remarks.append(
+            f"misfit, worst at scale {scale_s:.3g} s"
+            + (f" of curve {i + 1}" if len(curves) > 1 else "")
+        )
+    errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
+    determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
+    return Candidate(
+        fitted,
+        fitted.objective + optimism,
+        optimism,
+        math.nan,
+        test.p_value,
+        held_out,
+        False,
+        determined,
+        tuple(remarks),
+    )
+
+
+def closed_optimism(fitted: Fit, linear: Linearised) -> float:
+    """Penalty of (S.2); second derivatives by central differences of the analytic first ones."""
+    inside = np.flatnonzero(~np.isin(fitted.composition.parameters, fitted.at_bound))
+    gap = linear.Omega @ np.concatenate(fitted.residuals)
+    D = linear.local.derivative(linear.x)[:, inside]
+    A = D.T @ linear.Omega @ D
+    H = A.copy()
+    for column, i in enumerate(inside):
+        step = np.zeros(linear.x.size)
+        step[i] = _STEP
+        ahead, behind = (linear.local.derivative(linear.x + s)[:, inside] for s in (step, -step))
+        H[:, column] -= (ahead - behind).T @ gap / (2.0 * _STEP)
+    size = np.sqrt(np.diag(A))
+    L = np.linalg.cholesky(A / np.outer(size, size) + 1e-12 * np.eye(size.size))
+    scaled = np.linalg.solve(L, np.linalg.solve(L, 0.5 * (H + H.T) / np.outer(size, size)).T)
+    curvature, E = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    F = E.T @ np.linalg.solve(L, (D / size).T @ linear.Omega)
+    return 2.0 * float(
+        np.sum(np.einsum("ij,jk,ik->i", F, linear.V, F) / np.maximum(curvature, _LEAST_CURVATURE))
+    )
+
+
+def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
+    """Penalty (S.1) over re-fits with the same weights."""
+    fits = [_with(fitted, curves) for curves in drawn]
+    total = 0.0
+    for i, Omega in enumerate(fitted.weights):
+        seen = np.array([curves[i].variance for curves in drawn])
+        modelled = np.array([f.modelled[i] for f in fits])
+        total += float(((seen - seen.mean(axis=0)) @ Omega * modelled).sum()) / (len(drawn) - 1)
+    return 2.0 * total
+
+
+def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
+    """(R,) objective on each recording of the fit to all others."""
+    out = []
+    for recording in np.unique(groups):
+        inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
+        weights = [fitted.weights[i] for i in inside]
+        others = fit(
+            [fitted.curves[i] for i in inside],
+            fitted.composition,
+            weights=weights,
+            sampling=fitted.sampling,
+        )
+        out.append(
+            objective(
+                others.axis,
+                [fitted.curves[i] for i in outside],
+                [fitted.weights[i] for i in outside],
+                fitted.sampling,
+            )
+        )
+    return np.array(out)
+
+
+def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
+    def key(c: Candidate) -> tuple[float, int]:
+        value = c.cross_validated if criterion == "CVWVIC" else c.wic
+        return float(f"{value:.9g}"), c.composition.size  # equal to rounding: the smaller first
+
+    least, best = min(c.wic for c in candidates), min(candidates, key=key)
+    equivalent = _indistinguishable if criterion == "CVWVIC" else _within
+    marked = [
+        replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best))
+        for c in sorted(candidates, key=key)
+    ]
+    chosen = min(
+        (c for c in marked if c.equivalent),
+        key=lambda c: (not c.determined, c.composition.size, key(c)),
+    )
+    return Ranking(tuple(marked), criterion, chosen)
+
+
+def _within(candidate: Candidate, best: Candidate) -> bool:
+    return candidate.wic - best.wic < _WITHIN
+
+
+def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
+    """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
+    model is as good as the best.
+    """
+    from scipy.stats import wilcoxon
+
+    if (
+        candidate.held_out is None
+        or best.held_out is None
+        or np.allclose(candidate.held_out, best.held_out, rtol=1e-9)
+    ):
+        return True
+    return (
+        float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
+        > _SIGNIFICANCE
+    )
+
+
+def near_stationarity(
+    joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
+) -> NearStationarity:
+    """Test whether one parameter set serves all recordings (S.3).
+
+    Parameters
+    ----------
+    joint : Fit
+        Fit of all curves; its weights are replaced by efficient ones.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    draws, seed : int
+        Draws of the bootstrap, 0 for none, and their seed.
+
+    Returns
+    -------
+    NearStationarity
+        The test.
+
+    Raises
+    ------
+    UsageError
+        For fewer than two recordings, and where recording numbers and curves differ in number.
+    """
+    from scipy.special import chdtrc
+
+    groups = _groups(joint.curves, recordings)
+    if np.unique(groups).size < 2:
+        raise UsageError("one recording; near-stationarity is a comparison of two or more")
+    joint = efficient(joint)
+    statistic, shares, single = _excess(joint, groups)
+    degrees = joint.composition.size * (len(single) - 1)
+    p, error = math.nan, math.nan
+    if draws:
+        null = [
+            _excess(_with(joint, curves), groups)[0]
+            for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
+        ]
+        p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
+        error = math.sqrt(p * (1.0 - p) / draws)
+    asymptotic = float(chdtrc(degrees, statistic))
+    decisive = p if draws else asymptotic
+    sentence = _stationarity_sentence(statistic, decisive, shares)
+    spread = _spread(joint, single, groups)
+    return NearStationarity(
+        statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread, sentence
+    )
+
+
+def _with(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
+    """Fit of other curves with the same weights."""
+    return fit(
+        curves,
+        fitted.composition,
+        weights=fitted.weights,
+        sampling=fitted.sampling,
+        times_s=fitted.times_s,
+    )
+
+
+def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
+    """Return S (S.3), its share (R,) by recording, and the single fits.
+
+    These have the weights of the joint fit.
+    """
+    single, shares = [], []
+    for recording in np.unique(groups):
+        members = np.flatnonzero(groups == recording)
+        curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
+        own = fit(
+            curves,
+            joint.composition,
+            weights=weights,
+            sampling=joint.sampling,
+            times_s=joint.times_s,
+        )
+        single.append(own)
+        shares.append(objective(joint.axis, curves, weights, joint.sampling) - own.objective)
+    return float(np.sum(shares)), np.array(shares), tuple(single)
+
+
+def _spread(
+    joint: Fit, single: tuple[Fit, ...], groups: np.ndarray
+) -> tuple[tuple[str, float, float], ...]:
+    out = []
+    V = covariances(joint)
+    members = np.flatnonzero(groups == groups[0])
+    alone = replace(
+        joint,
+        curves=tuple(joint.curves[i] for i in members),
+        weights=tuple(joint.weights[i] for i in members),
+    )
+    linear = Linearised(alone, [V[i] for i in members])
+    expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
+    for i, name in enumerate(joint.composition.parameters):
+        values = [f.parameters[i] for f in single if name not in f.at_bound]
+        scatter = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
+        out.append((name, scatter, math.nan if name in joint.at_bound else float(expected[i])))
+    return tuple(out)
+
+
+def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
+    R = shares.size
+    if p >= 0.05:
+        return (
+            f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse"
+            f" than singly, {p_text(p)}"
+        )
+    if R == 2:
+        return (
+            f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them"
+            " singly and compare"
+        )
+    worst = int(np.argmax(shares))
+    share = 100.0 * shares[worst] / statistic
+    return (
+        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1}"
+        f" has {share:.0f} % of the difference; look at it, or leave it out"
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,1 @@
+"""The deterministic calibration of an IMU from static positions."""

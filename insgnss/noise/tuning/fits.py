@@ -1,0 +1,67 @@
+"""What tuning found, as records: one a fit, and one for all; `result.TuneResult` adds its texts."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...navigation.noise_model.model import AxisNoise, NoiseModel
+from ..estimation.gmwm import Fit
+from ..estimation.goodness import GoodnessOfFit
+from ..estimation.inference import Inference
+from .options import TuneOptions
+from .recordings import AXES, StaticRecording
+from .trend import Trend
+
+if TYPE_CHECKING:
+    from ..estimation.selection import NearStationarity, Ranking
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """One model fitted to one axis of a sensor, or to its three axes jointly, over all recordings.
+
+    axes : 0 to 2, whose curves stand in the order axis by axis, recording by recording.
+    first : fit with the weights of the intervals.
+    kept : the fit that is worth more, and `inference` of it; `how` says which and why.
+    goodness : the J test of the efficient fit, which is the sharper, even where it was not kept;
+        else that of the first.
+    noise : what goes into the noise model.   remarks : what is to be said of it, a sentence each.
+    """
+
+    sensor: str
+    axes: tuple[int, ...]
+    first: Fit
+    kept: Fit
+    inference: Inference
+    goodness: GoodnessOfFit
+    how: str
+    noise: AxisNoise
+    remarks: tuple[str, ...] = ()
+    ranking: "Ranking | None" = None
+    stationarity: "NearStationarity | None" = None
+    trends: tuple[tuple[str, int, Trend], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Sensor and axes, "gyro x" or "accel xyz"."""
+        return f"{self.sensor} {''.join(AXES[k] for k in self.axes)}"
+
+    @property
+    def efficient(self) -> bool:
+        """Whether the second step is what was kept."""
+        return self.kept is not self.first
+
+
+@dataclass(frozen=True, eq=False)
+class TuneData:
+    """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
+    `files` that were written.
+    """
+
+    recordings: tuple[StaticRecording, ...]
+    tuned: tuple[Tuned, ...]
+    model: NoiseModel | None
+    turn_on: tuple[str, ...]
+    options: TuneOptions
+    files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = field(default_factory=tuple)

@@ -1,0 +1,164 @@
+"""What tuning on a flight leaves behind: the noise model where it is accepted, and the evidence, a
+table for machines, a page and a spectrum.
+"""
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....base.errors import UsageError
+from ....base.files import atomic_write
+from ....base.inputs import sha256
+from ....base.output.staging import together
+from ....base.provenance import made_from
+from ....base.units import rounded
+from ....flight.config.flight_file import Flight
+from ....flight.processing.input_files import input_files, measurements
+from ....flight.processing.recording import Recording
+from ....navigation.noise_model.model import (
+    NOISE_UNITS,
+    AxisNoise,
+    NoiseModel,
+    RecordingSource,
+    write_noise_model,
+)
+from ....navigation.prepare.gaps import nominal_interval
+from ....records import ImuSamples
+from ..targets import check_target, make_directory, refuse_others
+
+if TYPE_CHECKING:
+    from ....navigation.innovations.innovation_noise import InFlightNoise
+    from .result import FlightTuning
+
+DEFAULT = "in_flight_noise.toml"
+
+
+def planned(flight: Flight, out: Path | None, force: bool) -> Path:
+    """Return the path of the noise model.
+
+    Raises
+    ------
+    UsageError
+        Where the path takes no file, would overwrite an input, or files are of other recordings.
+    """
+    target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
+    inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
+    files = (target, *beside(target))
+    taken = [str(file) for file in files if file.resolve() in inputs]
+    if taken:
+        raise UsageError(
+            f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE"
+        )
+    if not force:
+        refuse_others(files, measurements(flight))
+    return target
+
+
+def beside(target: Path) -> tuple[Path, Path, Path]:
+    """Return the paths of the table, the page and the picture beside a noise model."""
+    picture = target.with_name(f"{target.stem}_spectrum.png")
+    return target.with_suffix(".json"), target.with_suffix(".html"), picture
+
+
+def write(tuning: "FlightTuning", flight: Flight, target: Path) -> "FlightTuning":
+    """Write the files, all or none, the noise model only where it is accepted.
+
+    Parameters
+    ----------
+    tuning : FlightTuning
+        The estimate.
+    flight : Flight
+        The flight it is of.
+    target : Path
+        The noise model.
+
+    Returns
+    -------
+    FlightTuning
+        The result, with the files named.
+    """
+    from .page import flight_page
+    from .spectrum import spectrum_figure
+
+    table, page, picture = beside(target)
+    drawn = spectrum_figure(tuning)
+    files = (*((target,) if tuning.accepted else ()), table, page, *((picture,) if drawn else ()))
+    tuning = replace(tuning, files=files)
+    make_directory(target)
+    with together():
+        if drawn:
+            atomic_write(picture, drawn)
+        if tuning.accepted:
+            write_noise_model(tuning.model, target, tuning.reasons)
+        products = [path for path in files if path not in (table, page)]
+        document = tuning.as_dict() | made_from(input_files(flight), table, products)
+        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        atomic_write(page, flight_page(tuning, twin).html())
+        atomic_write(table, twin)
+    return tuning
+
+
+def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
+    """Return the static model with the factors estimated, and their provenance."""
+    from .words import NAMES
+
+    f, static = noise.imu_factors(), recording.noise
+    factors = ", ".join(
+        f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
+        for name in f
+        if noise.sigma(name) > 0.0
+    )
+    source = (
+        f"{static.source}; by the innovations of flight {flight.name} {factors or 'nothing else'}"
+    )
+    rate = round(1.0 / nominal_interval(recording.imu.time), 3)
+    name, digest = _identity(flight.imu.file)
+    imu = RecordingSource(name, digest, recording.imu.time.size, rate)
+    gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
+    ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
+    return NoiseModel(
+        f"{static.name} in flight",
+        source,
+        (gx, gy, gz),
+        (ax, ay, az),
+        (*static.recordings, imu),
+        static.misfit,
+    )
+
+
+def _identity(given: Path | ImuSamples) -> tuple[str, str]:
+    """Name and hash of a file of samples, or of samples that were given as an object."""
+    if isinstance(given, Path):
+        return given.name, sha256(given)
+    digest = hashlib.sha256()
+    for field in (given.time, given.gyro, given.accel):
+        digest.update(field.tobytes())
+    return given.source or "given as object", digest.hexdigest()
+
+
+def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
+    """Return one axis with its triad's factors.
+
+    Standard errors of what was estimated replace those of the static model.
+    """
+    factors, error = noise.imu_factors(), dict(axis.standard_error)
+
+    def times(value: float, name: str, quantity: str, number: str = "") -> float:
+        unit = NOISE_UNITS[sensor][quantity]
+        if value and noise.sigma(name) > 0.0:
+            error[quantity + number] = rounded(value * noise.sigma(name), unit, 2)
+        return rounded(value * factors[name], unit, 6) if factors[name] != 1.0 else value
+
+    for name in factors.keys() & {f"{sensor}.white_noise", "white_noise"}:
+        axis = replace(axis, white_noise=times(axis.white_noise, name, "white_noise"))
+    if (name := f"{sensor}.driving_noise") in factors:
+        processes = tuple(
+            replace(gm, driving_noise=times(gm.driving_noise, name, "driving_noise", f"_{k}"))
+            for k, gm in enumerate(axis.gauss_markov, start=1)
+        )
+        axis = replace(
+            axis, random_walk=times(axis.random_walk, name, "random_walk"), gauss_markov=processes
+        )
+    return replace(axis, standard_error=tuple(error.items()))

@@ -1,0 +1,65 @@
+"""The spectrum of the IMU in straight flight: charts for the page, and the picture."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....report.charts.chart import Chart
+
+if TYPE_CHECKING:
+    from .result import FlightTuning
+
+LINES_SHOWN = 4
+
+
+def spectra(tuning: "FlightTuning") -> tuple[Chart, ...]:
+    """Return the IMU's spectra in straight flight, none without one.
+
+    White noise of the static model and of the model in flight stand beside them.
+    """
+    from ....report.figures.noise import SpectrumPanel, spectrum_charts
+
+    s = tuning.straight
+    if s is None:
+        return ()
+    panels = []
+    for c in range(6):
+        sensor, axis = ("gyro", "accel")[c // 3], c % 3
+        static, in_flight = (
+            getattr(model, sensor)[axis].white_noise for model in (tuning.static, tuning.model)
+        )
+        level = np.ones(s.frequency_hz.size)
+        models = [("white noise, static model", static * level)] + (
+            [("by the innovations", in_flight * level)] if in_flight != static else []
+        )
+        own = sorted(
+            (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
+            key=lambda line: -line.rms,
+        )
+        frequencies = [line.frequency_hz for line in own[:LINES_SHOWN]]
+        panels.append(
+            SpectrumPanel(
+                "gyro" if c < 3 else "accel",
+                "xyz"[axis],
+                s.frequency_hz,
+                s.density[c],
+                models,
+                frequencies,
+            )
+        )
+    return spectrum_charts(panels)
+
+
+def spectrum_figure(tuning: "FlightTuning") -> bytes:
+    """Draw the IMU's spectra as a PNG, empty without one."""
+    from ....report.charts.drawn import draw_sheet
+
+    s = tuning.straight
+    if s is None:
+        return b""
+    subtitle = (
+        f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
+        f" {s.lowest_hz:g} Hz the vehicle's own motion"
+    )
+    columns = [[chart] for chart in spectra(tuning)]
+    return draw_sheet(columns, f"{tuning.name}: {tuning.headline}", subtitle)

@@ -1,0 +1,86 @@
+"""The figure of one sensor of a tuning: a panel an axis, or one for the axes that share a model."""
+
+import math
+from typing import TYPE_CHECKING, cast
+
+from ....report.charts.chart import Chart
+from ....report.figures.noise import NAMES, NoisePanel, Sensor, noise_chart, process_label
+from ...estimation.goodness import p_text
+from ...moments.theory import haar_variance, haar_variance_parts
+from ..recordings import AXES, StaticRecording
+from .table import duration
+from .words import FITS, goodness_p
+
+if TYPE_CHECKING:
+    from ..result import Tuned, TuneResult
+
+
+def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
+    """Chart of a sensor, None where it was not tuned."""
+    tuned = [t for t in result.tuned if t.sensor == sensor]
+    if not tuned:
+        return None
+    return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
+
+
+def sensor_words(result: "TuneResult", sensor: str) -> tuple[str, str]:
+    """The verdict on a sensor in a few words, and what it is of."""
+    tuned = [t for t in result.tuned if t.sensor == sensor]
+    off = [t for t in tuned if goodness_p(t) < FITS]
+    models = ", ".join(dict.fromkeys(str(t.kept.composition) for t in tuned))
+    if not off:
+        title = f"{models} fits"
+    elif len(off) == len(tuned):
+        title = f"{models} does not fit"
+    else:
+        title = f"{models}, does not fit {', '.join(t.name[len(sensor) + 1 :] for t in off)}"
+    several = (
+        f"{len(result.recordings)} recordings"
+        if len(result.recordings) > 1
+        else result.recordings[0].name
+    )
+    length = duration(max(r.length_s for r in result.recordings))
+    levels = f", levels {result.options.levels}" if result.options.levels else ""
+    return f"{NAMES[cast(Sensor, sensor)]}: {title}", f"{several}, {length}{levels}"
+
+
+def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
+    """PNG of a sensor, empty where it was not tuned."""
+    from ....report.charts.drawn import draw_sheet
+
+    chart = sensor_chart(result, sensor)
+    return b"" if chart is None else draw_sheet([[chart]], *sensor_words(result, sensor))
+
+
+def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
+    curves = [r.curves[t.sensor, k] for k in t.axes for r in recordings]
+    labels = [
+        f"{r.name} {AXES[k]}" if len(t.axes) > 1 else r.name for k in t.axes for r in recordings
+    ]
+    longest = max(curves, key=lambda curve: float(curve.scale_s[-1]))
+    axis, rate, sampling = t.kept.axis, longest.rate_hz, t.kept.sampling
+    parts = {
+        name: variance
+        for name, variance in haar_variance_parts(axis, longest.level, rate, sampling).items()
+        if variance.max() > 0.0
+    }
+    words = {name: _label(t, name) for name in parts}
+    p = goodness_p(t)
+    tested = f"J test: {p_text(p)}" if math.isfinite(p) else ""
+    for v in t.inference.verdicts:
+        if not v.identifiable and v.process in words:
+            words[v.process] += ", not identifiable"
+    used = sorted({int(j) for curve in t.kept.curves for j in curve.level})
+    modelled = haar_variance(axis, longest.level, rate, sampling)
+    title = t.name[len(t.sensor) + 1 :]
+    return NoisePanel(
+        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, tested
+    )
+
+
+def _label(t: "Tuned", name: str) -> str:
+    sensor = cast(Sensor, t.sensor)
+    if name.startswith("gauss_markov"):
+        process = t.kept.axis.gauss_markov[int(name.rpartition("_")[2]) - 1]
+        return process_label(sensor, name, process.sigma, process.correlation_time_s)
+    return process_label(sensor, name, getattr(t.kept.axis, name))

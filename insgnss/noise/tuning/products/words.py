@@ -1,0 +1,228 @@
+"""What is said of a tuned model in sentences, for the terminal and for the comments of the noise
+model.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....base.units import parse_unit
+from ....report.figures.noise import UNIT
+from ...estimation.goodness import p_text
+from ..recordings import AXES, StaticRecording
+
+if TYPE_CHECKING:
+    from ...estimation.selection import Candidate
+    from ..fits import Tuned
+
+FITS = 0.05  # p-value from which on a model fits
+MOST_RANKED = 5
+WARM = 3.0  # time constants until a sensor is warm
+SETTLES = 1.0 / 6.0  # of the recording's length: a decay that is slower is called a drift
+SAME = 1e-6  # relative, of objectives
+
+
+def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+    """Everything on one model, the most important first."""
+    yield from ranked(t)
+    yield from verdict(t, recordings)
+    sigmas = [
+        f"{process.sigma / parse_unit(UNIT[t.sensor]).scale:.4g}"
+        for process in t.noise.gauss_markov
+    ]
+    if sigmas:
+        yield (
+            f"stationary sigma of the Gauss-Markov processes: {', '.join(sigmas)} {UNIT[t.sensor]}"
+        )
+
+
+def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+    """What limits the trust in a model."""
+    yield from misfit(t, recordings)
+    if t.stationarity is not None:
+        yield with_names(t.stationarity.sentence, t, recordings)
+    yield from superfluous(t)
+    stood_in = (
+        t.noise.white_noise > t.kept.axis.white_noise
+    )  # a process that is too short stands in the model as white noise
+    for v in t.inference.verdicts:  # but for what `superfluous` and `remarks` say
+        if (
+            not v.identifiable
+            and v.reason not in ("superfluous", "short")
+            and not (stood_in and v.process == "white_noise")
+        ):
+            yield with_names(_last_model(v.sentence), t, recordings)
+    yield from t.remarks
+
+
+def superfluous(t: "Tuned") -> Iterator[str]:
+    """The processes without which the model fits as well, together."""
+    numbers = [
+        v.process.rpartition("_")[2] for v in t.inference.verdicts if v.reason == "superfluous"
+    ]
+    if numbers:
+        smaller = replace(
+            t.kept.composition, gauss_markov=t.kept.composition.gauss_markov - len(numbers)
+        )
+        which = f"Gauss-Markov {', '.join(numbers)} {'is' if len(numbers) == 1 else 'are'}"
+        yield (
+            f"{which} not identifiable: {smaller} fits as well; take it, record longer or add"
+            " replicates"
+        )
+
+
+def _last_model(sentence: str) -> str:
+    """Of several smaller models in which a process was judged only the last."""
+    return re.sub(r"^(in \S+: )+(?=in )", "", sentence)
+
+
+def goodness_p(t: "Tuned") -> float:
+    """p-value of the J test, the bootstrapped one where there is one."""
+    g = t.goodness
+    return g.bootstrapped if math.isfinite(g.bootstrapped) else g.p_value
+
+
+def misfit(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+    """Where the model does not fit, and by how much of the deviation, which tells whether that
+    matters.
+    """
+    p, g = goodness_p(t), t.goodness
+    if not p < FITS:
+        return
+    off = []
+    for i, level in t.inference.goodness.misfits:
+        curve = t.kept.curves[i]
+        k = int(np.flatnonzero(curve.level == level)[0])
+        off.append(
+            (math.sqrt(t.kept.modelled[i][k] / curve.variance[k]) - 1.0, float(curve.scale_s[k]), i)
+        )
+    tested = f"J {g.statistic:.0f} for {g.degrees:.0f} degrees of freedom, {p_text(p)}"
+    if not off:
+        yield f"{t.kept.composition} does not fit ({tested}), but no scale stands out"
+        return
+    off.sort(key=lambda item: -abs(item[0]))
+    worst, scale, i = off[0]
+    where = f"{scale:.3g} s" + (
+        f" of {curve_name(t, recordings, i)}" if len(t.kept.curves) > 1 else ""
+    )
+    which = (
+        f"{len(off)} of {sum(curve.level.size for curve in t.kept.curves)} scales stand out,"
+        f" {_span([s for _, s, _ in off])}"
+    )
+    size = f"{abs(worst):.1%} too {'high' if worst > 0.0 else 'low'}"
+    amount = f"its deviation is {size} at {where}, off by {_median(off)} in the median of these"
+    yield f"{t.kept.composition} does not fit ({tested}): {which}; {amount}"
+    if t.how and not t.efficient:
+        yield t.how
+
+
+def _median(off: Sequence[tuple[float, float, int]]) -> str:
+    return f"{float(np.median([abs(x) for x, _, _ in off])):.1%}"
+
+
+def _span(scales: Sequence[float]) -> str:
+    return (
+        f"{min(scales):.3g} s"
+        if len(set(scales)) == 1
+        else f"{min(scales):.3g} to {max(scales):.3g} s"
+    )
+
+
+def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str:
+    """Name of the recording of a curve, with its axis where there are several."""
+    k, r = divmod(i, len(recordings))
+    return recordings[r].name + (f" {AXES[t.axes[k]]}" if len(t.axes) > 1 else "")
+
+
+def with_names(text: str, t: "Tuned", recordings: Sequence[StaticRecording]) -> str:
+    """`text` with names of recordings in the place of their numbers."""
+
+    def name(match: re.Match[str]) -> str:
+        number = int(match[2]) - 1
+        return curve_name(t, recordings, number) if match[1] == "curve" else recordings[number].name
+
+    return re.sub(r"\b(curve|recording) (\d+)", name, text)
+
+
+def ranked(t: "Tuned") -> Iterator[str]:
+    """The models that competed, in a line; those that are another one with a process of no strength
+    are left out.
+    """
+    if t.ranking is None:
+        return
+    crossed = t.ranking.criterion != "WIC"
+    shown = [c for c in t.ranking.candidates if not _repeats(c, t.ranking.candidates)]
+    best = (shown or list(t.ranking.candidates))[0]
+    words = []
+    for c in shown[:MOST_RANKED]:
+        behind = (c.cross_validated - best.cross_validated) if crossed else (c.wic - best.wic)
+        words.append(
+            f"{c.composition}"
+            + (f" {behind:+.3g}" if c is not best else "")
+            + (" (as good)" if c.equivalent and c is not best else "")
+        )
+    criterion = (
+        f"{t.ranking.criterion}, over recordings left out" if crossed else t.ranking.criterion
+    )
+    rule = (
+        "; of those as good the smallest with all parameters determined goes first"
+        if t.ranking.chosen is not best
+        else ""
+    )
+    yield (
+        f"{t.ranking.chosen.composition} chosen of {len(t.ranking.candidates)} models by"
+        f" {criterion}: {', '.join(words)}{rule}"
+    )
+
+
+def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
+    """Whether a model is a smaller one with processes of no strength."""
+    Q, size = candidate.fit.objective, candidate.composition.size
+    return bool(candidate.fit.at_bound) and any(
+        o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME) for o in others
+    )
+
+
+def trends(
+    sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
+) -> Iterator[str]:
+    """Yield the trends of a sensor's axes that the fitted noise does not explain."""
+    length = {r.name: r.length_s for r in recordings}
+    there = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
+    settling = [
+        (name, k, trend) for name, k, trend in there if trend.time_s < SETTLES * length[name]
+    ]
+    scale = parse_unit(UNIT[sensor]).scale
+    if settling:
+        name, k, trend = max(settling, key=lambda item: abs(item[2].amplitude))
+        minutes = math.ceil(WARM * float(np.median([item[2].time_s for item in settling])) / 60.0)
+        size = f"{abs(trend.amplitude) / scale:.3g} +- {trend.sigma / scale:.2g} {UNIT[sensor]}"
+        yield (
+            f"warm-up: {_where(settling, recordings)} settle after the start by more than the noise"
+            f" found explains; most {name} {AXES[k]}, {size} in {trend.time_s / 60.0:.2g} min (time"
+            f" constant); --skip {minutes} leaves that out"
+        )
+    slow = [item for item in there if item not in settling]
+    if slow:
+        description = "drift over the whole recording by more than the noise found explains"
+        yield (
+            f"drift: {_where(slow, recordings)} {description}: temperature, tilt, or a slow process"
+            " that the model lacks"
+        )
+
+
+def _where(
+    settling: Sequence[tuple[str, int, object]], recordings: Sequence[StaticRecording]
+) -> str:
+    """Which axes of which recordings."""
+    if len(recordings) == 1:
+        return f"axis {' '.join(AXES[k] for _, k, _ in settling)}"
+    parts = []
+    for k in sorted({k for _, k, _ in settling}):
+        names = [name for name, axis, _ in settling if axis == k]
+        parts.append(f"{AXES[k]} of {names[0] if len(names) == 1 else f'{len(names)} recordings'}")
+    return ", ".join(parts)

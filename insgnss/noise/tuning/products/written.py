@@ -1,0 +1,141 @@
+"""The files of a tuning: noise model, table for machines, page, a figure a sensor. They appear
+together or not at all.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ....base.errors import DataError
+from ....base.files import atomic_write
+from ....base.output.staging import together
+from ....base.provenance import made_from
+from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
+from ....navigation.noise_model.noise_file import model_of_text, text_of_model
+from ..recordings import AXES, SENSORS, StaticRecording
+from ..result import Tuned, TuneResult
+from ..targets import check_target, make_directory, refuse_others
+from ..usable import envelope, rounded_axis
+from .words import FITS, goodness_p, misfit, verdict
+
+DEFAULT = Path("imu_noise.toml")
+WORST_OF_SIX = FITS / 6.0  # p-value below which a misfit goes into the file: one by chance
+
+
+def planned(out: Path | None, force: bool, measured: Sequence[Path]) -> Path:
+    """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is
+    there that is not of a tuning of the same recordings.
+    """
+    target = check_target(out or DEFAULT)
+    if not force:
+        refuse_others((target, *_beside(target)), measured)
+    return target
+
+
+def _beside(target: Path) -> list[Path]:
+    return [
+        target.with_suffix(".json"),
+        target.with_suffix(".html"),
+        *(target.with_name(f"{target.stem}_{sensor}.png") for sensor in SENSORS),
+    ]
+
+
+def noise_model(
+    name: str,
+    recordings: Sequence[StaticRecording],
+    tuned: Sequence[Tuned],
+    turn_on: Mapping[str, float],
+) -> NoiseModel | None:
+    """Noise of all six axes; None where one was not tuned."""
+    axes: dict[tuple[str, int], AxisNoise] = {}
+    for t in tuned:
+        noise = rounded_axis(
+            replace(t.noise, turn_on_bias=turn_on.get(t.sensor, 0.0)), NOISE_UNITS[t.sensor]
+        )
+        axes |= {(t.sensor, k): noise for k in t.axes}
+    if len(axes) < 6:
+        return None
+    triads = {sensor: (axes[sensor, 0], axes[sensor, 1], axes[sensor, 2]) for sensor in SENSORS}
+    models = {
+        sensor: ", ".join(
+            dict.fromkeys(str(t.kept.composition) for t in tuned if t.sensor == sensor)
+        )
+        for sensor in SENSORS
+    }
+    source = f"insgnss tune: gyro {models['gyro']}; accel {models['accel']}"
+    return NoiseModel(
+        name,
+        source,
+        triads["gyro"],
+        triads["accel"],
+        tuple(r.source for r in recordings),
+        tuple(
+            f"{t.name}: {next(misfit(t, recordings))}"
+            for t in tuned
+            if goodness_p(t) < WORST_OF_SIX
+        ),
+    )
+
+
+def write(result: TuneResult, target: Path, measured: Sequence[Path]) -> TuneResult:
+    """Write all files, made from the recordings `measured`; the result that names them."""
+    from .figures import sensor_figure
+    from .page import static_page
+
+    table, page, *figures = _beside(target)
+    drawn = {
+        path: png
+        for path, sensor in zip(figures, SENSORS, strict=True)
+        if (png := sensor_figure(result, sensor))
+    }
+    files = (*((target,) if result.model is not None else ()), table, page, *drawn)
+    notes = result.notes
+    if result.model is None:
+        notes = (*notes, _why_no_model(result.tuned, table))
+    result = replace(result, files=files, notes=notes)
+    if result.model is not None:
+        _read_back(result, target)
+    make_directory(target)
+    with together():
+        for path, png in drawn.items():
+            atomic_write(path, png)
+        if result.model is not None:
+            write_noise_model(result.model, target, _remarks(result))
+        products = [path for path in files if path not in (table, page)]
+        document = result.as_dict() | made_from(measured, table, products)
+        twin = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        atomic_write(page, static_page(result, twin).html())
+        atomic_write(table, twin)
+    return result
+
+
+def _why_no_model(tuned: Sequence[Tuned], table: Path) -> str:
+    """Say which axes are missing of a noise model, and where those are that were tuned."""
+    there = {(t.sensor, k) for t in tuned for k in t.axes}
+    lacking = {s: [AXES[k] for k in range(3) if (s, k) not in there] for s in SENSORS}
+    names = ", ".join(f"{sensor} {' '.join(axes)}" for sensor, axes in lacking.items() if axes)
+    return (
+        f"no noise model was written: one of a flight has all six axes, and {names} were not tuned;"
+        f" {table.name} has what was: tune the others with them, or enter them by hand"
+    )
+
+
+def _read_back(result: TuneResult, target: Path) -> None:
+    """DataError where the file, read back, would fall short of what was fitted at some scale."""
+    assert result.model is not None
+    back = model_of_text(target, text_of_model(result.model, _remarks(result)))
+    for t in result.tuned:
+        for k in t.axes:
+            try:
+                envelope(getattr(back, t.sensor)[k], t.kept)
+            except DataError as error:
+                raise DataError(f"{target}: {t.sensor} {AXES[k]}: {error}") from None
+
+
+def _remarks(result: TuneResult) -> tuple[str, ...]:
+    """What a person who opens the noise model should know."""
+    return (
+        *result.turn_on,
+        *(f"{t.name}: {text}" for t in result.tuned for text in verdict(t, result.recordings)),
+    )

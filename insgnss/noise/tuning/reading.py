@@ -1,0 +1,220 @@
+"""From a file of samples and the verb's options to samples in SI.
+
+It settles columns, units and rate, with messages in the verb's own words. Where nothing in a file
+says its units, they must be given: noise numbers are worth nothing without. Columns go by the names
+that the readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found
+here. A rate that no IMU has means that time is in another unit: milliseconds taken for seconds make
+0.2 Hz of 200 Hz.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import InputError, UsageError
+from ...io.formats import TableInfo, describe, read_imu, sniff_imu
+from ...io.formats.detect import LOADERS
+from ...io.formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
+from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
+from ...navigation.prepare.gaps import nominal_interval
+from ...records import ImuSamples
+from .options import TuneOptions
+from .some_channels import fields_of_some, read_some
+
+PLAIN = ("tow", *GYRO, *ACCEL)
+HEAD = 1 << 13
+SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
+LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
+USUAL_HZ = (20.0, 20e3)
+CLOCKS = ("time", "timestamp", "time_of_week", "tow", "stamp", "clock", "t")
+OF_CLOCKS = ("", "gps_", "imu_", "sensor_", "sys_", "system_")
+CLOCK_NAMES = {f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS}
+_WORDS = (
+    (
+        r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
+        "--columns tow=NAME,gx=NAME,...",
+    ),
+    (r"(?:set )?columns = \[\.\.\.\]", "--columns NAMES"),
+    (r"units = \{ ?time = \.\.\. ?\}", "--time-unit"),
+    (r"\bset units$", "give --gyro-unit or --accel-unit"),
+    (r"(?<![-.\w])units (gyro|accel|time)\b(?: =)?", r"--\1-unit"),
+    (r"(?<![-\w])columns(?= =|:| names| does)", "--columns"),
+    (r"\bout of columns\b", "out of --columns"),
+    (r"(?<![-\w])rate_hz\b", "--rate"),
+    (r"\bby member\b", "by --variable"),
+    (r"\bset variable to\b", "give --variable,"),
+    (r"\band variable where\b", "and --variable where"),
+    (r" in the flight file\b", ""),
+)
+
+
+@contextmanager
+def own_words() -> Iterator[None]:
+    """Raise the errors of the readers, which speak of flight files, in the words of the options."""
+    try:
+        yield
+    except (InputError, UsageError) as error:
+        raise type(error)(own_text(str(error))) from None
+
+
+def own_text(text: str) -> str:
+    """Return a message with the verb's options instead of a flight file's keys."""
+    for pattern, words in _WORDS:
+        text = re.sub(pattern, words, text)
+    return text
+
+
+def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bool, ...]]:
+    """Read the samples of a file in SI, and which of the six channels are there.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : TuneOptions
+        Columns, units and rate where the file does not say them.
+
+    Returns
+    -------
+    imu : ImuSamples
+        The samples.
+    channels : tuple of bool
+        Gyroscopes x, y, z, accelerometers x, y, z; of one that is not there the samples are
+        constants.
+
+    Raises
+    ------
+    InputError
+        For a wrong file and a rate that no IMU has.
+    UsageError
+        Where units or columns are missing.
+    """
+    channels: tuple[bool, ...] = (True,) * 6
+    with own_words():
+        form = sniff_imu(path)
+        fields = fields_of_some(path, form, options, CLOCK_NAMES)
+        if fields is None:
+            imu = _read(path, options)
+        else:
+            imu, channels = read_some(path, form, fields, options)
+    _refuse_rate(path, imu, options)
+    with_notes = replace(
+        imu,
+        notes=tuple(
+            replace(note, found=own_text(note.found), advice=own_text(note.advice))
+            for note in imu.notes
+        ),
+    )
+    return with_notes, channels
+
+
+def _read(path: Path, options: TuneOptions) -> ImuSamples:
+    how = _how(path, options)
+    try:
+        return read_imu(path, **how)
+    except InputError as error:
+        if how["columns"] is not None or "does not name tow" not in str(error):
+            raise
+        columns = _named_columns(describe(path), options)
+        if columns is None:
+            raise
+        return read_imu(path, **how | {"columns": columns})
+
+
+def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
+    """Return the arguments of `read_imu`."""
+    form = sniff_imu(path)
+    columns: Any = options.columns
+    nameless = columns is None and form in LOADERS
+    if nameless or (form not in SAY_THEIR_UNITS and not (options.gyro_unit and options.accel_unit)):
+        tables = describe(path)
+        if nameless:
+            columns = _plain_columns(tables, options) or _named_columns(tables, options)
+        _ask_for_units(path, tables, options)
+    given = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
+    return {
+        "columns": columns,
+        "units": {key: unit for key, unit in given.items() if unit} or None,
+        "quantity": options.quantity,
+        "rate_hz": options.rate_hz,
+        "variable": options.variable,
+    }
+
+
+def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
+    """Return the columns of a matrix of samples, with or without time; None for anything else."""
+    tables = [table for table in tables if options.variable in (None, table.name)]
+    simple = (
+        len(tables) == 1
+        and (tables[0].name == "" or options.variable is not None)
+        and all(name.startswith("[") for name in tables[0].columns)
+    )
+    width = len(tables[0].columns) if simple else 0
+    if width == 6 and options.rate_hz is None:
+        raise UsageError(
+            "six columns and no time: give the sensor's rate in samples a second, --rate HZ"
+        )
+    return {6: PLAIN[1:], 7: PLAIN}.get(width)
+
+
+def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
+    """Return the field of each column by its canonical name; None where they are not all named."""
+    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | CLOCK_NAMES
+    tables = [table for table in tables if options.variable in (None, table.name)]
+    if len(tables) != 1:
+        return None
+    columns: dict[str, str] = {}
+    for field, name in zip(
+        tables[0].columns, names_of(tables[0].columns, aliases, KINDS), strict=True
+    ):
+        if name is None or name in columns or (name == "tow" and options.rate_hz is not None):
+            continue
+        columns[name] = field
+    needed = PLAIN if options.rate_hz is None else PLAIN[1:]
+    return columns if all(name in columns for name in needed) else None
+
+
+def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
+    """Raise UsageError where neither the file nor an option says a unit."""
+    fields = [field for table in tables for field in table.columns]
+    increments = " increment" if options.quantity == "increments" else ""
+    for sensor, unit, example in (
+        ("gyro", options.gyro_unit, "deg/s"),
+        ("accel", options.accel_unit, "m/s^2"),
+    ):
+        units = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
+        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in units):
+            raise UsageError(
+                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such"
+                f" as {example} or that of one count"
+            )
+
+
+def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
+    """Raise InputError for a rate that no IMU has, with the unit of time that would explain it."""
+    rate = 1.0 / nominal_interval(imu.time)
+    if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
+        return
+    span = float(imu.time[-1] - imu.time[0]) / 3600.0
+    message = (
+        f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
+        f" {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
+    )
+    if options.rate_hz is not None:
+        raise InputError(f"{message}; give --rate in samples a second")
+    likely = [
+        unit
+        for unit, factor in TIME_FACTORS.items()
+        if unit != "s" and USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]
+    ]
+    if likely and options.time_unit is None:
+        advice = (
+            f"if time is in {likely[0]}, give --time-unit {likely[0]}"
+            f" ({rate / TIME_FACTORS[likely[0]]:g} Hz)"
+        )
+    else:
+        advice = "check the column of time and its unit, --time-unit"
+    raise InputError(f"{message}; {advice}; --accept sampling takes it all the same")

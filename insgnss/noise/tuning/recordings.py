@@ -1,0 +1,230 @@
+"""Static recordings to wavelet variances.
+
+They are read, identified by their digest, checked, and condensed to what the fit needs. A recording
+is let go once its wavelet variances and block means are taken, so that memory holds one at a time.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import DataError, InputError, UsageError
+from ...base.inputs import first_bytes, read_bytes, sha256
+from ...io.formats.imu.variances import read_variances
+from ...io.formats.logs.rosbag import bag_file
+from ...navigation.noise_model.model import RecordingSource
+from ...navigation.prepare.static_recording import Disturbance, StaticSpan, static_span
+from ...records import Array, Check, WaveletVariance
+from ..moments.wavelet import wavelet_variances
+from .options import TuneOptions
+from .reading import HEAD, own_words, read_samples
+from .some_channels import chosen_channels
+
+Progress = Callable[[str], None]
+
+SENSORS, AXES = ("gyro", "accel"), ("x", "y", "z")
+BLOCKS = 128
+POOLING = "pooling"  # name of the check that recordings are alike
+
+
+@dataclass(frozen=True, eq=False)
+class StaticRecording:
+    """What is kept of one recording.
+
+    Parameters
+    ----------
+    source : RecordingSource
+        File, digest, samples and rate.
+    curves : mapping of (str, int) to WaveletVariance
+        Wavelet variance (X^2) by sensor and axis, 0 to 2.
+    blocks : mapping of str to ndarray (BLOCKS, 3), or None
+        Means of equal parts in time by sensor; None where only variances are known.
+    begin_s, length_s : float
+        Begin and length of the part that was used, s.
+    checks : tuple of Check
+        Checks of the recording.
+    disturbances : tuple of Disturbance
+        Disturbances in it.
+    """
+
+    source: RecordingSource
+    curves: Mapping[tuple[str, int], WaveletVariance]
+    blocks: Mapping[str, Array] | None
+    begin_s: float
+    length_s: float
+    checks: tuple[Check, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of its file."""
+        return self.source.file
+
+
+def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticRecording:
+    """Read, check and condense one recording.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : TuneOptions
+        How to read it; `accept` overrules a check.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    StaticRecording
+        What the fit needs of it.
+
+    Raises
+    ------
+    InputError
+        For a wrong file.
+    UsageError
+        Where units or columns are missing.
+    DataError
+        For a recording that does not show the noise of a stationary sensor.
+    """
+    path = bag_file(path)
+    progress(f"reading {path.name}")
+    with own_words():
+        if holds_variances(path):
+            return _published(path, options)
+    imu, channels = read_samples(path, options)
+    progress(f"checking {path.name}")
+    span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s, channels)
+    _refuse(path, span, options.accept)
+    progress(f"wavelet variances of {path.name}")
+    triads = {"gyro": span.gyro, "accel": span.accel}
+    wanted = tuple(a and b for a, b in zip(channels, chosen_channels(options.only), strict=True))
+    if not any(wanted):
+        raise UsageError(f"{path}: --only {options.only!r} names none of its channels")
+    curves, method_notes = _variances(triads, span, options.robust, wanted)
+    blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
+    source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
+    return StaticRecording(
+        source,
+        curves,
+        blocks,
+        span.begin_s,
+        span.length_s,
+        (*span.checks, *method_notes),
+        span.disturbances,
+    )
+
+
+def _variances(
+    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None, wanted: tuple[bool, ...]
+) -> tuple[dict[tuple[str, int], WaveletVariance], list[Check]]:
+    """Return the curves, and what is to be said of how they were taken.
+
+    robust : None: where the recording holds disturbances, and its rounding allows it.
+    """
+
+    def taken(robustly: bool) -> dict[tuple[str, int], WaveletVariance]:
+        out: dict[tuple[str, int], WaveletVariance] = {}
+        for first, (sensor, values) in zip((0, 3), triads.items(), strict=True):
+            axes = [k for k in range(3) if wanted[first + k]]
+            if axes:
+                curves = wavelet_variances(values[:, axes], span.rate_hz, robust=robustly)
+                out |= {(sensor, k): c for k, c in zip(axes, curves, strict=True)}
+        return out
+
+    knocks = len(span.disturbances)
+    if robust is not None or not knocks:
+        return taken(bool(robust)), []
+    name, expected = "wavelet variances", "nothing but noise"
+    finding = f"{knocks} disturbance{'s' if knocks > 1 else ''}"
+    try:
+        curves = taken(True)
+    except DataError as error:
+        advice = f"they are in the variances, since robust ones cannot be had: {error}"
+        return taken(False), [Check(name, finding, expected, "note", advice)]
+    advice = "robust variances, which a few of them do not move; --no-robust takes plain ones"
+    return curves, [Check(name, finding, expected, "note", advice)]
+
+
+def holds_variances(path: Path) -> bool:
+    """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
+    head = first_bytes(path, HEAD)
+    start = head.lstrip()[:1]
+    return start in (b"{", b"[") or (
+        start != b"\x93"
+        and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None
+    )
+
+
+def _published(path: Path, options: TuneOptions) -> StaticRecording:
+    """Return the curves of a file of published variances."""
+    head = read_bytes(path)[:HEAD]
+    if re.match(rb'\s*\{\s*"recordings":', head):
+        raise InputError(
+            f"{path}: is the table that insgnss tune wrote beside a noise model; give the"
+            " recordings themselves"
+        )
+    if options.rate_hz is not None and (
+        head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
+    ):
+        raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
+    units = {
+        sensor: unit
+        for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit))
+        if unit
+    }
+    variances = read_variances(
+        path, member=options.variable, units=units or None, rate_hz=options.rate_hz
+    )
+    unit_line = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
+    curves = {}
+    for name, curve in variances.curves.items():
+        sensor, _, letter = name.partition("_")
+        if sensor not in units and not unit_line:
+            example = "rad/s" if sensor == "gyro" else "m/s^2"
+            raise UsageError(
+                f"{path}: nothing says the unit that the {sensor} variances are of; give"
+                f" --{sensor}-unit, such as {example}"
+            )
+        curves[sensor, AXES.index(letter)] = curve
+    longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
+    source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
+    description = f"{len(curves)} axes of {variances.sensor or 'a sensor'}"
+    checks = (
+        Check(
+            "variances",
+            description,
+            "samples",
+            "note",
+            "rest, gaps and disturbances of the recording behind them are not checked",
+        ),
+    )
+    return StaticRecording(source, curves, None, 0.0, longest.samples / longest.rate_hz, checks)
+
+
+def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
+    """Raise DataError with the first check by which the recording is unfit."""
+    names = [check.name for check in span.checks]
+    for check in span.checks:
+        if check.verdict == "contradiction" and check.name not in accept:
+            advice = (
+                f"{check.advice}; --accept"
+                f" {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it"
+                " all the same"
+            )
+            raise DataError(
+                f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
+            )
+    if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
+        raise UsageError(
+            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"
+        )
+
+
+def _block_means(values: Array) -> Array:
+    """Return the means (BLOCKS, 3) of equal parts."""
+    size = len(values) // BLOCKS
+    return np.asarray(values[: size * BLOCKS].reshape(BLOCKS, size, 3).mean(axis=1))

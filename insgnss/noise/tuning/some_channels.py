@@ -1,0 +1,178 @@
+"""Recordings that hold some of the six channels: only gyroscopes, one axis, a column a file.
+
+Channels that are not there become constants, the vertical at rest: they keep the shape of the
+record, and nothing is checked of them or fitted to them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ...base.units import STANDARD_GRAVITY
+from ...io.formats import TableInfo, describe
+from ...io.formats.arrays.content import take_columns
+from ...io.formats.arrays.mapped import imu_of_content
+from ...io.formats.detect import LOADERS, load_content
+from ...io.formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
+from ...io.formats.text.headers import kinds_like, names_of, unit_in
+from ...io.formats.text.text import read_table
+from ...records import Array, ImuSamples, Quantity
+from .options import TuneOptions
+
+CHANNELS = (*GYRO, *ACCEL)
+NAMES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+STAND_IN = (0.0, 0.0, 0.0, 0.0, 0.0, -STANDARD_GRAVITY)
+TABLES = (*LOADERS, "imu_csv")
+
+
+def chosen_channels(text: str | None) -> tuple[bool, ...]:
+    """Return which of the six channels a list such as "gyro" or "gyro_z,accel" names.
+
+    Raises
+    ------
+    UsageError
+        For a name that is none.
+    """
+    if text is None:
+        return (True,) * 6
+    words = [word.strip().lower().replace(".", "_") for word in text.split(",")]
+    for word in words:
+        if word not in ("gyro", "accel", *NAMES):
+            choices = f"gyro, accel, {', '.join(NAMES)}"
+            raise UsageError(f"--only {text!r}: {word!r} is none of {choices}")
+    return tuple(name in words or name.partition("_")[0] in words for name in NAMES)
+
+
+def fields_of_some(
+    path: Path, form: str, options: TuneOptions, clocks: Mapping[str, str]
+) -> dict[str, str] | None:
+    """Return the field of each quantity by its canonical name where a file lacks channels.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    form : str
+        Its format.
+    options : TuneOptions
+        Columns, variable and rate.
+    clocks : mapping
+        Further names of the column of time.
+
+    Returns
+    -------
+    dict or None
+        None where all six are there, none is, or the time is not known.
+    """
+    if form not in TABLES:
+        return None
+    if isinstance(options.columns, Mapping):
+        named = dict(options.columns)
+    else:
+        tables = [t for t in describe(path) if options.variable in (None, t.name)]
+        if len(tables) != 1:
+            return None
+        named = _named(tables[0], options.columns, clocks)
+    if options.rate_hz is not None:
+        named.pop("tow", None)
+    there = [name for name in CHANNELS if name in named]
+    timed = "tow" in named or options.rate_hz is not None
+    return named if timed and 0 < len(there) < 6 else None
+
+
+def _named(
+    table: TableInfo, columns: tuple[str, ...] | None, clocks: Mapping[str, str]
+) -> dict[str, str]:
+    if columns is not None:
+        pairs = zip(columns, table.columns, strict=False)
+        once = all(columns.count(name) == 1 for name in columns if name != "-")
+        same = once and len(columns) == len(table.columns)
+        return {name: field for name, field in pairs if name != "-"} if same else {}
+    aliases = {alias: name for name in ("tow", *CHANNELS) for alias in ALIASES[name]}
+    canonical = names_of(table.columns, aliases | dict(clocks), KINDS)
+    out: dict[str, str] = {}
+    for field, name in zip(table.columns, canonical, strict=True):
+        if name is not None:
+            out.setdefault(name, field)
+    return out
+
+
+def read_some(
+    path: Path, form: str, fields: Mapping[str, str], options: TuneOptions
+) -> tuple[ImuSamples, tuple[bool, ...]]:
+    """Read a recording of some channels.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    form : str
+        Its format.
+    fields : mapping
+        The field of each quantity, of `fields_of_some`.
+    options : TuneOptions
+        Units, where the fields do not say them.
+
+    Returns
+    -------
+    imu : ImuSamples
+        The samples, SI, with constants where a channel is not there.
+    channels : tuple of bool
+        Which of the six are there.
+
+    Raises
+    ------
+    UsageError
+        Nothing says a unit.
+    InputError
+        A column is not there, or is no column of numbers.
+    """
+    there = tuple(name in fields for name in CHANNELS)
+    if form in LOADERS:
+        columns = take_columns(path, load_content(form, path), dict(fields), options.variable)
+    else:
+        columns = _of_text(path, fields)
+    size = next(iter(columns.values())).size
+    whole = {name: columns.get(name, np.ones(size)) for name in CHANNELS}
+    whole |= {name: columns[name] for name in ("tow",) if name in columns}
+    units = _units(path, fields, options)
+    names = {name: name for name in whole}
+    quantity: Quantity = options.quantity or "mean_rate"  # type: ignore[assignment]
+    imu = imu_of_content(path, whole, names, None, units, quantity, None, options.rate_hz)
+    triads = np.hstack([imu.gyro, imu.accel])
+    for k, present in enumerate(there):
+        if not present:
+            triads[:, k] = STAND_IN[k]
+    return replace(imu, gyro=triads[:, :3], accel=triads[:, 3:]), there
+
+
+def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
+    table = read_table(path, whole=False)
+    names = table.layout.header_fields or tuple(f"[{k + 1}]" for k in range(table.layout.n_fields))
+    index = {}
+    for name, field in fields.items():
+        if field not in names:
+            raise InputError(f"{path}: no column {field}; there are {', '.join(names)}")
+        index[name] = names.index(field)
+    table.refuse_text(index.values())
+    return {name: np.ascontiguousarray(table.values[:, k]) for name, k in index.items()}
+
+
+def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:
+    """Units by sensor; of one that is not there any, since its values are not taken."""
+    units = {}
+    for sensor, names, given, example in (
+        ("gyro", GYRO, options.gyro_unit, "rad/s"),
+        ("accel", ACCEL, options.accel_unit, "m/s^2"),
+    ):
+        own = [fields[name] for name in names if name in fields]
+        header = next(filter(None, (unit_in(field, kinds_like(sensor)) for field in own)), None)
+        if own and not (given or header):
+            problem = f"nothing says the unit of the {sensor} columns; give --{sensor}-unit"
+            raise UsageError(f"{path}: {problem}, such as {example}")
+        units[sensor] = str(given or header or example)
+    time = options.time_unit or (unit_in(fields["tow"], ("time",)) if "tow" in fields else None)
+    return units | ({"time": time} if time else {})

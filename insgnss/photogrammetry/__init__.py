@@ -1,0 +1,1 @@
+"""Image blocks: adjustment, mounting, targets, comparison with other poses."""

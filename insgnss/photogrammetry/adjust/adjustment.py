@@ -1,0 +1,267 @@
+"""The iteration: Levenberg-Marquardt on the normal equations of a block."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.advance import converged, share
+from ...base.errors import DataError
+from ...records.block import Array
+from .kernels import collinearity
+from .normals import Linearised, Problem, assembled, corrections, cost, factorised, linearised
+from .start import directions, intersected
+from .unknowns import POINT, Unknowns
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-9, 1e10
+RAISED, LOWERED = 3.0, 0.2  # a refused step after another raises twice as much (Nielsen 1999)
+MOST_STEPS, MOST_ROUNDS = 60, 4
+CONVERGED_STEP = 1e-3  # standard deviations, of any unknown
+CONVERGED_COST = 1e-9  # of the cost, by a refused step
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """The end of an iteration.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was minimised, with the observations that took part.
+    values : Unknowns
+        The adjusted values.
+    cost : float
+        e^T P e.
+    first_cost : float
+        The same at the first values.
+    iterations : int
+        Steps taken or refused.
+    redundancy : int
+        Observations less unknowns.
+    """
+
+    problem: Problem
+    values: Unknowns
+    cost: float
+    first_cost: float
+    iterations: int
+    redundancy: int
+
+    @property
+    def sigma0(self) -> float:
+        """Root of the variance of unit weight."""
+        return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else np.nan
+
+
+def adjusted(
+    problem: Problem,
+    values: Unknowns,
+    progress: Callable[[int, float], None] | None = None,
+) -> Adjusted:
+    """Adjust a block.
+
+    Image observations that cannot take part at the first values (of a point behind its camera,
+    say, because the first attitude is off) are tried again when the others have converged.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+    values : Unknowns
+        First values of all unknowns; points without a first value (NaN) do not take part.
+    progress : callable, optional
+        Called with the number of each step and the cost after it.
+
+    Returns
+    -------
+    Adjusted
+        Values that have converged.
+
+    Raises
+    ------
+    DataError
+        An image has no first values, the observations do not determine the unknowns, or the
+        iteration does not converge.
+    """
+    if not (finite := _oriented(values)).all():
+        names = [problem.block.images[i] for i in np.flatnonzero(~finite)]
+        raise DataError(
+            f"image {names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: no first values"
+            " of position and attitude; give them, or four points with coordinates that it sees"
+        )
+    steps, costs = 0, []
+    for _ in range(MOST_ROUNDS):
+        active = valid(problem, values)
+        result = _iterated(problem.with_active(active), values, steps, progress)
+        steps, values = result.iterations, result.values
+        costs.append(result.first_cost)
+        again = _intersected_again(problem, values)
+        if (valid(problem, again) == active).all():
+            break
+        values = again
+    return replace(result, first_cost=costs[0])
+
+
+def _oriented(values: Unknowns) -> NDArray[np.bool_]:
+    """Return which images have a pose (n,)."""
+    finite = np.isfinite(values.position).all(axis=1)
+    finite &= np.isfinite(values.C_mc).all(axis=(1, 2))
+    return np.asarray(finite)
+
+
+def _intersected_again(problem: Problem, values: Unknowns) -> Unknowns:
+    """Return the values with points that did not take part intersected from the adjusted poses."""
+    missing = np.isnan(values.point[:, 0])
+    if not missing.any():
+        return values
+    seen = problem.block.observations
+    rows = missing[seen.point]
+    cameras = values.cameras(problem.block.cameras)
+    xy = directions(problem.block, cameras)[rows]
+    point = intersected(
+        values.position, values.C_mc, xy, seen.image[rows], seen.point[rows], missing.size
+    )
+    return values.with_points(np.where(missing[:, None], point, values.point))
+
+
+def _iterated(
+    problem: Problem,
+    values: Unknowns,
+    steps: int,
+    progress: Callable[[int, float], None] | None,
+) -> Adjusted:
+    """Iterate with the observations that are active, which are valid at the first values."""
+    missing = ~problem.determined
+    values = values.with_points(np.where(missing[:, None], 0.0, values.point))
+    groups = linearised(problem, values)
+    now, _ = cost(problem, values, groups)
+    first, freedom = now, max(redundancy_of(problem), 1)
+    damping, raised, negligible, longest = 0.0, RAISED, False, 0.0
+    for step in range(steps + 1, steps + MOST_STEPS + 1):
+        try:
+            dx, dp, predicted = _step(problem, values, damping, groups)
+        except DataError:
+            if damping > 0.0 or negligible:
+                raise
+            # a place on the way may be singular where the solution is not
+            damping = FIRST_DAMPING
+            dx, dp, predicted = _step(problem, values, damping, groups)
+        trial = values.moved(problem.layout, dx, dp)
+        ahead = linearised(problem, trial)
+        new, invalid = cost(problem, trial, ahead)
+        accepted = invalid == 0 and new < now
+        small = invalid == 0 and abs(new - now) < CONVERGED_COST * now
+        ends = CONVERGED_STEP**2 * max(now / freedom, np.finfo(float).tiny)
+        negligible = predicted < ends
+        gain = (now - new) / predicted if predicted > 0.0 else 0.0
+        longest = max(longest, predicted)
+        share(converged(predicted, longest, ends))
+        if accepted:
+            values, now, groups = trial, new, ahead
+        if progress is not None:
+            progress(step, now)
+        if (negligible and damping == 0.0) or (small and not accepted):
+            break
+        if accepted:
+            damping *= max(LOWERED, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
+            damping = damping if damping > LEAST_DAMPING and not negligible else 0.0
+            raised = RAISED
+        else:
+            damping, raised = max(raised * damping, LEAST_DAMPING), 2.0 * raised
+            if damping > MOST_DAMPING:
+                raise DataError(_not_converged(step, first, now))
+    else:
+        raise DataError(_not_converged(MOST_STEPS, first, now))
+    if damping > 0.0:  # a damped step has a solution where the unknowns are not determined
+        factorised(problem, assembled(problem, values, groups=groups))
+    point = np.where(missing[:, None], np.nan, values.point)
+    return Adjusted(problem, values.with_points(point), now, first, step, redundancy_of(problem))
+
+
+def _step(
+    problem: Problem, values: Unknowns, damping: float, groups: Linearised | None = None
+) -> tuple[Array, Array, float]:
+    """Return corrections of columns and points, and dx^T N dx."""
+    normals = assembled(problem, values, damping, groups)
+    dx, dp = corrections(problem, values, normals)
+    eliminated = problem.layout.kept < 0
+    return dx, dp, float(normals.g @ dx + (normals.gp * dp)[eliminated].sum())
+
+
+def _not_converged(steps: int, first: float, last: float) -> str:
+    return (
+        f"the adjustment has not converged in {steps} steps (cost {first:.4g} at first, {last:.4g}"
+        " at last); first values are too far off, or image observations belong to other points or"
+        " images: give better poses, or leave out what the residuals name"
+    )
+
+
+def valid(problem: Problem, values: Unknowns) -> NDArray[np.bool_]:
+    """Return which active observations can take part, in the order of rays.
+
+    These are observations of points with a first value before the camera and within the fold of its
+    polynomial, that appear less than the image's size from where they were measured, if at least
+    two of them, or one and a group, see the point.
+
+    Parameters
+    ----------
+    problem, values
+        The observations and the first values.
+
+    Returns
+    -------
+    ndarray of bool, (n,)
+        Which take part.
+    """
+    e = np.empty_like(problem.rays.uv)
+    collinearity.residuals(problem.rays, values.kernel_values(), e)
+    size = np.array([max(c.width, c.height) for c in problem.block.cameras], dtype=np.float64)
+    good = problem.rays.active & np.isfinite(e).all(axis=1)
+    good &= np.abs(e).max(axis=1) < size[problem.rays.camera[problem.rays.image]]
+    observed = np.zeros(len(problem.block.points), dtype=bool)
+    for group in problem.groups:
+        observed[[row for name, row in group.keys if name == POINT]] = True
+    point = np.repeat(np.arange(observed.size), np.diff(problem.rays.start))
+    rays = np.bincount(point[good], minlength=observed.size)
+    return np.asarray(good & ((rays >= 2) | observed)[point])
+
+
+def redundancy_of(problem: Problem) -> int:
+    """Return the number of observations less that of unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations; active ones count.
+
+    Returns
+    -------
+    int
+        The redundancy.
+    """
+    n = 2 * int(problem.rays.active.sum()) + sum(len(group.weight) for group in problem.groups)
+    eliminated = problem.determined & (problem.layout.kept < 0)
+    return n - int((~problem.layout.held).sum()) - 3 * int(eliminated.sum())
+
+
+def residuals_px(result: Adjusted) -> Array:
+    """Return the residuals of the image observations.
+
+    Parameters
+    ----------
+    result : Adjusted
+        The adjustment.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+        Observed - computed, pixels, in the order of the block's observations; NaN where a point
+        does not take part or cannot be seen.
+    """
+    problem = result.problem
+    e = np.empty_like(problem.rays.uv)
+    collinearity.residuals(problem.rays, result.values.kernel_values(), e)
+    out = np.empty_like(e)
+    out[problem.order] = e
+    return out

@@ -1,0 +1,323 @@
+"""Observation groups: what is known besides the image observations.
+
+A group names the blocks of unknowns that it sees (`unknowns.Key`), gives observed - computed and
+the derivative d computed / d unknown by all parameters of these blocks, side by side in their
+order, and has the inverse of the covariance of its m observations as a dense weight matrix. The
+engine asks for nothing else: whole strips of poses with all their covariances, shifts and drifts,
+mounting, relative poses and kinematic ground points are groups of this kind. Groups of one name
+share a variance component.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...geodesy.rotation import skew, vector_from_rotation
+from ...records.block import Array, GroundPoints
+from .unknowns import CAMERA, POINT, POSE, Key, Unknowns
+
+
+class ObservationGroup(Protocol):
+    """Observations with one weight matrix; what the engine asks of a group."""
+
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Blocks of unknowns that the group sees."""
+
+    @property
+    def weight(self) -> Array:
+        """Inverse of the observations' covariance, (m, m)."""
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown, for all parameters of the blocks in `keys`, side by side: 6 of a
+            pose, 11 of a camera, 3 of a point.
+        """
+
+
+def weight_of(cov: Array, who: str) -> Array:
+    """Return the inverse of a covariance.
+
+    Parameters
+    ----------
+    cov : ndarray, (m, m)
+        Covariance.
+    who : str
+        Whose it is, for the message.
+
+    Returns
+    -------
+    ndarray, (m, m)
+        Its inverse, symmetric.
+
+    Raises
+    ------
+    DataError
+        It is not positive definite, to 13 digits when its diagonal is scaled to one.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(cov), np.finfo(float).tiny))
+    values, axes = np.linalg.eigh(scale[:, None] * cov * scale)
+    if not values[0] > 1e-13 * values[-1]:
+        raise DataError(
+            f"{who}: covariance is not positive definite (eigenvalues from {values[0]:.1e} to"
+            f" {values[-1]:.1e} when scaled); give every observation a variance of its own"
+        )
+    whitened = axes / np.sqrt(values) * scale[:, None]
+    return np.asarray(whitened @ whitened.T)
+
+
+def inverse_right_jacobian(v: Array) -> Array:
+    """Return the derivative of log(exp(v) exp(d)) by d at d = 0.
+
+    Parameters
+    ----------
+    v : ndarray, (..., 3)
+        Rotation vectors shorter than pi, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        The derivatives, I + [v x] / 2 + ...
+    """
+    v = np.asarray(v, dtype=np.float64)
+    angle = np.sqrt((v * v).sum(axis=-1))[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    second = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
+    V = skew(v)
+    return np.asarray(np.eye(3) + 0.5 * V + np.where(small, 1.0 / 12.0, second) * (V @ V))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseObservation:
+    """The pose of an image, with the covariance of position and psi.
+
+    Parameters
+    ----------
+    image : int
+        Row of the image.
+    position_m : ndarray, (3,)
+        Projection centre, m.
+    C_mc : ndarray, (3, 3)
+        Attitude, camera to the axes of the block.
+    weight : ndarray, (6, 6)
+        Inverse of the covariance of position (m) and psi (rad).
+    name : str
+        Name of the variance component.
+    """
+
+    image: int
+    position_m: Array
+    C_mc: Array
+    weight: Array
+    name: str = "pose"
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The pose."""
+        return ((POSE, self.image),)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        C = values.C_mc[self.image]
+        psi = vector_from_rotation(self.C_mc @ C.T)
+        e = np.concatenate([self.position_m - values.position[self.image], psi])
+        J = np.eye(6)
+        J[3:, 3:] = inverse_right_jacobian(psi)
+        return e, J
+
+
+@dataclass(frozen=True, eq=False)
+class PointObservation:
+    """Coordinates of an object point, such as of a ground control point.
+
+    Parameters
+    ----------
+    point : int
+        Row of the object point.
+    position_m : ndarray, (3,)
+        Coordinates, m.
+    weight : ndarray, (3, 3)
+        Inverse of their covariance.
+    name : str
+        Name of the variance component.
+    """
+
+    point: int
+    position_m: Array
+    weight: Array
+    name: str = "ground control"
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The point."""
+        return ((POINT, self.point),)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        return self.position_m - values.point[self.point], np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class InteriorObservation:
+    """Interior orientation of a camera, of which an earlier calibration gave the covariance.
+
+    Parameters
+    ----------
+    camera : int
+        Row of the camera.
+    parameters : ndarray of int
+        (m,) rows of the parameters in the interior orientation.
+    values : ndarray, (m,)
+        Their values.
+    weight : ndarray, (m, m)
+        Inverse of their covariance.
+    name : str
+        Name of the variance component.
+    """
+
+    camera: int
+    parameters: np.ndarray
+    values: Array
+    weight: Array
+    name: str = "interior orientation"
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The camera."""
+        return ((CAMERA, self.camera),)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        current = values.interior[self.camera]
+        J = np.zeros((self.parameters.size, current.size))
+        J[np.arange(self.parameters.size), self.parameters] = 1.0
+        return self.values - current[self.parameters], J
+
+
+@dataclass(frozen=True, eq=False)
+class Rescaled:
+    """An observation group with other weights.
+
+    Parameters
+    ----------
+    group : ObservationGroup
+        The group.
+    factor : float
+        Its variances are multiplied by it.
+    """
+
+    group: ObservationGroup
+    factor: float
+
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+        return self.group.name
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Blocks of unknowns that the group sees."""
+        return self.group.keys
+
+    @cached_property
+    def weight(self) -> Array:
+        """Inverse of the covariance, (m, m)."""
+        return np.asarray(self.group.weight / self.factor)
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        return self.group.linearised(values)
+
+
+def control_points(control: GroundPoints, name: str = "ground control") -> list[PointObservation]:
+    """Return ground control as observation groups.
+
+    Parameters
+    ----------
+    control : GroundPoints
+        The points, each with its covariance.
+    name : str
+        Name of their variance component.
+
+    Returns
+    -------
+    list of PointObservation
+        One group a point.
+    """
+    return [
+        PointObservation(
+            int(point), position, weight_of(cov, f"control point in row {point}"), name
+        )
+        for point, position, cov in zip(control.point, control.position_m, control.cov, strict=True)
+    ]

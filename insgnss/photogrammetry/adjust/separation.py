@@ -1,0 +1,162 @@
+"""Unknowns that the observations hardly tell apart, and what would separate them.
+
+Two unknowns with a correlation beyond 0.9 share what the observations say of their sum; each alone
+is uncertain, and errors of the model go into either. Whether that harms depends on what is wanted:
+points within the block follow the sum; a camera or a mounting that is taken to another flight does
+not. Besides the unknowns of cameras and mounting there are three motions that all images of a
+camera have in common: height, and rotation about the camera's x and y.
+
+Each advice stands in `REMEDIES` with the flights in which it was tried: simulated ones in which the
+pair is that strongly correlated, and no longer when the advice is followed
+(`tests/photogrammetry/adjust/test_separation.py`). Pairs for which nothing was tried are listed
+without advice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records.block import INTERIOR
+from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from .aerial import COMMON as COMMON_ERRORS
+from .normals import unknown_name
+from .precision import COMMON, TOO_CORRELATED, Precision
+from .unknowns import CAMERA, POINT, POSE
+
+HEIGHT, ABOUT_Y, ABOUT_X = COMMON
+TWO_HEIGHTS = (
+    "fly some strips at two and a half times the height: what the camera does to the ground grows"
+    " with the height, a length of the mounting does not"
+)
+TWO_HEADINGS = (
+    "fly strips in opposite headings: what belongs to the camera or to its clock turns with it, a"
+    " shift of the trajectory does not"
+)
+TWO_SPEEDS = (
+    "fly strips whose speeds differ by a factor of three: the time offset moves the camera by"
+    " metres that grow with the speed, the lever arm does not"
+)
+SUM = "points follow their sum as long as camera and IMU stay together, and no flight plan tells"
+CALIBRATED_CENTRE = (
+    f"{SUM} them apart; if each is wanted, give cx and cy of a calibration with their standard"
+    " deviations (a pixel)"
+)
+HELD_CENTRE = (
+    f"{SUM} them apart; if the attitude is wanted, hold cx and cy at a calibration's values"
+    " (leave them out of camera.free)"
+)
+CALIBRATED_DECENTRING = (
+    "hold p1 and p2 at values of a calibration; strips across, tilted ones or more control help"
+    " little"
+)
+NORMAL = "normal: within the image only their sum matters; nothing to do"
+
+REMEDIES: dict[frozenset[str], str] = {
+    frozenset(("f", HEIGHT)): (
+        "observe the positions of the images (GNSS; from two heights where the lever arm or a"
+        " shift is an unknown too), or fly some strips with the camera tilted by 45 deg"
+    ),
+    frozenset(("f", f"{LEVER_ARM} z")): TWO_HEIGHTS,
+    frozenset(("f", f"{SHIFT} z")): TWO_HEIGHTS,
+    frozenset(("cx", f"{LEVER_ARM} x")): TWO_HEIGHTS,
+    frozenset(("cy", f"{LEVER_ARM} y")): TWO_HEIGHTS,
+    **{frozenset((c, f"{SHIFT} {axis}")): TWO_HEADINGS for c in ("cx", "cy") for axis in "xy"},
+    **{frozenset((TIME_OFFSET, f"{SHIFT} {axis}")): TWO_HEADINGS for axis in "xy"},
+    **{frozenset((TIME_OFFSET, f"{LEVER_ARM} {axis}")): TWO_SPEEDS for axis in "xy"},
+    frozenset(("cx", f"{BORESIGHT} y")): CALIBRATED_CENTRE,
+    frozenset(("cy", f"{BORESIGHT} x")): CALIBRATED_CENTRE,
+    frozenset(("cx", ABOUT_Y)): HELD_CENTRE,
+    frozenset(("cy", ABOUT_X)): HELD_CENTRE,
+    **{
+        frozenset(("p1", other)): CALIBRATED_DECENTRING
+        for other in ("cx", f"{BORESIGHT} y", ABOUT_Y)
+    },
+    **{
+        frozenset(("p2", other)): CALIBRATED_DECENTRING
+        for other in ("cy", f"{BORESIGHT} x", ABOUT_X)
+    },
+    frozenset(("k",)): NORMAL,
+}
+
+
+@dataclass(frozen=True)
+class Inseparable:
+    """Two unknowns that the observations hardly tell apart.
+
+    Parameters
+    ----------
+    first, second : str
+        Names of the unknowns.
+    value : float
+        Their correlation.
+    remedy : str
+        What would separate them, or why it does no harm; empty where nothing was tried.
+    """
+
+    first: str
+    second: str
+    value: float
+    remedy: str
+
+    def __str__(self) -> str:
+        """Return a sentence for people."""
+        statement = (
+            f"{self.first} and {self.second} are hardly told apart (correlation {self.value:.3f})"
+        )
+        return f"{statement}: {self.remedy}" if self.remedy else statement
+
+
+def inseparable(precision: Precision, limit: float = TOO_CORRELATED) -> tuple[Inseparable, ...]:
+    """Return the pairs of unknowns whose correlation is beyond a limit.
+
+    Parameters
+    ----------
+    precision : Precision
+        Of an adjustment.
+    limit : float
+        Smallest absolute correlation.
+
+    Returns
+    -------
+    tuple of Inseparable
+        The strongest first: unknowns of cameras and of blocks that groups bring, and common motions
+        of a camera's images.
+    """
+    problem, Q = precision.result.problem, precision.cofactors
+    layout, block = problem.layout, problem.block
+    columns, names, kinds, owners = [], [], [], []
+    for column, (name, row) in enumerate(layout.names()):
+        if name in (POSE, POINT, COMMON_ERRORS) or layout.held[column]:
+            continue
+        position = column - int(layout.of((name, row))[0][0])
+        columns.append(column)
+        names.append(unknown_name(problem, column))
+        kinds.append(_kind(name, position, layout.columns))
+        owners.append(row if name == CAMERA else None)
+    n, rows = len(columns), np.array(columns, dtype=np.int64)
+    for c, camera in enumerate(block.cameras):
+        whose = f" of {camera.name}" if len(block.cameras) > 1 else ""
+        names += [f"{motion} of all images{whose}" for motion in COMMON]
+        kinds += COMMON
+        owners += [c] * len(COMMON)
+    covariance = np.block([[Q.of(rows), Q.common[rows]], [Q.common[rows].T, Q.common_motions]])
+    sigma = np.sqrt(np.diagonal(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rho = np.nan_to_num(covariance / sigma / sigma[:, None])
+    pairs = []
+    for i, j in np.argwhere(np.triu(np.abs(rho), 1) > limit):
+        # motions are no unknowns: what is told of them is told of a parameter of their camera
+        if i < n and (j < n or owners[i] == owners[j]):
+            remedy = REMEDIES.get(frozenset((kinds[i], kinds[j])), "")
+            pairs.append(Inseparable(names[i], names[j], float(rho[i, j]), remedy))
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))
+
+
+def _kind(name: str, position: int, columns: np.ndarray) -> str:
+    """Return what an unknown is, whosever it is."""
+    if name == CAMERA:
+        parameter = INTERIOR[columns[position]]
+        return "k" if parameter.startswith("k") else parameter
+    if name in (LEVER_ARM, BORESIGHT, SHIFT, DRIFT):
+        return f"{name} {'xyz'[position]}"
+    return name

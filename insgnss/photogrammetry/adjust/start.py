@@ -1,0 +1,250 @@
+"""First values: forward intersection of points, resection of images."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.rotation import skew
+from ...records.block import Array, BrownCamera, ImageBlock
+from ...records.cameras.camera import rays_of
+from .unknowns import Unknowns
+
+
+def directions(block: ImageBlock, cameras: Sequence[BrownCamera] = ()) -> Array:
+    """Return the rays of all image observations of a block.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+    cameras : sequence of BrownCamera
+        Cameras in the place of its own, such as adjusted ones.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+        Directions on the plane of unit distance, in the camera.
+    """
+    xy = np.empty((len(block.observations), 2))
+    of_camera = block.camera[block.observations.image]
+    for c, camera in enumerate(cameras or block.cameras):
+        rows = of_camera == c
+        xy[rows] = rays_of(camera, block.observations.uv[rows])
+    return xy
+
+
+def intersected(
+    position: Array,
+    C_mc: Array,
+    xy: Array,
+    image: NDArray[np.int64],
+    point: NDArray[np.int64],
+    n_points: int,
+) -> Array:
+    """Intersect rays: the points that are nearest to all of their rays.
+
+    Parameters
+    ----------
+    position, C_mc : ndarray
+        (n, 3) and (n, 3, 3) poses of the images; NaN of images without.
+    xy : ndarray, (k, 2)
+        Rays, on the plane of unit distance.
+    image, point : ndarray of int, (k,)
+        Image and object point of each ray.
+    n_points : int
+        Number of object points.
+
+    Returns
+    -------
+    ndarray, (n_points, 3)
+        Points, m; NaN of those with fewer than two rays, or parallel ones (0.001 deg).
+    """
+    d = np.einsum("nij,nj->ni", C_mc[image], np.column_stack([xy, np.ones(len(xy))]))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    good = np.isfinite(d).all(axis=1) & np.isfinite(position[image]).all(axis=1)
+    d, image, point = d[good], image[good], point[good]
+    P = np.eye(3) - d[:, :, None] * d[:, None, :]
+    centre = np.zeros(3) if not good.any() else position[image].mean(axis=0)
+    right = np.einsum("nij,nj->ni", P, position[image] - centre)
+    N = np.stack(
+        [np.bincount(point, P[:, i, j], n_points) for i in range(3) for j in range(3)], axis=1
+    ).reshape(-1, 3, 3)
+    h = np.stack([np.bincount(point, right[:, i], n_points) for i in range(3)], axis=1)
+    values = np.linalg.eigvalsh(N)
+    solvable = values[:, 0] > np.radians(1e-3) ** 2 * 0.5
+    out = np.full((n_points, 3), np.nan)
+    out[solvable] = np.linalg.solve(N[solvable], h[solvable, :, None])[..., 0] + centre
+    return out
+
+
+def three_point_poses(xy: Array, X: Array) -> list[tuple[Array, Array]]:
+    """Return the poses from which three known points are seen in three directions (Grunert).
+
+    Parameters
+    ----------
+    xy : ndarray, (3, 2)
+        Rays, on the plane of unit distance.
+    X : ndarray, (3, 3)
+        Object points, m.
+
+    Returns
+    -------
+    list of tuple
+        Up to four pairs of projection centre (3,) and C_mc (3, 3).
+    """
+    d = np.column_stack([xy, np.ones(3)])
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    a2, b2, c2 = (((X[i] - X[j]) ** 2).sum() for i, j in ((1, 2), (0, 2), (0, 1)))
+    if min(a2, b2, c2) == 0.0:
+        return []
+    ca, cb, cc = d[1] @ d[2], d[0] @ d[2], d[0] @ d[1]
+    # distances s_2 = u s_1, s_3 = v s_1; u = num(v) / den(v) is put into the law of cosines
+    p, q = (a2 - c2) / b2, c2 / b2
+    num = np.array([-1.0 + p, -2.0 * p * cb, 1.0 + p])
+    den = np.array([-2.0 * ca, 2.0 * cc])
+    side = np.array([q, -2.0 * q * cb, q - 1.0])  # u^2 - 2 u cos(gamma) = side(v)
+    quartic = np.polyadd(
+        np.polymul(num, num),
+        np.polyadd(-2.0 * cc * np.polymul(num, den), -np.polymul(side, np.polymul(den, den))),
+    )
+    poses = []
+    for v in np.roots(quartic):
+        if abs(v.imag) > 1e-6 * abs(v) or v.real <= 0.0:
+            continue
+        v = v.real
+        below = np.polyval(den, v)
+        if below == 0.0 or not (u := np.polyval(num, v) / below) > 0.0:
+            continue
+        length = 1.0 + v * v - 2.0 * v * cb
+        if not length > 0.0:
+            continue
+        s = np.sqrt(b2 / length)
+        poses.append(_absolute(d * (s * np.array([1.0, u, v]))[:, None], X))
+    return poses
+
+
+def _absolute(q: Array, X: Array) -> tuple[Array, Array]:
+    """Return X_0 and C with X = X_0 + C q, by least squares (Kabsch)."""
+    q0, X0 = q.mean(axis=0), X.mean(axis=0)
+    U, _, Vt = np.linalg.svd((X - X0).T @ (q - q0))
+    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return X0 - C @ q0, C
+
+
+def resected(xy: Array, X: Array) -> tuple[Array, Array, float] | None:
+    """Return the pose of an image from points that it sees.
+
+    All choices of three among eight well-spread points give poses; the one with the smallest
+    median of the angles between rays and points is improved by all points (Gauss-Newton).
+
+    Parameters
+    ----------
+    xy : ndarray, (n, 2)
+        Rays, on the plane of unit distance.
+    X : ndarray, (n, 3)
+        Object points, m; four at least.
+
+    Returns
+    -------
+    tuple or None
+        Projection centre (3,), C_mc (3, 3) and median distance on the plane of unit distance; None
+        where no pose sees the points before the camera.
+    """
+    if len(xy) < 4:
+        return None
+    chosen = [int(np.argmax(((xy - xy.mean(axis=0)) ** 2).sum(axis=1)))]
+    while len(chosen) < min(8, len(xy)):
+        far = ((xy[:, None] - xy[chosen][None]) ** 2).sum(axis=2).min(axis=1)
+        chosen.append(int(np.argmax(far)))
+    best: tuple[Array, Array, float] | None = None
+    for i in range(len(chosen)):
+        for j in range(i + 1, len(chosen)):
+            for k in range(j + 1, len(chosen)):
+                rows = [chosen[i], chosen[j], chosen[k]]
+                for X0, C in three_point_poses(xy[rows], X[rows]):
+                    off = _misfit(X0, C, xy, X)
+                    if best is None or off < best[2]:
+                        best = X0, C, off
+    if best is None or not np.isfinite(best[2]):
+        return None
+    return _improved(*best, xy, X)
+
+
+def _misfit(X0: Array, C: Array, xy: Array, X: Array) -> float:
+    """Return the median distance of points from their rays, of the fourth nearest at least."""
+    q = (X - X0) @ C
+    with np.errstate(all="ignore"):
+        off = np.linalg.norm(q[:, :2] / q[:, 2:] - xy, axis=1)
+    off = np.sort(np.where(q[:, 2] > 0.0, off, np.inf))
+    return float(off[max(3, len(off) // 2)])  # three points fit any pose that they gave
+
+
+def _improved(X0: Array, C: Array, off: float, xy: Array, X: Array) -> tuple[Array, Array, float]:
+    """Improve a pose by least squares over the points that lie near their rays."""
+    from ...geodesy.rotation import rotation_from_vector
+
+    for _ in range(5):
+        q = (X - X0) @ C
+        e = xy - q[:, :2] / q[:, 2:]
+        near = (q[:, 2] > 0.0) & (np.linalg.norm(e, axis=1) <= 5.0 * off + 1e-6)
+        if near.sum() < 4:
+            return X0, C, off
+        q, e = q[near], e[near]
+        G = np.zeros((len(q), 2, 3))
+        G[:, 0, 0] = G[:, 1, 1] = 1.0 / q[:, 2]
+        G[:, :, 2] = -q[:, :2] / q[:, 2:] ** 2
+        B = G @ C.T
+        J = np.concatenate([-B, B @ skew(X[near] - X0)], axis=2).reshape(-1, 6)
+        dx = np.linalg.lstsq(J, e.ravel(), rcond=None)[0]
+        trial = X0 + dx[:3], rotation_from_vector(dx[3:]) @ C
+        if not (better := _misfit(*trial, xy, X)) <= off:
+            return X0, C, off
+        X0, C, off = *trial, better
+    return X0, C, off
+
+
+def first_values(block: ImageBlock) -> Unknowns:
+    """Return first values of all unknowns of a block.
+
+    Images without pose are resected from ground control and from points that other images have
+    intersected, most points first; then all points are intersected. Ground control keeps its
+    coordinates.
+
+    Parameters
+    ----------
+    block : ImageBlock
+        The block.
+
+    Returns
+    -------
+    Unknowns
+        Poses and points; NaN of images and points that could not be found.
+    """
+    seen = block.observations
+    xy = directions(block)
+    position, C_mc = np.array(block.position_m), np.array(block.C_mc)
+    surveyed = np.full((len(block.points), 3), np.nan)
+    surveyed[block.control.point] = block.control.position_m
+    failed: set[int] = set()
+    while True:
+        point = intersected(position, C_mc, xy, seen.image, seen.point, len(block.points))
+        control = np.isfinite(surveyed[:, 0])
+        point[control] = surveyed[control]
+        waiting = np.asarray(~np.isfinite(position).all(axis=1))
+        waiting |= ~np.isfinite(C_mc).all(axis=(1, 2))
+        waiting[list(failed)] = False
+        usable = np.isfinite(point[seen.point, 0]) & np.isfinite(xy).all(axis=1)
+        count = np.bincount(seen.image[usable], minlength=len(block.images)) * waiting
+        if not count.any() or count.max() < 4:
+            break
+        i = int(np.argmax(count))
+        rows = usable & (seen.image == i)
+        pose = resected(xy[rows], point[seen.point[rows]])
+        if pose is None:
+            failed.add(i)
+            continue
+        position[i], C_mc[i] = pose[:2]
+        failed.clear()
+    interior = np.array([camera.interior for camera in block.cameras])
+    return Unknowns(position, C_mc, interior, point)

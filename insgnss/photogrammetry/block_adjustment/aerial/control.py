@@ -1,0 +1,278 @@
+"""Aerial control: poses of an orientation as observation groups, with mounting and flight lines.
+
+One group is a flight line with the covariance of all its poses (`photogrammetry.adjust.aerial`).
+What all lines share, such as the tilt by a bias of the accelerometers, are unknowns of unit
+covariance, and each line is weighed by the covariance of the rest. Where the dense covariance of
+the smoother is not there, that of neighbours is chained, which forgets what biases have in common
+over a line, or each image stands alone; the block file says which.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, near
+from ....flight.config.block_tables.aerial_control import AerialControlTable
+from ....io.formats.blocks.joined import matched
+from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
+from ....records import ExteriorOrientation
+from ....records.block import Array
+from ....records.relative import GAP_S
+from ...adjust.aerial import (
+    BORESIGHT,
+    COMMON,
+    DRIFT,
+    LEVER_ARM,
+    SHIFT,
+    TIME_OFFSET,
+    AerialControl,
+    ParameterObservation,
+    chained_covariance,
+)
+from ...adjust.groups import ObservationGroup, weight_of
+from ...adjust.unknowns import Key
+from ..inputs import Inputs
+from .relative import Strip, breaks, relative_groups
+
+MOUNTING = "mounting"
+LONGEST_CHAIN = 200
+RELATIVE = ("Ap/Ra", "Rp/Ra", "Rp")
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """Aerial control of a block.
+
+    Parameters
+    ----------
+    groups : tuple of ObservationGroup
+        One a flight line, and the prior of each parameter.
+    blocks : dict
+        First values of the parameters.
+    lines : tuple of ndarray
+        Rows of the block's images of each flight line.
+    covariance : str
+        Which covariances weigh them: "strip", "chain", "image", or "none" without aerial control.
+    of_lines : tuple of str
+        What is observed of each flight line, such as "Ap/Ra".
+    """
+
+    groups: tuple[ObservationGroup, ...]
+    blocks: dict[Key, Array]
+    lines: tuple[Rows, ...]
+    covariance: str
+    of_lines: tuple[str, ...] = ()
+
+
+def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Control:
+    """Return the aerial control of a block as observation groups.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block and its orientation.
+    options : AerialControlTable, optional
+        What is estimated besides the poses; by default as the block file has it.
+
+    Returns
+    -------
+    Control
+        Groups and parameters.
+
+    Raises
+    ------
+    InputError
+        A covariance is asked for that is not there, or velocities are needed and missing.
+    """
+    eo, options = inputs.eo, options or inputs.file.aerial_control
+    if eo is None or inputs.file.adjustment.mode == "indirect":
+        return Control((), {}, (), "none")
+    image_of = np.full(len(eo.images), -1, dtype=np.int64)
+    own = inputs.eo_row >= 0
+    image_of[inputs.eo_row[own]] = np.flatnonzero(own)
+    kind, pieces = _pieces(eo, options)
+    common = read_common_errors(_beside(options), eo) if kind == "strip" else None
+    motion, line = _motion(eo, options), breaks(eo, options.gap_s)
+    others = _other_lines(eo, options)
+    shared = _shared(options)
+    blocks: dict[Key, Array] = {(name, 0): value for name, (value, _) in shared.items()}
+    groups: list[ObservationGroup] = [
+        _prior((name, 0), value, sigma) for name, (value, sigma) in shared.items()
+    ]
+    lines: list[Rows] = []
+    controls: list[str] = []
+    for piece, whole in pieces:
+        control = _control_of_line(piece, others, eo, options)
+        seen = np.flatnonzero(image_of[piece] >= 0)
+        if seen.size == 0:
+            continue
+        rows = piece[seen]
+        columns = (6 * seen[:, None] + np.arange(6)).ravel()
+        cov = whole[np.ix_(columns, columns)]
+        parameters, factor = dict.fromkeys(shared, 0), None
+        printed = control in RELATIVE and options.relative_weights != "smoothed"
+        if common is not None and common.factor[rows].any() and not printed:
+            segment, factor = int(common.segment[rows[0]]), common.factor[rows]
+            parameters[COMMON], cov = segment, common.rest(rows, cov)
+            if (COMMON, segment) not in blocks:
+                blocks[COMMON, segment] = np.zeros(factor.shape[2])
+                one = np.eye(factor.shape[2])
+                groups.append(ParameterObservation((COMMON, segment), 0.0 * one[0], one, COMMON))
+        for name, sigma in ((SHIFT, options.shift_sigma_m), (DRIFT, options.drift_sigma_mps)):
+            if sigma is not None and not (name == DRIFT and rows.size < 2):
+                key = (name, len(lines))
+                parameters[name] = key[1]
+                blocks[key] = np.zeros(3)
+                groups.append(_prior(key, np.zeros(3), np.array(sigma)))
+        strip = Strip(rows, image_of[rows], cov, factor, parameters)
+        if control in RELATIVE:
+            groups += relative_groups(strip, control, eo, motion, line, options)
+        else:
+            groups.append(_absolute(strip, control, eo, motion, options))
+        lines.append(image_of[rows])
+        controls.append(control)
+    return Control(tuple(groups), blocks, tuple(lines), kind, tuple(controls))
+
+
+def _absolute(
+    strip: Strip,
+    control: str,
+    eo: ExteriorOrientation,
+    motion: tuple[Array, Array],
+    options: AerialControlTable,
+) -> AerialControl:
+    """Return absolute control of a strip: of poses, or of positions alone."""
+    rows, cov, parameters = strip.rows, strip.cov, strip.parameters
+    if control == "Ap":
+        keep = (6 * np.arange(rows.size)[:, None] + np.arange(3)).ravel()
+        cov = cov[np.ix_(keep, keep)]
+        parameters = {p: k for p, k in parameters.items() if p != BORESIGHT}
+    who = f"{options.file}: flight line from image {eo.images[rows[0]]}"
+    return AerialControl(
+        tuple(int(i) for i in strip.images),
+        eo.position_m[rows],
+        eo.C_mc[rows],
+        weight_of(cov, who),
+        eo.time[rows],
+        motion[0][rows],
+        motion[1][rows],
+        parameters,
+        common=strip.factor,
+    )
+
+
+def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array, Array]:
+    """Return velocities and rates of the images, zero where they are not known and not needed."""
+    missing = eo.velocity_mps is None or eo.rate_radps is None
+    if options.time_offset_sigma_s > 0.0 and missing:
+        raise InputError.at_line(
+            options.file,
+            None,
+            "no velocities of the images, which a delay needs; process the flight again, or leave"
+            " aerial_control.time_offset_sigma_s out",
+        )
+    zeros = np.zeros((len(eo), 3))
+    return (
+        zeros if eo.velocity_mps is None else eo.velocity_mps,
+        zeros if eo.rate_radps is None else eo.rate_radps,
+    )
+
+
+def _other_lines(eo: ExteriorOrientation, options: AerialControlTable) -> dict[int, str]:
+    """Return the control that aerial_control.lines asks for, by the row of the named image."""
+    names = tuple(options.of_lines)
+    rows = matched(names, eo.images)
+    for name, row in zip(names, rows, strict=True):
+        if row < 0:
+            raise InputError(
+                f"aerial_control.lines: {name!r} is no image of the aerial control;"
+                f" {near(name, eo.images[:200])}"
+            )
+    return {int(row): options.of_lines[name] for name, row in zip(names, rows, strict=True)}
+
+
+def _control_of_line(
+    rows: Rows, others: dict[int, str], eo: ExteriorOrientation, options: AerialControlTable
+) -> str:
+    """Return the control of the flight line with these images."""
+    requested = {others[int(row)]: eo.images[row] for row in rows if int(row) in others}
+    if len(requested) > 1:
+        (one, first), (two, second) = list(requested.items())[:2]
+        raise InputError(
+            f"aerial_control.lines: {first} and {second} lie in one flight line, which cannot be"
+            f" both {one} and {two}; name one of them"
+        )
+    return next(iter(requested), options.control)
+
+
+def _shared(options: AerialControlTable) -> dict[str, tuple[Array, Array]]:
+    """Return first values and standard deviations of the parameters of the whole block."""
+    shared: dict[str, tuple[Array, Array]] = {}
+    if options.lever_arm_sigma_m is not None:
+        shared[LEVER_ARM] = np.zeros(3), np.array(options.lever_arm_sigma_m)
+    if options.boresight_sigma_deg > 0.0 and options.absolute_attitudes:
+        shared[BORESIGHT] = np.eye(3), np.full(3, np.radians(options.boresight_sigma_deg))
+    if options.time_offset_sigma_s > 0.0:
+        shared[TIME_OFFSET] = np.zeros(1), np.array([options.time_offset_sigma_s])
+    return shared
+
+
+def _prior(key: Key, value: Array, sigma: Array) -> ParameterObservation:
+    return ParameterObservation(key, value, np.diag(1.0 / sigma**2), MOUNTING)
+
+
+def _beside(options: AerialControlTable) -> Path:
+    return Path(options.file or ".").parent / FILE
+
+
+def _pieces(
+    eo: ExteriorOrientation, options: AerialControlTable
+) -> tuple[str, Iterator[tuple[Rows, Array]]]:
+    """Return which covariances weigh the poses, and rows with their covariance, line by line."""
+    beside = _beside(options)
+    kind: Any = options.covariance
+    if kind == "auto":
+        kind = "strip" if beside.is_file() else "chain" if eo.cross is not None else "image"
+    if kind == "strip":
+        return kind, _strips(eo, beside)
+    if kind == "chain":
+        if eo.cross is None:
+            raise InputError.at_line(
+                options.file,
+                None,
+                "no covariances of neighbours (images were left out), which"
+                ' aerial_control.covariance = "chain" needs; take the whole file, or "image"',
+            )
+        return kind, ((rows, chained_covariance(eo[rows])) for rows in _lines(eo))
+    if any(control in RELATIVE for control in (options.control, *options.of_lines.values())):
+        return kind, ((rows, _apart(eo.cov[rows])) for rows in _lines(eo))
+    return kind, ((np.array([k]), eo.cov[k]) for k in range(len(eo)))
+
+
+def _strips(eo: ExteriorOrientation, path: Path) -> Iterator[tuple[Rows, Array]]:
+    rest = np.ones(len(eo), dtype=bool)
+    for strip in read_eo_covariance(path, eo):
+        rest[strip.rows] = False
+        yield strip.rows, strip.cov
+    for k in np.flatnonzero(rest):
+        yield np.array([k]), eo.cov[k]
+
+
+def _apart(cov: Array) -> Array:
+    """Return the covariance (6 n, 6 n) of images that are independent of each other."""
+    n = len(cov)
+    P = np.zeros((n, 6, n, 6))
+    P[np.arange(n), :, np.arange(n), :] = cov
+    return P.reshape(6 * n, 6 * n)
+
+
+def _lines(eo: ExteriorOrientation) -> Iterator[Rows]:
+    """Return the rows of the images of each flight line, of a long one in pieces."""
+    number = breaks(eo, GAP_S)
+    for rows in np.split(np.arange(len(eo)), np.flatnonzero(np.diff(number)) + 1):
+        yield from (rows[k : k + LONGEST_CHAIN] for k in range(0, rows.size, LONGEST_CHAIN))

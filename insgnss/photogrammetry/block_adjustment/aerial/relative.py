@@ -1,0 +1,221 @@
+"""Relative control of flight lines: which images are pairs, what weighs them, and where a weak
+datum keeps a line determined that nothing else may hold.
+
+Pairs are neighbours among the images of a strip that lie in one flight line
+(`navigation.orient.relative`, which leaves out turns) and not more than `aerial_control.gap_s`
+apart. Images that no pair ties together are chains of their own; each chain has one weak datum.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....flight.config.block_tables.aerial_control import AerialControlTable
+from ....navigation.orient.relative import line_pairs
+from ....records import ExteriorOrientation
+from ....records.block import Array
+from ...adjust.aerial import BORESIGHT, COMMON, SHIFT
+from ...adjust.groups import ObservationGroup, weight_of
+from ...adjust.precision import GroupTest
+from ...adjust.relative import (
+    Datum,
+    GyroNoise,
+    Observed,
+    RelativeAerialControl,
+    as_printed,
+    operator,
+    smoothed,
+)
+
+Rows = NDArray[np.int64]
+DATUM = "weak datum"
+HELD_BY_NOTHING = 0.99
+"""Redundancy number of a weak datum below which the rest knows it no ten times better than it does
+itself: several data of lines that tie points join are redundant of each other."""
+
+
+class Strip(NamedTuple):
+    """Images of a strip, and what is known of their errors.
+
+    Parameters
+    ----------
+    rows : (n,) rows in the orientation, increasing.
+    images : (n,) rows in the block.
+    cov : (6 n, 6 n) covariance of their poses, without what `factor` says.
+    factor : (n, 6, q) their poses by the errors that all strips share, or None.
+    parameters : row of the block that stands for each parameter.
+    """
+
+    rows: Rows
+    images: Rows
+    cov: Array
+    factor: Array | None
+    parameters: dict[str, int]
+
+
+def breaks(eo: ExteriorOrientation, gap_s: float) -> Rows:
+    """Number the flight lines of all images.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The images.
+    gap_s : float
+        Longest time between neighbours of a line, s.
+
+    Returns
+    -------
+    ndarray of int, (n,)
+        The same number for images of one line, increasing; an image in none has its own.
+    """
+    up = np.tile([0.0, 0.0, 1.0], (len(eo), 1))
+    first, _ = line_pairs(eo.time, eo.position_m, up, eo.C_mc, gap_s)
+    follows = np.zeros(len(eo), dtype=bool)
+    follows[first + 1] = True
+    return np.cumsum(~follows).astype(np.int64)
+
+
+def pairs_of(time: Array, line: Rows, gap_s: float) -> Rows:
+    """Return the pairs of neighbours in a line.
+
+    Parameters
+    ----------
+    time : ndarray, (n,)
+        Stamps, s.
+    line : ndarray of int, (n,)
+        Number of the line of each image.
+    gap_s : float
+        Longest time between both, s.
+
+    Returns
+    -------
+    ndarray of int, (k, 2)
+        First and second image.
+    """
+    first = np.flatnonzero((np.diff(line) == 0) & (np.diff(time) <= gap_s))
+    return np.stack([first, first + 1], axis=1).astype(np.int64)
+
+
+def relative_groups(
+    strip: Strip,
+    control: str,
+    eo: ExteriorOrientation,
+    motion: tuple[Array, Array],
+    line: Rows,
+    options: AerialControlTable,
+) -> list[ObservationGroup]:
+    """Return relative control of a strip as observation groups.
+
+    Parameters
+    ----------
+    strip : Strip
+        Its images and their errors.
+    control : str
+        "Ap/Ra", "Rp/Ra" or "Rp".
+    eo : ExteriorOrientation
+        The orientation.
+    motion : tuple of ndarray
+        (n, 3) velocities, m/s, and rates, rad/s, of all its images.
+    line : ndarray of int
+        Number of the flight line of all its images.
+    options : AerialControlTable
+        Weights, gaps, standard deviations of the datum.
+
+    Returns
+    -------
+    list of ObservationGroup
+        One of all pairs, where there are any, and a weak datum of each chain.
+    """
+    rows = strip.rows
+    position, turns = control.startswith("Rp"), control.endswith("Ra")
+    pairs = pairs_of(eo.time[rows], line[rows], options.gap_s)
+    observed = Observed("relative" if position else "absolute", turns, pairs)
+    groups: list[ObservationGroup] = []
+    left_out = {BORESIGHT, SHIFT} if position else {BORESIGHT}
+    parameters = {p: k for p, k in strip.parameters.items() if p not in left_out}
+    C, factor = eo.C_mc[rows], None
+    if sum(observed.sizes(rows.size)):
+        if options.relative_weights == "smoothed":
+            L = operator(C, observed)
+            cov = smoothed(L, strip.cov)
+            if strip.factor is not None:
+                factor = np.asarray(L @ strip.factor.reshape(6 * rows.size, -1))
+        else:
+            gyro = None
+            if options.relative_weights == "gyro":
+                gyro = GyroNoise(
+                    np.radians(options.gyro_noise_deg_rts),
+                    np.radians(options.gyro_drift_degps),
+                    options.gyro_vertical,
+                )
+            cov = as_printed(strip.cov, C, observed, eo.time[rows], gyro)
+        if factor is None:
+            parameters.pop(COMMON, None)
+        who = f"{options.file}: relative control from image {eo.images[rows[0]]}"
+        groups.append(
+            RelativeAerialControl(
+                tuple(int(i) for i in strip.images),
+                eo.position_m[rows],
+                C,
+                observed,
+                weight_of(cov, who),
+                eo.time[rows],
+                motion[0][rows],
+                motion[1][rows],
+                parameters,
+                common=factor,
+            )
+        )
+    sigma = (
+        options.datum_sigma_m if position else np.inf,
+        float(np.radians(options.datum_sigma_deg)) if turns else np.inf,
+    )
+    for chain in chains(rows.size, pairs):
+        middle = int(chain[chain.size // 2])
+        i, size = int(strip.images[middle]), int(chain.size)
+        groups.append(Datum(i, eo.position_m[rows[middle]], C[middle], sigma, size, DATUM))
+    return groups
+
+
+def chains(n: int, pairs: Rows) -> list[Rows]:
+    """Return the images that pairs tie together.
+
+    Parameters
+    ----------
+    n : int
+        Number of images.
+    pairs : ndarray of int, (k, 2)
+        Pairs of neighbours.
+
+    Returns
+    -------
+    list of ndarray of int
+        Images of each chain, in order.
+    """
+    tied = np.zeros(n, dtype=bool)
+    tied[pairs[:, 1]] = True
+    return np.split(np.arange(n), np.flatnonzero(~tied)[1:])
+
+
+def weakly_held(groups: Sequence[ObservationGroup], tests: Sequence[GroupTest]) -> list[Datum]:
+    """Find the chains of images that nothing but their weak datum holds.
+
+    Parameters
+    ----------
+    groups : sequence of ObservationGroup
+        The groups of the adjustment.
+    tests : sequence of GroupTest
+        Their tests.
+
+    Returns
+    -------
+    list of Datum
+        The datum of each.
+    """
+    return [
+        group
+        for group, test in zip(groups, tests, strict=True)
+        if isinstance(group, Datum) and test.redundancy.min() < HELD_BY_NOTHING
+    ]

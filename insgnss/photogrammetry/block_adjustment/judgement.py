@@ -1,0 +1,543 @@
+"""What an adjusted block says of itself in sentences: what contradicts, what was determined or not.
+
+A group of observations contradicts its standard deviations where its variance component lies
+outside the two-sided 99.9 % bounds of chi-square over its redundancy, and is worse by a fifth. What
+explains it has been tried (`trials`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...report.rules.wording import Limit, lengths, screen_unit
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from .aerial.relative import DATUM
+from .pattern import Pattern, patterns
+from .processed import processed_with
+from .solve import GROUND, IMAGE, Solved
+from .trials import Trial, shift_of_check_points, trials
+from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
+
+OUTSIDE, WORSE = 0.9995, 1.2
+GROSS_W = 4.0
+PATTERN_PX, PATTERN_SIGMA = 0.15, 2.0
+MANY_REJECTED = 0.05
+MOST_OF_IMAGE, USUAL_REJECTED, CHANCE = 0.3, 0.02, 1e-5
+DISCONNECTED = 8.0  # times the share of ground control, for its rank
+TOO_LARGE = 5.0
+"""Times its standard deviations of a contradiction, beyond which no orientation is written."""
+CHECKS = "check points"
+ALIKE = 0.8  # of the gain of the best explanation, from which on another one is named beside it
+HELD_WORSE = 4.0
+"""The same of rays from held poses; 6e-5 of normal errors are farther off."""
+HIDDEN = 1e-6
+"""Chance that an unknown of no effect is called one."""
+DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
+SIGNIFICANT = 3.0
+STRONG = 0.95  # of a correlation that is worth a sentence
+AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)}
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What is said of an adjusted block.
+
+    Parameters
+    ----------
+    headline : str
+        The most important thing, without full stop.
+    findings : tuple of Limit
+        What stands out, the worst first; of rank one and more it contradicts.
+    determined : tuple of tuple of str
+        Each unknown with its verdict, "determined", "improved" or "not determined", and a sentence.
+    patterns : tuple of Pattern
+        Of the residuals on the format, a camera each.
+    trials_made : tuple of Trial
+        What was tried to explain a contradiction.
+    refused : tuple of Limit
+        Contradictions that are too large for a result, and that the block file does not accept.
+    """
+
+    headline: str
+    findings: tuple[Limit, ...]
+    determined: tuple[tuple[str, str, str], ...]
+    patterns: tuple[Pattern, ...]
+    trials_made: tuple[Trial, ...]
+    refused: tuple[Limit, ...] = ()
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether anything contradicts."""
+        return any(finding.rank >= 1.0 for finding in self.findings)
+
+
+def judged(
+    solved: Solved, figures: Mapping[str, Any], progress: Callable[[str], None]
+) -> Judgement:
+    """Judge an adjusted block.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    figures : mapping
+        Its figures.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Judgement
+        Headline, findings, what was determined.
+    """
+    beyond = list(_components(figures))
+    drawn = patterns(solved)
+    beyond += _checks(figures)
+    beyond += [*_disconnected(figures), *left_out(figures), *few_sizes(figures)]
+    if not solved.direct:  # errors of the poses repeat from image to image
+        beyond += _patterns(figures, drawn)
+    contradicted = any(finding.rank >= 1.0 for finding in beyond)
+    trials_made = trials(solved, _excess(figures), progress, everything=contradicted)
+    if contradicted:
+        shown_anyway = tuple(replace(t, explains=True) for t in trials_made if t.gain > _limit(t))
+        of_checks = shift_of_check_points(solved)
+        smoothed = solved.inputs.file.aerial_control.relative_weights == "smoothed"
+        own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
+        beyond = [
+            _explained(
+                finding, own if finding.topic == CHECKS else trials_made, solved.direct, smoothed
+            )
+            for finding in beyond
+        ]
+    else:
+        beyond += _hidden(trials_made)
+    findings = [*beyond, *_control(figures), *_rejected(figures), *_mounting(figures)]
+    findings += _weakly_held(figures)
+    findings += [*_images(solved), *_lever_arm(solved)]
+    findings += _correlations(figures)
+    ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
+    accepted = solved.inputs.file.adjustment.accept
+    too_large = {f.topic for f in beyond if f.rank >= TOO_LARGE} - {*accepted, "camera"}
+    if _worst_check_points(figures) < TOO_LARGE:
+        too_large.discard(CHECKS)
+    return Judgement(
+        _headline(figures, ordered),
+        ordered,
+        tuple(determined(figures)),
+        drawn,
+        trials_made,
+        tuple(finding for finding in ordered if finding.topic in too_large and finding.rank >= 1.0),
+    )
+
+
+def _worst_check_points(figures: Mapping[str, Any]) -> float:
+    """Return how many times too far off half of the check points are at least."""
+    squares = [c["normalised_square"] for c in figures["check_points"] if "difference_m" in c]
+    return float(np.sqrt(np.median(squares) / 3.0)) if squares else 0.0
+
+
+def _bounds(redundancy: float) -> tuple[float, float]:
+    """Return the two-sided 99.9 % bounds of a variance component."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf((1.0 - OUTSIDE, OUTSIDE), redundancy) / redundancy
+    return float(low), float(high)
+
+
+def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    for c in figures["components"]:
+        if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", DATUM):
+            continue
+        if figures["mode"] == "direct":
+            yield from _rays_apart(c)
+            continue
+        factor = c["factor"]
+        if factor != 1.0:  # its variances were multiplied
+            times = float(np.sqrt(factor))
+            if times > 3.0 or times < 1.0 / 3.0:
+                yield Limit(
+                    c["name"],
+                    1.0 if times > 3.0 else 0.5,
+                    f"{c['name']} have {times:.2g} times the standard deviations that were stated",
+                    "state what they have, or look for another camera model or wrong points",
+                )
+            continue
+        low, high = _bounds(c["redundancy"])
+        v = c["variance"]
+        times = float(np.sqrt(v))
+        if v > max(high, WORSE**2):
+            yield Limit(
+                c["name"],
+                times,
+                f"{c['name']} contradicts the rest: its residuals are {times:.1f} times what its"
+                f" standard deviations allow (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
+            )
+        elif v < min(low, 1.0 / WORSE**2):
+            yield Limit(
+                c["name"],
+                0.5,
+                f"{c['name']} is better than stated: its residuals are {times:.2f} times what its"
+                f" standard deviations say (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
+            )
+
+
+def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
+    """Rays of held poses that do not meet as their covariance promises.
+
+    One error that all images share, such as of the heading, moves all residuals alike: there is no
+    more than one degree of freedom to count on.
+    """
+    times = float(np.sqrt(component["variance"]))
+    if times > HELD_WORSE:
+        yield Limit(
+            component["name"],
+            times,
+            f"rays from the held poses pass {times:.1f} times as far from each other as covariances"
+            " of poses and image observations allow",
+        )
+
+
+def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Flight lines of relative control that no ground point, tie point or position holds."""
+    if not (chains := figures["weakly_held"]):
+        return
+    options = figures["block_file"]["aerial_control"]
+    images = sum(chain["images"] for chain in chains)
+    first = chains[0]["image"]
+    words, sigmas = [], []
+    if any(chain["position"] for chain in chains):
+        words.append("where they lie")
+        sigmas.append(f"{options['datum_sigma_m']:g} m")
+    if any(chain["attitude"] for chain in chains):
+        words.append("how they are turned")
+        sigmas.append(f"{options['datum_sigma_deg']:g} deg")
+    yield Limit(
+        "relative control",
+        0.95,
+        f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
+        f" line{'s' * (len(chains) > 1)} or turns, that of {first} first, and nothing tells"
+        f" {' or '.join(words)}: a weak observation ({' and '.join(sigmas)}) of one image of each"
+        " holds them",
+        "measure ground points in their images, or observe them absolutely (aerial_control.lines)",
+    )
+
+
+def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    together = figures["check_points_together"]
+    if not (degrees := together["degrees_of_freedom"]):
+        return
+    _, high = _bounds(degrees)
+    mean = together["normalised_square"] / degrees
+    if mean > max(high, WORSE**2):
+        worst = max(
+            (c for c in figures["check_points"] if "difference_m" in c),
+            key=lambda c: c["normalised_square"],
+        )
+        yield Limit(
+            CHECKS,
+            float(np.sqrt(mean)),
+            f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
+            f" {worst['point']} by {lengths([1e3 * x for x in worst['difference_m']])}"
+            " (east, north, up)",
+        )
+
+
+def _disconnected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Ground control that contradicts the rest so much that it has no image observation left."""
+    control = figures["ground_control"]
+    alone = [point["point"] for point in control if point["images"] == 0]
+    if alone:
+        words = ", ".join(alone[:3]) + (" ..." if alone[3:] else "")
+        yield Limit(
+            GROUND,
+            DISCONNECTED * len(alone) / len(control) + 1.0,
+            f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
+            f" their image observations were left out: {words}",
+        )
+
+
+def _images(solved: Solved) -> Iterator[Limit]:
+    """Images of whose observations many take no part, which chance does not do."""
+    from scipy.stats import binom
+
+    problem = solved.result.problem
+    block = problem.block
+    seen = block.observations
+    shared = np.bincount(seen.point, minlength=len(block.points))[seen.point] > 1
+    active = np.zeros(len(seen), dtype=bool)
+    active[problem.order] = problem.rays.active
+    n = len(block.images)
+    total = np.bincount(seen.image[shared], minlength=n)
+    missing = np.bincount(seen.image[shared & ~active], minlength=n)
+    share = missing / np.maximum(total, 1)
+    usual = max(USUAL_REJECTED, 2.0 * float((shared & ~active).sum() / max(1, shared.sum())))
+    chance = binom.sf(missing - 1, total, min(usual, 0.5))
+    beyond = np.flatnonzero((share > MOST_OF_IMAGE) & (chance < CHANCE / n))
+    if beyond.size:
+        worst = int(beyond[np.argmax(share[beyond])])
+        more = f", and such a share in {beyond.size - 1} more" if beyond.size > 1 else ""
+        name = block.images[worst]
+        yield Limit(
+            IMAGE,
+            1.0 + float(share[worst]),
+            f"{missing[worst]} of {total[worst]} image observations of {name} do not fit and were"
+            f" left out{more}",
+            f'check its name and its stamp, or leave it out by images.skip = ["{name}"]',
+        )
+
+
+def _lever_arm(solved: Solved) -> Iterator[Limit]:
+    """A bore-sight that turned the lever arm to the antenna when the flight was processed."""
+    turn = solved.result.values.blocks.get((BORESIGHT, 0))
+    flight = processed_with(solved.inputs)
+    if turn is None or flight is None or solved.inputs.eo is None:
+        return
+    lever = np.array(flight["mounting"]["antenna_m"], dtype=np.float64)
+    off = float(np.linalg.norm(turn @ lever - lever))
+    cov = solved.inputs.eo.cov
+    sigma = float(np.sqrt(np.median(np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / 3.0))
+    if off > SIGNIFICANT * sigma:
+        yield Limit(
+            BORESIGHT,
+            off / (SIGNIFICANT * sigma),
+            f"the bore-sight that the flight was processed with turned the lever arm of"
+            f" {np.linalg.norm(lever):.2f} m to the antenna: projection centres are off by"
+            f" {lengths([1e3 * off])} ({off / sigma:.0f} sigma)",
+            "process with --mounting mounting.toml, which is written here, and adjust again",
+        )
+
+
+def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Limit]:
+    for camera, pattern in zip(figures["cameras"], drawn, strict=True):
+        if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
+            yield Limit(
+                "camera",
+                1.0 + pattern.rms,
+                f"residuals of camera {camera['name']} repeat from image to image:"
+                f" {pattern.rms:.2f} px by their place on the format, which its interior"
+                " orientation does not describe",
+            )
+
+
+def _excess(figures: Mapping[str, Any]) -> float:
+    """Return by how much the cost of groups is above their redundancy."""
+    return sum(
+        max(0.0, (c["variance"] - 1.0) * c["redundancy"])
+        for c in figures["components"]
+        if c["variance"] is not None
+    )
+
+
+def _limit(trial: Trial) -> float:
+    """Return the gain that an unknown of no effect has by chance at most."""
+    from scipy.stats import chi2
+
+    return float(chi2.isf(HIDDEN, trial.unknowns))
+
+
+def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
+    """What the block file leaves out, and the observations show without a contradiction."""
+    for trial in trials_made[:1]:
+        limit = _limit(trial)
+        if trial.gain > limit:
+            yield Limit(
+                trial.name,
+                float(np.sqrt(trial.gain / limit)),
+                f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
+                f" the cost falls by {trial.gain:.0f} with it, by {limit:.0f} at most by chance",
+                advice(trial),
+            )
+
+
+def _explained(
+    finding: Limit, trials_made: tuple[Trial, ...], direct: bool, smoothed: bool
+) -> Limit:
+    """Add what explains a contradiction: the best of those that do."""
+    if finding.rank < 1.0 or not (trials_made or direct):
+        return finding
+    good = [trial for trial in trials_made if trial.explains]
+    if not good and direct:
+        return replace(
+            finding, help="adjust the same files in mode fast_at or iso, which try what explains it"
+        )
+    if not good:
+        names = ", ".join(trial.name for trial in trials_made)
+        weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
+        return Limit(
+            finding.topic,
+            finding.rank,
+            finding.text,
+            f"tried without success: {names}; look for gross errors, exchanged names, or standard"
+            f" deviations that are too small{weights}",
+        )
+    best = good[0]
+    words = f"{best.name} of {shown(best)} explains it: {advice(best)}"
+    others = {t.name: t for t in good if t.name != best.name and t.gain > ALIKE * best.gain}
+    alike = others.values()
+    words += "".join(
+        f"; {t.name} of {shown(t)} explains it nearly as well: {advice(t)}" for t in alike
+    )
+    if direct:
+        words += "; where poses are held, errors of camera constant and bore-sight look alike"
+    return replace(finding, help=words)
+
+
+def shown(trial: Trial) -> str:
+    """Return the values of a trial as people read them."""
+    factor, unit = (1.0, "px") if trial.unit == "px" else screen_unit(trial.unit)
+    words = " / ".join(_plain(factor * v) for v in trial.value[:3])
+    sigma = " / ".join(f"{factor * v:.2g}" for v in trial.sigma[:3])
+    return f"{words} {unit} (sigma {sigma})"
+
+
+def _plain(value: float) -> str:
+    """Return a number in three digits at least, without a power of ten."""
+    return f"{value:+.3g}" if abs(value) < 999.5 else f"{value:+.0f}"
+
+
+def advice(trial: Trial) -> str:
+    """Return what to do about what a trial showed."""
+    if trial.remedy:
+        return trial.remedy
+    if trial.key == "ground.crs":
+        return "check CRS, heights (geoid or ellipsoid) and antenna of the base"
+    if trial.key == "camera.free":
+        return "estimate it with camera.free"
+    if trial.key == "camera.file":
+        return "adjust the tie points in mode iso, and take the camera.toml that it writes"
+    return f"estimate it with {trial.key}"
+
+
+def _control(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Ground control points with gross errors, which were rejected."""
+    for point in figures["rejected_ground_control"]:
+        residual = lengths([1e3 * x for x in point["residual_m"]])
+        yield Limit(
+            GROUND,
+            max(1.0, point["w"] / GROSS_W),
+            f"ground control point {point['point']} does not fit and was left out: {residual}"
+            f" (east, north, up), {point['w']:.1f} sigma",
+            "check its coordinates and its image measurements",
+        )
+
+
+def _rejected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    counts = figures["counts"]
+    share = counts["rejected"] / max(1, counts["rejected"] + counts["image_observations"])
+    if share > MANY_REJECTED:
+        yield Limit(
+            IMAGE,
+            share / MANY_REJECTED,
+            f"{100 * share:.0f} % of the image observations were rejected as gross errors",
+            "see adjust.json for images and points",
+        )
+
+
+def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    for name, own in figures["mounting"].items():
+        value, sigma = np.array(own["value"]), np.array(own["sigma"])
+        if (np.abs(value) > SIGNIFICANT * sigma).any():
+            factor, unit = screen_unit(own["unit"])
+            words = " / ".join(f"{factor * v:+.3g}" for v in value)
+            yield Limit(
+                name,
+                0.4,
+                f"the {name} differs from that of the flight file by {words} {unit}"
+                f" ({np.max(np.abs(value) / sigma):.0f} sigma)",
+                "process the flight with --mounting mounting.toml to have it in every product",
+            )
+
+
+def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """The strongest pair of each remedy; coefficients of one polynomial are no finding."""
+    seen: set[str] = set()
+    for pair in figures["correlations"]:
+        strong = abs(pair["correlation"]) > STRONG
+        if not strong or pair["remedy"] in seen or pair["remedy"].startswith("normal"):
+            continue
+        seen.add(pair["remedy"])
+        yield Limit(
+            "correlation",
+            0.3,
+            f"unknowns {pair['first']} and {pair['second']} are hardly told apart (correlation"
+            f" {pair['correlation']:+.3f})",
+            pair["remedy"],
+        )
+
+
+def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Say of each unknown of cameras, mounting and vehicle whether the block determines it.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    tuple of str
+        Its name, a verdict, and its value with standard deviation.
+    """
+    for camera in figures["cameras"]:
+        for name, own in camera["parameters"].items():
+            if not own["estimated"]:
+                continue
+            moved = own["value"] - own["first"]
+            unit = " px" if name in ("f", "cx", "cy", "b1", "b2") else ""
+            sure = abs(own["value"]) > SIGNIFICANT * own["sigma"]
+            verdict = "determined" if sure or name in ("f", "cx", "cy") else "not significant"
+            yield (
+                f"{name} of {camera['name']}",
+                verdict,
+                f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
+            )
+    for name, own in figures["mounting"].items():
+        factor, unit = screen_unit(own["unit"])
+        for axis, value, sigma, before in zip(
+            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
+        ):
+            ratio = sigma / before
+            verdict = "determined" if ratio < DETERMINED else "improved"
+            if ratio > UNDETERMINED:
+                verdict = "not determined"
+            yield (
+                f"{name} {axis}".strip(),
+                verdict,
+                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
+                f" {factor * before:.2g})",
+            )
+    yield from determined_of(figures, (DETERMINED, UNDETERMINED))
+
+
+def _headline(figures: Mapping[str, Any], findings: tuple[Limit, ...]) -> str:
+    """The most important thing: a contradiction, else the precision."""
+    precision = precision_sentence(figures)
+    wrong = [finding for finding in findings if finding.rank >= 1.0]
+    return f"{wrong[0].sentence}; {precision}" if wrong else precision
+
+
+def precision_sentence(figures: Mapping[str, Any]) -> str:
+    """Return number and precision of the images, and what check points say."""
+    sigma = np.median([image["sigma_m"] for image in figures["images"]], axis=0)
+    angles = np.degrees(np.median([image["sigma_rad"] for image in figures["images"]], axis=0))
+    text = (
+        f"{len(figures['images'])} images: median sigmas of positions"
+        f" {lengths([1e3 * x for x in sigma])} (E, N, U), tilt {max(angles[:2]):.2g} deg,"
+        f" heading {angles[2]:.2g} deg"
+    )
+    if (points := figures["points"]["median_sigma_m"]) is not None:
+        text += f"; object points {lengths([1e3 * x for x in points])}"
+    checks = [c for c in figures["check_points"] if "difference_m" in c]
+    if checks:
+        d = np.array([c["difference_m"] for c in checks])
+        rms = np.sqrt((d**2).mean(axis=0))
+        sigma = np.sqrt(np.mean([np.square(c["sigma_m"]) for c in checks], axis=0))
+        text += (
+            f"; {len(checks)} check points {lengths([1e3 * x for x in rms])} rms"
+            f" ({lengths([1e3 * x for x in sigma])} expected)"
+        )
+    if words := headline_words(figures):
+        text += f"; {words}"
+    return text

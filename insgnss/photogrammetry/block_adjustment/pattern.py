@@ -1,0 +1,80 @@
+"""What residuals of image observations have in common by their place on the format."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records.block import Array
+from ..adjust.adjustment import residuals_px
+from .solve import Solved
+
+CELLS = (12, 9)
+FEWEST = 8  # observations of a cell
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Means of the residuals of one camera over the cells of its format.
+
+    Parameters
+    ----------
+    centre, mean : ndarray
+        (k, 2) middle of each cell and mean residual there, px.
+    sigma : ndarray
+        (k, 2) standard deviations that the redundancy of the observations leaves to the means, px.
+    """
+
+    centre: Array
+    mean: Array
+    sigma: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the mean residuals beyond their noise, px; zero where none is."""
+        if not len(self.mean):
+            return 0.0
+        return float(np.sqrt(max(0.0, float(np.mean(self.mean**2 - self.sigma**2)))))
+
+    @property
+    def normalised_square(self) -> float:
+        """Mean of the squared means in their standard deviations; one for noise."""
+        return float(np.mean((self.mean / self.sigma) ** 2)) if len(self.mean) else 0.0
+
+
+def patterns(solved: Solved) -> tuple[Pattern, ...]:
+    """Return the pattern of each camera.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block.
+
+    Returns
+    -------
+    tuple of Pattern
+        One a camera; cells with few observations are left out.
+    """
+    block = solved.result.problem.block
+    seen, r = block.observations, solved.precision.redundancy
+    e = residuals_px(solved.result)
+    taking = np.isfinite(r[:, 0])
+    out = []
+    for c, camera in enumerate(block.cameras):
+        mine = taking & (block.camera[seen.image] == c)
+        cell = (seen.uv[mine] / (camera.width, camera.height) * CELLS).astype(int)
+        cell = np.clip(cell, 0, np.array(CELLS) - 1)
+        number = cell[:, 0] * CELLS[1] + cell[:, 1]
+        size = CELLS[0] * CELLS[1]
+        count = np.bincount(number, minlength=size)
+        good = count >= FEWEST
+        mean, var = np.zeros((size, 2)), np.zeros((size, 2))
+        for k in range(2):
+            own = np.maximum(r[mine, k], 0.0) * seen.sigma_px[mine, k] ** 2
+            with np.errstate(all="ignore"):
+                mean[:, k] = np.bincount(number, e[mine, k], size) / count
+                var[:, k] = np.bincount(number, own, size) / count**2
+        centre = (np.stack(np.divmod(np.arange(size), CELLS[1]), axis=1) + 0.5) / CELLS
+        centre = centre * (camera.width, camera.height)
+        good &= (var > 0.0).all(axis=1)
+        out.append(Pattern(centre[good], mean[good], np.sqrt(var[good])))
+    return tuple(out)

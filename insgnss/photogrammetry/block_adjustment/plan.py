@@ -1,0 +1,326 @@
+"""The dry run `insgnss adjust --plan`: what a block will determine, before anything is measured.
+
+Images stand where the orientation has them (of a simulated flight, or one that was flown), tie
+points are drawn on ground of the height that ground points or the block file give, and every pixel
+is the one that collinearity gives: the adjustment stands at its solution, and its covariances are
+those to expect. Variances are those of the block file and of the orientation.
+
+One more ground control point is tried where the points are worst: the block is adjusted with it,
+and what it gains is said. Where points are good enough everywhere, it gains little.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...base.files import atomic_write, json_ready
+from ...base.output.staging import together
+from ...flight.config.block_file import BlockFile
+from ...io.formats.blocks.camera_toml import read_camera_toml
+from ...io.formats.blocks.ground_points import GroundTable
+from ...io.formats.blocks.image_points import ImagePoints
+from ...io.formats.blocks.joined import joined
+from ...io.formats.blocks.measured_block import of_table
+from ...io.formats.orientation.eo_json import read_one_camera
+from ...records import ExteriorOrientation
+from ...records.block import Array, BrownCamera, GroundPoints, ImageBlock, ImageObservations
+from ...report.figures.block import precision_map
+from ...report.rules.wording import lengths, screen_unit
+from ...report.verb_page import VerbPage, listed
+from ...simulation.image_block import BlockOptions, Terrain, Visible, seen_points, tie_points
+from ..adjust.adjustment import Adjusted, redundancy_of, valid
+from ..adjust.direct import direct_precision
+from ..adjust.normals import cost
+from ..adjust.precision import Precision, precision_of
+from .aerial.control import Control, control_of
+from .figures import figures_of
+from .inputs import Inputs, calibrated, ground_in_plane
+from .mode import cameras_in_mode, file_in_mode, ground_in_mode, source_in_mode
+from .page import ground_of, input_paths
+from .solve import Solved, plainly, set_up
+
+DOCUMENT, PAGE = "plan.json", "plan.html"
+SEED = 14
+WORTH = 0.8  # of the largest sigma, from which on a control point is worth its survey
+TARGET_PX = 0.3
+FLAT = Terrain(0.0, np.zeros(1), np.zeros((2, 1)), np.zeros(1))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a block is expected to determine.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block at its solution.
+    figures : dict
+        As of an adjusted block; residuals are zero.
+    best : tuple or None
+        Where one more control point helps most (east, north, m), the largest height sigma before
+        and with it, m, and the name of an image near it.
+    """
+
+    solved: Solved
+    figures: dict[str, Any]
+    best: tuple[Array, float, float, str] | None
+    files: tuple[Path, ...] = ()
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        counts, f = self.figures["counts"], self.figures
+        sigma = _sigmas(self.solved.precision)
+        worst = np.quantile(sigma, 0.95, axis=0)
+        lines = [
+            f"planned: {counts['images']} images, {counts['points']} points,"
+            f" {counts['image_observations']} image observations,"
+            f" {counts['ground_control']} ground control, {counts['check_points']} check points",
+            f"points: median sigmas {lengths((1e3 * np.median(sigma, axis=0)).tolist())} (E, N, U),"
+            f" 95 % below {lengths((1e3 * worst).tolist())}",
+        ]
+        checks = [c for c in f["check_points"] if "sigma_adjusted_m" in c]
+        if checks:
+            s = np.sqrt(np.mean(np.square([c["sigma_adjusted_m"] for c in checks]), axis=0))
+            lines.append(f"check points: {lengths((1e3 * s).tolist())} expected")
+        lines += list(expected(f))
+        lines += [
+            f"{c['first']} and {c['second']} will hardly be told apart (correlation"
+            f" {c['correlation']:+.2f}): {c['remedy']}"
+            for c in f["correlations"]
+            if c["remedy"] and not c["remedy"].startswith("normal")
+        ]
+        if self.best is not None:
+            where, before, after, image = self.best
+            gain = "would help most" if after < WORTH * before else "would help little, even"
+            lines.append(
+                f"one more ground control point {gain} at E {where[0]:.0f}, N {where[1]:.0f} m"
+                f" (near {image}): largest height sigma of points in three images"
+                f" {lengths([1e3 * before])} without, {lengths([1e3 * after])} with it"
+            )
+        lines += [f"note: {note}" for note in f["notes"]]
+        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return self.figures | {
+            "next_control_point": None
+            if self.best is None
+            else {
+                "position_m": self.best[0].tolist(),
+                "largest_height_sigma_before_m": self.best[1],
+                "largest_height_sigma_after_m": self.best[2],
+                "image": self.best[3],
+            },
+        }
+
+
+def expected(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Say how well cameras and mounting will be known.
+
+    Parameters
+    ----------
+    figures : mapping
+        Of the planned block.
+
+    Yields
+    ------
+    str
+        One sentence a camera and one for each part of the mounting.
+    """
+    height = figures["flying_height_m"]
+    for camera in figures["cameras"]:
+        own = {k: p for k, p in camera["parameters"].items() if p["estimated"]}
+        if not own:
+            yield f"camera {camera['name']}: nothing of it is estimated"
+            continue
+        words = ", ".join(f"{k} {p['sigma']:.2g}" for k, p in own.items())
+        text = f"camera {camera['name']}: sigmas {words}"
+        if "f" in own:
+            of_height = 1e3 * height * own["f"]["sigma"] / own["f"]["value"]
+            text += f"; that of f is {lengths([of_height])} of the flying height {height:.0f} m"
+        yield text
+    for name, own in figures["mounting"].items():
+        factor, unit = screen_unit(own["unit"])
+        sigma = " / ".join(f"{factor * x:.2g}" for x in own["sigma"])
+        before = " / ".join(f"{factor * x:.2g}" for x in own["sigma_before"])
+        yield f"{name}: sigma {sigma} {unit} ({before} before)"
+
+
+def planned(file: BlockFile, progress: Callable[[str], None], out: Path | None = None) -> Plan:
+    """Say what a block will determine.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file; its image observations are not read.
+    progress : callable
+        Is called with the name of each step.
+    out : Path, optional
+        Directory of plan.json and plan.html; None: they are not written.
+
+    Returns
+    -------
+    Plan
+        The precision to expect.
+
+    Raises
+    ------
+    InputError
+        No orientation, no camera, or no height of the ground.
+    DataError
+        The block does not determine an unknown.
+    """
+    notes: list[str] = []
+    file, mode = file_in_mode(file, notes), file.adjustment.mode
+    options = file.aerial_control
+    if options.file is None:
+        raise InputError(
+            "adjust --plan: where the images are is missing; give the eo.json of a flight, such as"
+            " a simulated one"
+        )
+    if file.camera.file is None:
+        raise InputError("adjust --plan: the camera is missing; give --camera, a camera.toml")
+    progress("reading the orientation")
+    eo = read_one_camera(options.file, "an adjustment")
+    camera = read_camera_toml(file.camera.file)
+    if file.camera.free is not None:
+        camera = replace(camera, free=file.camera.free)
+    (camera,) = cameras_in_mode(file, [camera], notes)
+    ground = ground_in_plane(file, None, eo, [])
+    terrain = replace(FLAT, height_m=_ground_height(file, ground))
+    if file.vehicle.file is not None:
+        notes.append("the plan has no kinematic ground control: the vehicle takes no part in it")
+    progress("drawing tie points")
+    block = _block(file, eo, camera, ground, terrain)
+    source = of_table(*block)
+    ground = ground_in_mode(file, ground, source.measured.points, notes)
+    source = source_in_mode(mode, source, ground, notes)
+    made = joined(source, ground, eo, all_oriented=mode == "fast_at")
+    inputs = Inputs(file, made.block, eo, made.eo_row, tuple(notes), calibrated(file, made.block))
+    progress(f"adjusting {len(made.block.observations)} planned image observations")
+    control = control_of(inputs)
+    solved = plainly(inputs, control, _precision(inputs, control))
+    figures = figures_of(solved)
+    figures["flying_height_m"] = float(np.median(eo.position_m[:, 2])) - terrain.height_m
+    best = None
+    if mode != "direct":
+        progress("trying one more ground control point")
+        best = _next_point(solved, eo)
+    plan = Plan(solved, figures, best)
+    if out is None:
+        return plan
+    progress(f"writing {out}")
+    return replace(plan, files=_written(plan, out))
+
+
+def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
+    """Write document and page, both or none."""
+    where = plan.best[0] if plan.best and plan.best[2] < WORTH * plan.best[1] else None
+    chart = precision_map(plan.figures, ground_of(plan.solved), where)
+    lines = plan.summary().splitlines()
+    text = json.dumps(json_ready(plan.as_dict()), indent=1, allow_nan=False, ensure_ascii=False)
+    page = VerbPage(
+        f"{plan.figures['name']}: plan",
+        lines[0],
+        "good",
+        "this is what to expect, before anything is measured",
+        [chart],
+        (listed("What to expect", lines[1:]),),
+        inputs=input_paths(plan.solved),
+        twin=text + "\n",
+    )
+    with together() as staging:
+        into = staging.tree(out)
+        atomic_write(into / DOCUMENT, text + "\n")
+        atomic_write(into / PAGE, page.html())
+        return staging.goals()
+
+
+def _ground_height(file: BlockFile, ground: GroundTable | None) -> float:
+    """Return the height of the ground in the tangent plane."""
+    if file.plan.ground_m is not None:
+        return file.plan.ground_m
+    if ground is None or not ground.points:
+        raise InputError(
+            "adjust --plan: the height of the ground is missing; give ground points, or"
+            " plan.ground_m (--ground-height), the height in the tangent plane"
+        )
+    return float(np.median(ground.position_m[:, 2]))
+
+
+def _block(
+    file: BlockFile,
+    eo: ExteriorOrientation,
+    camera: BrownCamera,
+    ground: GroundTable | None,
+    terrain: Terrain,
+) -> tuple[ImagePoints, BrownCamera]:
+    """Return planned image observations: tie points, and ground points where images see them."""
+    plan = file.plan
+    options = BlockOptions(
+        tie_points=plan.tie_points, matched=plan.matched, true_camera=camera, stated_camera=camera
+    )
+    ties = tie_points(eo, terrain, options, np.random.default_rng(SEED))
+    targets = ground.position_m if ground is not None else np.zeros((0, 3))
+    seen = seen_points(eo, targets, camera)
+    sigma = file.images.sigma_px or options.tie_sigma_px
+    return _observed(eo, ties, seen, ground.points if ground is not None else (), sigma), camera
+
+
+def _observed(
+    eo: ExteriorOrientation, ties: Visible, targets: Visible, names: tuple[str, ...], sigma: float
+) -> ImagePoints:
+    points = (*(f"T{k + 1:06d}" for k in range(len(ties.position))), *names)
+    image = np.concatenate([ties.image, targets.image])
+    point = np.concatenate([ties.point, targets.point + len(ties.position)])
+    uv = np.vstack([ties.uv, targets.uv])
+    is_target = point >= len(ties.position)
+    s = np.where(is_target, min(sigma, TARGET_PX), sigma)[:, None] * np.ones(2)
+    return ImagePoints(eo.images, points, ImageObservations(image, point, uv, s))
+
+
+def _precision(inputs: Inputs, control: Control) -> Precision:
+    """Return the precision at the solution, where pixels without error have the planned poses."""
+    problem, values = set_up(inputs, control)
+    problem = problem.with_active(valid(problem, values))
+    point = np.where(problem.determined[:, None], values.point, np.nan)
+    zero = cost(problem, values)[0]
+    solution = Adjusted(problem, values.with_points(point), zero, zero, 0, redundancy_of(problem))
+    if inputs.file.adjustment.mode == "direct":
+        return direct_precision(solution)
+    return precision_of(solution, 1.0)
+
+
+def _sigmas(precision: Precision) -> Array:
+    """Return standard deviations (m, 3) of the object points that take part."""
+    sigma = np.sqrt(np.diagonal(precision.point_cov, axis1=1, axis2=2))
+    return np.asarray(sigma[np.isfinite(sigma).all(axis=1)])
+
+
+def _next_point(solved: Solved, eo: ExteriorOrientation) -> tuple[Array, float, float, str] | None:
+    """Try one more control point where points that three images see are worst in height."""
+    block = solved.result.problem.block
+    rays = np.bincount(block.observations.point, minlength=len(block.points))
+    sigma = np.sqrt(solved.precision.point_cov[:, 2, 2])
+    good = np.isfinite(sigma) & (rays >= 3)
+    if not good.any():
+        return None
+    worst = int(np.argmax(np.where(good, sigma, -1.0)))
+    X = solved.result.values.point[worst]
+    control = block.control
+    cov = np.median(control.cov, axis=0) if len(control) else np.diag([0.01, 0.01, 0.015]) ** 2
+    more = GroundPoints(
+        np.append(control.point, worst),
+        np.vstack([control.position_m, X]),
+        np.concatenate([control.cov, cov[None]]),
+    )
+    changed: ImageBlock = replace(block, control=more)
+    again = _precision(replace(solved.inputs, block=changed), solved.control)
+    after = float(np.sqrt(again.point_cov[:, 2, 2])[good].max())
+    near = int(np.argmin(np.linalg.norm(eo.position_m[:, :2] - X[:2], axis=1)))
+    return X, float(sigma[worst]), after, eo.images[near]

@@ -1,0 +1,369 @@
+"""Products of an adjusted block, all of them or none; of one that contradicts itself too much only
+adjust.json and the page.
+
+eo.json       orientation of the images with aerial control, which `insgnss export` takes
+exports       as output.formats asks for
+poses.csv     every image, also those without a stamp; poses_covariance.npz where it is asked for
+camera_*      cameras with standard deviations
+mounting.toml tables that `insgnss process --mounting` takes
+adjust.json   everything that was found
+adjust.html   the page
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ...base.files import atomic_write, json_ready
+from ...base.inputs import sha256
+from ...base.output.staging import together
+from ...base.provenance import made_from, paths_named_by
+from ...geodesy.gpstime import calendar_from_gps
+from ...geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
+from ...io.formats.blocks.camera_files import write_cameras
+from ...io.formats.blocks.camera_toml import write_camera_toml
+from ...io.formats.blocks.reading import parts_of_block
+from ...io.formats.orientation.eo_covariance import FILE as STRIPS
+from ...io.formats.orientation.exported import quoted_names
+from ...io.formats.orientation.mounting_file import MountingFile, write_mounting_file
+from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
+from ...io.formats.orientation.pose_covariance import write_pose_covariance
+from ...records import ExteriorOrientation
+from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.unknowns import CAMERA, POSE
+from .judgement import Judgement
+from .page import write_page
+from .processed import processed_with
+from .solve import Solved
+
+DOCUMENT, PAGE, MOUNTING, POSES = "adjust.json", "adjust.html", "mounting.toml", "poses.csv"
+
+FORM_FILES = {
+    "metashape": "camera{}_metashape.xml",
+    "colmap": "cameras{}.txt",
+    "opencv": "camera{}_opencv.yaml",
+}
+
+
+def written(
+    solved: Solved, figures: dict[str, Any], judgement: Judgement, directory: Path
+) -> tuple[Path, ...]:
+    """Write every product.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    figures : dict
+        Its figures; the products are added to them.
+    judgement : Judgement
+        What is said of it.
+    directory : Path
+        Where they go.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    UsageError
+        A product would take the place of an input, or cannot be what the block file asks for.
+    """
+    file = solved.inputs.file
+    with together() as staging:
+        into = staging.tree(directory)
+        if not judgement.refused:
+            _write_orientation(solved, figures, judgement, into)
+        start = file.path.absolute().parent
+        figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
+        figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
+        document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
+        atomic_write(into / DOCUMENT, document + "\n")
+        write_page(into / PAGE, solved, figures, judgement, document + "\n")
+        files = staging.goals()
+        _refuse_overwriting(solved, files)
+    return files
+
+
+def _write_orientation(
+    solved: Solved, figures: dict[str, Any], judgement: Judgement, into: Path
+) -> None:
+    """Write orientation, exports, cameras and mounting."""
+    from ...flight.exporting.export import export
+    from ...io.formats import EXPORTS
+
+    file = solved.inputs.file
+    eo = adjusted_orientation(solved, judgement)
+    if eo is not None:
+        names = dict.fromkeys([*file.output.formats, "eo_json"])
+        done = {name: export(eo, name, into / EXPORTS[name].product) for name in names}
+        figures["exports"] = [
+            {"format": name, "file": EXPORTS[name].product, "frame": own.frame}
+            for name, own in done.items()
+        ]
+    write_poses(solved, into / POSES)
+    if file.output.pose_covariance:
+        images = solved.result.problem.block.images
+        keys = [(POSE, k) for k in range(len(images))]
+        write_pose_covariance(images, solved.precision.cov(*keys), into / COVARIANCE)
+    figures["notes"] += _write_cameras(solved, into)
+    if (mounting := adjusted_mounting(solved)) is not None:
+        write_mounting_file(mounting, into / MOUNTING)
+
+
+def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
+    taken = {path.resolve() for path in _input_files(solved)}
+    for goal in goals:
+        if goal.resolve() in taken:
+            raise UsageError(
+                f"the product {goal} would overwrite an input; give another directory by --out"
+            )
+
+
+def _input_files(solved: Solved) -> list[Path]:
+    """List every file that the adjustment depends on, none twice.
+
+    Of the report beside an orientation only the mounting is taken, which the orientation has been
+    made with: it is none of them, as it says the date of its run.
+    """
+    file = solved.inputs.file
+    given = [path for path in paths_named_by(file) if path != file.output.directory]
+    poses = (file.aerial_control.file, file.vehicle.file)
+    beside = [path.parent / STRIPS for path in poses if path is not None]
+    parts = [] if file.images.file is None else parts_of_block(file.images.file)
+    return [path for path in dict.fromkeys([*given, *beside, *parts]) if path.is_file()]
+
+
+def adjusted_orientation(solved: Solved, judgement: Judgement) -> ExteriorOrientation | None:
+    """Return the orientation of the images that have aerial control, in the order of its stamps.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    judgement : Judgement
+        What is said of it.
+
+    Returns
+    -------
+    ExteriorOrientation or None
+        Covariances are those of the adjustment, that of neighbours too; None where there is no
+        aerial control and so no stamps.
+    """
+    eo, rows = solved.inputs.eo, solved.inputs.eo_row
+    if eo is None:
+        return None
+    images = np.flatnonzero(rows >= 0)
+    images = images[np.argsort(rows[images])]
+    own, values = rows[images], solved.result.values
+    cov = solved.precision.pose_cov[images]
+    cross = np.zeros((max(images.size - 1, 0), 6, 6))
+    for k in range(images.size - 1):
+        pair = ((POSE, int(images[k])), (POSE, int(images[k + 1])))
+        cross[k] = solved.precision.cov(*pair)[:6, 6:]
+    history = (
+        *eo.history,
+        f"adjusted with {solved.result.problem.rays.active.sum()} image observations of"
+        f" {len(rows)} images: {judgement.headline}",
+    )
+    boresight = eo.boresight
+    if (E := values.blocks.get((BORESIGHT, 0))) is not None:
+        boresight = changed_boresight(eo, E)
+    return replace(
+        eo[own],
+        position_m=values.position[images],
+        C_mc=values.C_mc[images],
+        cov=cov,
+        cross=cross,
+        boresight=boresight,
+        history=history,
+    )
+
+
+def changed_boresight(eo: ExteriorOrientation, E: Array) -> Array:
+    """Return the bore-sight matrix B of the mounting that the adjustment found.
+
+    With C_o = C_mb (T B)^T observed and C = C_o E, C = C_mb (T B')^T asks for T B' = E^T T B.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The aerial control, with B and T that were applied.
+    E : ndarray, (3, 3)
+        Camera to nominal camera, (J.9) of `insgnss.photogrammetry.adjust.aerial`.
+
+    Returns
+    -------
+    ndarray, (3, 3)
+        B'.
+    """
+    T = eo.camera_from_body
+    return nearest_rotation(T.T @ E.T @ T @ eo.boresight)
+
+
+def write_poses(solved: Solved, path: Path) -> None:
+    """Write the pose of every image with standard deviations.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+    path : path
+        The file.
+    """
+    values, images = solved.result.values, solved.result.problem.block.images
+    opk = opk_from_rotation(values.C_mc @ CV_RUB)
+    cov = solved.precision.pose_cov
+    F = np.linalg.inv(opk_jacobian(opk))
+    angles = np.einsum("nij,njk,nik->ni", F, cov[:, 3:, 3:], F)
+    sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2)[:, :3], 0.0))
+    table = np.hstack(
+        [values.position, np.degrees(opk), sigma, np.degrees(np.sqrt(np.maximum(angles, 0.0)))]
+    )
+    form = "%s" + ",%.4f" * 3 + ",%.7f" * 3 + ",%.5f" * 3 + ",%.7f" * 3 + ",%s\n"
+    rows = (
+        form % (name, *values, "yes" if row >= 0 else "no")
+        for name, values, row in zip(
+            quoted_names(images, ","), table.tolist(), solved.inputs.eo_row, strict=True
+        )
+    )
+    head = (
+        "# projection centre, m, and omega phi kappa, deg: Rx(omega) Ry(phi) Rz(kappa) takes the"
+        " right-up-back camera to the axes of the block; standard deviations\n"
+        "image,x,y,z,omega,phi,kappa,sd_x,sd_y,sd_z,sd_omega,sd_phi,sd_kappa,aerial_control\n"
+    )
+    atomic_write(path, "".join([head, *rows]))
+
+
+def adjusted_cameras(solved: Solved) -> tuple[BrownCamera, ...]:
+    """Return the cameras with adjusted interior orientation.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    tuple of BrownCamera
+        The cameras.
+    """
+    return solved.result.values.cameras(solved.result.problem.block.cameras)
+
+
+def covariances(solved: Solved) -> list[InteriorCovariance | None]:
+    """Return the covariance of each camera's interior orientation.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    list
+        One a camera; None where nothing of it was estimated.
+    """
+    out: list[InteriorCovariance | None] = []
+    columns = solved.result.problem.layout.columns
+    for c, camera in enumerate(solved.result.problem.block.cameras):
+        own = [k for k, row in enumerate(columns) if INTERIOR[row] in camera.free]
+        P = solved.precision.cov((CAMERA, c))[np.ix_(own, own)] if own else None
+        names = tuple(INTERIOR[columns[k]] for k in own)
+        out.append(None if P is None else InteriorCovariance(names, P))
+    return out
+
+
+def _write_cameras(solved: Solved, into: Path) -> list[str]:
+    """Write the cameras in each format; returns what a format cannot express."""
+    cameras, P_of = adjusted_cameras(solved), covariances(solved)
+    notes: list[str] = []
+    for form in solved.inputs.file.output.cameras:
+        for k, (camera, P) in enumerate(zip(cameras, P_of, strict=True)):
+            number = f"_{k + 1}" if len(cameras) > 1 else ""
+            if form == "toml":
+                write_camera_toml(camera, into / f"camera{number}.toml", P)
+                continue
+            try:
+                path = into / FORM_FILES[form].format(number)
+                notes += write_cameras([camera], path, form, [P])
+            except InputError as refusal:
+                notes.append(str(refusal))
+    return notes
+
+
+def adjusted_mounting(solved: Solved) -> MountingFile | None:
+    """Return the mounting that the adjustment found.
+
+    Lever arms and delay are corrections of what the flight was processed with, which report.json
+    beside its eo.json says.
+
+    Parameters
+    ----------
+    solved : Solved
+        The block.
+
+    Returns
+    -------
+    MountingFile or None
+        None where no parameter of the mounting was estimated.
+    """
+    eo, blocks = solved.inputs.eo, solved.result.values.blocks
+    estimated = [name for name in (BORESIGHT, LEVER_ARM, TIME_OFFSET) if (name, 0) in blocks]
+    if eo is None or not estimated:
+        return None
+    before = processed_with(solved.inputs)
+    cov = {name: solved.precision.cov((name, 0)) for name in estimated}
+    values: dict[str, Any] = {}
+    remarks = [f"from {eo.images[0]} to {eo.images[-1]}"]
+    if BORESIGHT in estimated:
+        values["boresight"] = changed_boresight(eo, blocks[(BORESIGHT, 0)])
+        values["boresight_cov"] = cov[BORESIGHT]
+    if LEVER_ARM in estimated:
+        change, E = blocks[(LEVER_ARM, 0)], blocks.get((BORESIGHT, 0), np.eye(3))
+        for key in ("antenna_m", "imu_m"):
+            if before is not None:  # the body's lever arms in the axes of the adjusted camera
+                values[key] = E.T @ np.array(before["mounting"][key]) + change
+                values[f"{key.removesuffix('_m')}_cov"] = cov[LEVER_ARM]
+            else:
+                words = " ".join(f"{x:+.5f}" for x in change)
+                remarks.append(f"{key}: add {words} m (no report.json beside eo.json)")
+    if TIME_OFFSET in estimated:
+        delay, sigma = float(blocks[(TIME_OFFSET, 0)][0]), float(np.sqrt(cov[TIME_OFFSET][0, 0]))
+        if before is not None and before.get("camera"):
+            values["time_offset_s"] = before["camera"]["time_offset_s"] + delay
+            values["time_offset_sigma_s"] = sigma
+        else:
+            remarks.append(f"camera.time_offset_s: add {delay:+.7f} ({sigma:.6f} s)")
+    week = eo.gps_week
+    cameras = adjusted_cameras(solved)
+    of_one = {} if len(cameras) > 1 else _identity(cameras[0])
+    file = solved.inputs.file
+    inputs = (file.path, file.images.file, file.camera.file, file.aerial_control.file)
+    given = dict.fromkeys(p for p in (*inputs, file.ground.file) if p is not None and p.is_file())
+    return MountingFile(
+        verb="adjust",
+        **values,
+        **of_one,
+        camera_from_body=eo.camera_from_body,
+        date="" if week is None else calendar_from_gps(week, float(eo.time[0])).date().isoformat(),
+        inputs=tuple((path.name, sha256(path)) for path in given),
+        remarks=tuple(remarks),
+    )
+
+
+def _identity(camera: BrownCamera) -> dict[str, Any]:
+    """Name, image size and focal length of a camera, as far as they are known."""
+    return {
+        "camera": camera.name,
+        "image_size": (camera.width, camera.height),
+        "focal_px": camera.of("f"),
+    }

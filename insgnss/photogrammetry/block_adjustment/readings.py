@@ -1,0 +1,367 @@
+"""A block as somebody may have written it: other axes, other order of images, other attitudes.
+
+Each reading is fitted to itself: the bore-sight (and of one a delay of the exposures) that brings
+rays of the same point nearest to each other, by least squares with weights of a robust scale. What
+is left, the median distance of rays from the points that they intersect in, is in pixels.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.rotation import (
+    CV_RUB,
+    opk_from_rotation,
+    right_angle_rotations,
+    rotation_from_opk,
+    rotation_from_vector,
+    rpy_from_rotation,
+    vector_from_rotation,
+)
+from ...records.block import INTERIOR, Array, BrownCamera
+from ..adjust.start import directions, intersected
+from .inputs import Inputs
+
+FEWEST_RAYS = 60
+MOST_RAYS = 500
+STEPS, FEW_STEPS, LONGEST_STEP = 10, 3, 0.2
+FAR_OFF = 1e6  # pixels, of a point behind its camera
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A block as somebody may have written it.
+
+    Parameters
+    ----------
+    text : str
+        What it says of the files, after "as if".
+    remedy : str
+        What to do where it fits.
+    position, C : ndarray
+        (n, 3) and (n, 3, 3) poses of the images.
+    xy : ndarray
+        (k, 2) rays, on the plane of unit distance.
+    image, point : ndarray of int
+        (k,) image and object point of each ray.
+    f : ndarray
+        (k,) camera constants, pixels.
+    velocity, rate : ndarray, optional
+        (n, 3) of the images, m/s and rad/s, where a delay of the exposures is fitted as well.
+    """
+
+    text: str
+    remedy: str
+    position: Array
+    C: Array
+    xy: Array
+    image: Rows
+    point: Rows
+    f: Array
+    velocity: Array | None = None
+    rate: Array | None = None
+
+    def rows(self, keep: NDArray[np.bool_] | Rows) -> "Reading":
+        """Return some of its rays."""
+        return replace(
+            self,
+            xy=self.xy[keep],
+            image=self.image[keep],
+            point=self.point[keep],
+            f=self.f[keep],
+        )
+
+    def moved(self, change: Array) -> tuple[Array, Array]:
+        """Return the poses with a bore-sight (3,), rad, and behind it perhaps a delay, s."""
+        position, C = self.position, self.C @ rotation_from_vector(change[:3])
+        if change.size > 3 and self.velocity is not None and self.rate is not None:
+            position = position + change[3] * self.velocity
+            C = rotation_from_vector(change[3] * self.rate) @ C
+        return position, C
+
+    def residuals(self, change: Array | None = None) -> Array:
+        """Return the distances (k, 2) of intersected points from their rays, pixels.
+
+        Parameters
+        ----------
+        change : ndarray, optional
+            Bore-sight (3,), rad, and perhaps a delay, s.
+        """
+        position, C = self.moved(np.zeros(3) if change is None else change)
+        points, rows = np.unique(self.point, return_inverse=True)
+        X = intersected(position, C, self.xy, self.image, rows, points.size)
+        q = np.einsum("nji,nj->ni", C[self.image], X[rows] - position[self.image])
+        with np.errstate(all="ignore"):
+            e = self.f[:, None] * (self.xy - q[:, :2] / q[:, 2:])
+        seen = (q[:, 2] > 0.0) & np.isfinite(e).all(axis=1)
+        return np.where(seen[:, None], np.clip(e, -FAR_OFF, FAR_OFF), FAR_OFF)
+
+    def fitted(self, hopeless: float = np.inf) -> tuple[float, Array]:
+        """Return the median distance of rays, pixels, and the change that makes it least.
+
+        Parameters
+        ----------
+        hopeless : float
+            Pixels; a reading that is farther apart after a few steps is given up.
+        """
+        n = 3 if self.velocity is None else 4
+        change = np.zeros(n)
+        e = self.residuals()
+        best = _median(e)
+        damping = 0.0
+        for step_number in range(STEPS):
+            if step_number >= FEW_STEPS and best > hopeless:
+                break
+            J = np.stack(
+                [(self.residuals(change + 1e-5 * axis) - e) / 1e-5 for axis in np.eye(n)], axis=2
+            )
+            off = np.linalg.norm(e, axis=1)
+            weight = np.minimum(1.0, max(best, 1e-6) / np.maximum(off, 1e-12))
+            weight *= (np.abs(J).max(axis=(1, 2)) < FAR_OFF) & (off < FAR_OFF)
+            N = np.einsum("n,nki,nkj->ij", weight, J, J)
+            g = np.einsum("n,nki,nk->i", weight, J, e)
+            if not np.linalg.cond(N) < 1e12:
+                break
+            step = -np.linalg.solve(N * (1.0 + damping * np.eye(n)), g)
+            step *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(step)), 1e-12))
+            ahead = self.residuals(change + step)
+            if not (after := _median(ahead)) < best:
+                if damping > 10.0:
+                    break
+                damping = max(10.0 * damping, 0.1)
+                continue
+            done = after > 0.99 * best
+            change, e, best, damping = change + step, ahead, after, 0.1 * damping
+            if done:
+                break
+        return best, change
+
+
+def _median(e: Array) -> float:
+    return float(np.median(np.linalg.norm(e, axis=1)))
+
+
+def as_given(inputs: Inputs) -> Reading:
+    """Return the rays of images with aerial control to points that two of them see.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+
+    Returns
+    -------
+    Reading
+        The block as it is given.
+    """
+    block, seen = inputs.block, inputs.block.observations
+    keep = (inputs.eo_row >= 0)[seen.image]
+    xy = directions(block)
+    keep &= np.isfinite(xy).all(axis=1)
+    count = np.bincount(seen.point[keep], minlength=len(block.points))
+    keep &= count[seen.point] >= 2
+    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[seen.image]]
+    given = Reading("", "", block.position_m, block.C_mc, xy, seen.image, seen.point, f)
+    return given.rows(keep)
+
+
+def some_rays(reading: Reading) -> Reading:
+    """Return the rays of points in even steps, of those with three rays where there are enough.
+
+    Parameters
+    ----------
+    reading : Reading
+        All rays.
+
+    Returns
+    -------
+    Reading
+        With `MOST_RAYS` of them, about.
+    """
+    count = np.bincount(reading.point)
+    points = np.flatnonzero(count >= 3)
+    if count[points].sum() < FEWEST_RAYS:
+        points = np.flatnonzero(count >= 2)
+    if points.size and (total := int(count[points].sum())) > MOST_RAYS:
+        steps = np.linspace(0, points.size - 1, max(1, points.size * MOST_RAYS // total))
+        points = points[steps.astype(int)]
+    return reading.rows(np.isin(reading.point, points))
+
+
+def readings(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+    """Return how somebody may have written a block.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    whole : Reading
+        As it is given.
+
+    Yields
+    ------
+    Reading
+        The block read in another way.
+    """
+    yield from _other_stamps(inputs, whole)
+    yield from _other_numbers(inputs, whole)
+    yield from _other_axes(whole)
+    yield from _other_attitudes(whole)
+    yield from _other_cameras(inputs, whole)
+
+
+def _other_axes(whole: Reading) -> Iterator[Reading]:
+    """Pixel axes and camera axes: the 48 signed permutations of the axes of a ray."""
+    pixels: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[str, str]] = {
+        ((0, 1), (1, -1)): ("y counted upwards from the lower edge", "mirror y: height - y"),
+        ((0, 1), (-1, 1)): ("x counted from the right edge", "mirror x: width - x"),
+        ((1, 0), (1, 1)): ("columns x and y were exchanged", "exchange them"),
+        ((1, 0), (-1, -1)): ("x and y were exchanged and count backwards", "write x right, y down"),
+    }
+    for (order, sign), (text, remedy) in pixels.items():
+        xy = whole.xy[:, order] * np.array(sign)
+        yield replace(
+            whole, text=text, remedy=f"{remedy} (x right, y down from the upper left corner)", xy=xy
+        )
+    for R in right_angle_rotations()[1:].swapaxes(1, 2):
+        words = _turn_words(R)
+        yield replace(
+            whole,
+            text=f"the camera were turned by {words}",
+            remedy="correct camera_from_body or bore-sight of the flight file and process"
+            " again, or turn the images as the camera took them",
+            C=whole.C @ R,
+        )
+
+
+def _turn_words(R: Array) -> str:
+    turn = vector_from_rotation(R)
+    angle = float(np.degrees(np.linalg.norm(turn)))
+    axis = turn / np.linalg.norm(turn)
+    k = int(np.argmax(np.abs(axis)))
+    if abs(axis[k]) > 0.99:
+        return f"{angle * np.sign(axis[k]):+.0f} deg about its {'xyz'[k]} axis"
+    words = " ".join(f"{x:+.2f}" for x in axis)
+    return f"{angle:.0f} deg about the axis {words} of its own"
+
+
+def _other_attitudes(whole: Reading) -> Iterator[Reading]:
+    """Attitudes that were composed in another way."""
+    remedy = "write the attitudes of eo.json as its conventions say (data_specs/eo_json.md)"
+    yield replace(
+        whole,
+        text="the matrices of the attitudes were transposed",
+        remedy=remedy,
+        C=np.ascontiguousarray(whole.C.swapaxes(1, 2)),
+    )
+    good = np.isfinite(whole.C).all(axis=(1, 2))
+    R = whole.C[good] @ CV_RUB
+    opk = opk_from_rotation(R)
+    for text, angles in (
+        ("omega, phi, kappa were composed in the reverse order", rpy_from_rotation(R)),
+        ("omega and phi had the other sign", opk * [-1.0, -1.0, 1.0]),
+        ("kappa had the other sign", opk * [1.0, 1.0, -1.0]),
+    ):
+        C = whole.C.copy()
+        C[good] = rotation_from_opk(angles) @ CV_RUB.T
+        yield replace(whole, text=text, remedy=remedy, C=C)
+
+
+def _other_stamps(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+    """Exposures that lag behind their stamps."""
+    eo = inputs.eo
+    if eo is None or eo.velocity_mps is None or eo.rate_radps is None:
+        return
+    own = inputs.eo_row >= 0
+    velocity, rate = np.zeros((2, own.size, 3))
+    velocity[own] = eo.velocity_mps[inputs.eo_row[own]]
+    rate[own] = eo.rate_radps[inputs.eo_row[own]]
+    yield replace(
+        whole,
+        text="the exposures had a delay of {:+.2f} s behind their stamps",
+        remedy="correct the stamps or camera.time_offset_s of the flight file and process again",
+        velocity=velocity,
+        rate=rate,
+    )
+
+
+def _other_numbers(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+    """Images that have the observations of a neighbour, or are numbered backwards."""
+    eo = inputs.eo
+    assert eo is not None
+    order = np.argsort(inputs.eo_row, kind="stable")
+    order = order[inputs.eo_row[order] >= 0]
+    names = inputs.block.images
+    remedy = "correct the names of the images or the stamps of the exposures"
+    n = order.size
+    for k in (1, -1, 2, -2, 3, -3):
+        if abs(k) >= n:
+            continue
+        source = np.clip(np.arange(n) + k, 0, n - 1)
+        inside = (np.arange(n) + k >= 0) & (np.arange(n) + k < n)
+        position, C = whole.position.copy(), whole.C.copy()
+        position[order], C[order] = whole.position[order[source]], whole.C[order[source]]
+        keep = np.isin(whole.image, order[inside])
+        first, second = order[n // 2], order[source[n // 2]]
+        text = (
+            f"each image had the pose of another: {names[first]} that of {names[second]}"
+            f" ({k:+d} in the order of time)"
+        )
+        yield replace(whole, text=text, remedy=remedy, position=position, C=C).rows(keep)
+    position, C = whole.position.copy(), whole.C.copy()
+    position[order], C[order] = whole.position[order[::-1]], whole.C[order[::-1]]
+    text = f"images were numbered in the reverse order, {names[order[0]]} the last"
+    yield replace(whole, text=text, remedy=remedy, position=position, C=C)
+
+
+def _other_cameras(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+    """A principal point that counts from the middle of the image, a camera of another format."""
+    block = inputs.block
+
+    def read(text: str, remedy: str, cameras: list[BrownCamera]) -> Reading:
+        other = replace(inputs, block=replace(block, cameras=tuple(cameras)))
+        return replace(as_given(other), text=text, remedy=remedy)
+
+    middle = [
+        with_values(c, cx=c.of("cx") + c.width / 2, cy=c.of("cy") + c.height / 2)
+        for c in block.cameras
+    ]
+    yield read(
+        "cx and cy, the principal point, counted from the middle of the image",
+        f"write them from its upper left corner, {middle[0].of('cx'):.1f} and"
+        f" {middle[0].of('cy'):.1f} px",
+        middle,
+    )
+    for times in (0.5, 2.0):
+        cameras = [
+            with_values(c, **{k: times * c.of(k) for k in ("f", "cx", "cy")}) for c in block.cameras
+        ]
+        yield read(
+            f"the camera were of images of {times:g} times the size",
+            "give the camera of these images: f, cx, cy, width and height in their pixels",
+            cameras,
+        )
+
+
+def with_values(camera: BrownCamera, **values: float) -> BrownCamera:
+    """Return a camera with other values of some parameters.
+
+    Parameters
+    ----------
+    camera : BrownCamera
+        The camera.
+    **values : float
+        Of `INTERIOR`, by name.
+
+    Returns
+    -------
+    BrownCamera
+        The camera otherwise as it was.
+    """
+    interior = np.array(camera.interior)
+    for name, value in values.items():
+        interior[INTERIOR.index(name)] = value
+    return replace(camera, interior=interior)

@@ -1,0 +1,173 @@
+"""The whole job of `insgnss adjust`: read, adjust, judge, write."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import DataError
+from ...base.provenance import refuse_other_results
+from ...base.received.outputs import refuse_outside
+from ...base.received.trusted import at_home
+from ...flight.config.block_file import BlockFile
+from .figures import figures_of
+from .inputs import Inputs, inputs_of
+from .judgement import Judgement, advice, judged, shown
+from .plausibility import refuse_implausible
+from .products import DOCUMENT, written
+from .solve import Solved, solved
+from .trials import converging
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustmentResult:
+    """An adjusted block and what is said of it.
+
+    Parameters
+    ----------
+    solved : Solved
+        Values and covariances.
+    figures : dict
+        What adjust.json holds.
+    judgement : Judgement
+        Headline, findings, what was determined.
+    files : tuple of Path
+        The products.
+    """
+
+    solved: Solved
+    figures: dict[str, Any]
+    judgement: Judgement
+    files: tuple[Path, ...]
+
+    @property
+    def refusal(self) -> DataError | None:
+        """Why no orientation was written; None where it was."""
+        if not (refused := self.judgement.refused):
+            return None
+        names = ", ".join(dict.fromkeys(f'"{finding.topic}"' for finding in refused))
+        return DataError(
+            f"{refused[0].sentence}; no orientation is written, adjust.html shows the residuals;"
+            f" adjustment.accept = [{names}] in the block file overrules"
+        )
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        judgement = self.judgement
+        lines = [judgement.headline]
+        if judgement.contradicted:
+            lines[0] = f"CONTRADICTION: {lines[0]}"
+        first = next((f for f in judgement.findings if f.rank >= 1.0), None)
+        lines += [f.sentence for f in judgement.findings if f is not first]
+        verdict = "not determined"
+        undetermined = [name for name, word, _ in judgement.determined if word == verdict]
+        if undetermined:
+            lines.append(f"not determined by this block: {', '.join(undetermined)}")
+        lines += [f"note: {note}" for note in self.figures["notes"]]
+        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return self.figures
+
+
+@at_home
+def adjust(
+    file: BlockFile,
+    out: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    write: bool = True,
+    force: bool = False,
+) -> AdjustmentResult:
+    """Adjust the block of a block file.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    out : Path, optional
+        Directory of the products; by default as the block file says.
+    progress : callable
+        Is called with the name of each step.
+    write : bool
+        Whether to write the products.
+    force : bool
+        Whether results of other image observations are overwritten.
+
+    Returns
+    -------
+    AdjustmentResult
+        The result.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    DataError
+        Files contradict each other, or the observations do not determine the unknowns.
+    UsageError
+        The products cannot be written, or would overwrite those of other image observations.
+    """
+    directory = directory_of(file, out) if write else file.output.directory
+    observed = [path for path in (file.images.file,) if path is not None]
+    if write:
+        refuse_other_results("adjust", directory / DOCUMENT, observed, force)
+    inputs = inputs_of(file, progress)
+    progress("looking whether the files belong to each other")
+    refuse_implausible(inputs)
+    try:
+        done = solved(inputs, progress)
+    except DataError as failure:
+        raise _explained(failure, inputs, progress) from None
+    figures = figures_of(done)
+    judgement = judged(done, figures, progress)
+    figures["headline"] = judgement.headline
+    figures["verdict"] = "contradiction" if judgement.contradicted else "consistent"
+    figures["findings"] = [
+        {"topic": f.topic, "rank": f.rank, "text": f.text, "help": f.help}
+        for f in judgement.findings
+    ]
+    figures["determined"] = [
+        {"unknown": name, "verdict": verdict, "value": value}
+        for name, verdict, value in judgement.determined
+    ]
+    files: tuple[Path, ...] = ()
+    if write:
+        progress(f"writing {directory}")
+        files = written(done, figures, judgement, directory)
+    return AdjustmentResult(done, figures, judgement, files)
+
+
+def directory_of(file: BlockFile, out: Path | None) -> Path:
+    """Return the directory of the products.
+
+    Parameters
+    ----------
+    file : BlockFile
+        The block file.
+    out : Path or None
+        The directory in place of the block file's.
+
+    Raises
+    ------
+    InputError
+        The block file names one outside of its own directory.
+    """
+    if out is not None:
+        return Path(out)
+    refuse_outside(file.path, "output.directory", [file.output.directory])
+    return file.output.directory
+
+
+def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], None]) -> DataError:
+    """Return a failure with what makes the adjustment converge, where something does."""
+    try:
+        refuse_implausible(inputs, failed=True)
+    except DataError as named:
+        return named
+    if inputs.eo is None or (trial := converging(inputs, progress)) is None:
+        return failure
+    return DataError(
+        f"the adjustment does not converge as the block file has it, and does with {trial.name}"
+        f" estimated, {shown(trial)}: {advice(trial)}, or correct it in the flight file"
+    )

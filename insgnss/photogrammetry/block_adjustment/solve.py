@@ -1,0 +1,204 @@
+"""The adjustment of a block: gross errors, variances by components, and trials of what it lacks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import DataError
+from ..adjust.adjustment import Adjusted, adjusted
+from ..adjust.direct import intersected_points
+from ..adjust.groups import PointObservation, Rescaled, control_points
+from ..adjust.normals import Problem, problem_of
+from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
+from ..adjust.precision import Component, Precision, precision_of
+from ..adjust.start import first_values
+from ..adjust.unknowns import Unknowns
+from ..adjust.variance_components import Reweighted, reweighted
+from .aerial.control import Control, control_of
+from .inputs import Inputs
+from .vehicle.control import vehicle_control, with_first_points
+
+IMAGE, GROUND = "image observations", "ground control"
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """An adjusted block.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        What it started from.
+    control : Control
+        Its aerial control.
+    reweighted : Reweighted
+        Values, covariances and tests, with variances that follow their components.
+    rejected : ndarray of int
+        Rows of the image observations that were rejected.
+    rejected_control : tuple of RejectedControl
+        Ground control points that were rejected.
+    iterations : int
+        Steps of the adjustment from the first values, before variances were multiplied.
+    """
+
+    inputs: Inputs
+    control: Control
+    reweighted: Reweighted
+    rejected: NDArray[np.int64]
+    rejected_control: tuple[RejectedControl, ...]
+    iterations: int
+
+    @property
+    def direct(self) -> bool:
+        """Whether points were intersected from poses that were held."""
+        return self.inputs.file.adjustment.mode == "direct"
+
+    @property
+    def precision(self) -> Precision:
+        """Values, covariances and tests; the variance of unit weight is one."""
+        return self.reweighted.precision
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """By which the variances of a kind were multiplied, by its name."""
+        return {f.name: f.factor for f in self.reweighted.factors if f.reweighted}
+
+    @property
+    def result(self) -> Adjusted:
+        """The adjustment."""
+        return self.precision.result
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """Variance components with the variances that were taken at last."""
+        return self.precision.components()
+
+
+def solved(inputs: Inputs, progress: Progress) -> Solved:
+    """Adjust a block.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Solved
+        The adjustment.
+
+    Raises
+    ------
+    DataError
+        The observations do not determine the unknowns, or the iteration does not converge.
+    """
+    control = control_of(inputs)
+    block = inputs.block
+    if not (control.groups or len(block.control) or inputs.interior or inputs.vehicle):
+        raise DataError(
+            "neither aerial control nor ground control: nothing says where the block lies; give"
+            " eo.json, or ground points that are measured in images"
+        )
+    progress(f"first values of {len(block.images)} images and {len(block.points)} points")
+    problem, values = set_up(inputs, control)
+    options = inputs.file.adjustment
+    if options.mode == "direct":
+        return _intersected(inputs, control, problem, values, progress)
+    progress(f"adjusting {len(block.observations)} image observations")
+    if options.keep_all:
+        cleaned = Cleaned(precision_of(adjusted(problem, values)), np.zeros(0, dtype=np.int64))
+    else:
+        cleaned = without_outliers(problem, values, options.limit_w, progress=progress)
+    progress("variance components")
+    kinds = [k for k in options.reweight if not (k == IMAGE and options.mode == "fast_at")]
+    again = reweighted(cleaned.result.problem, cleaned.result.values, kinds)
+    steps = cleaned.result.iterations
+    return Solved(inputs, control, again, cleaned.rejected, cleaned.control, steps)
+
+
+def _intersected(
+    inputs: Inputs, control: Control, problem: Problem, values: Unknowns, progress: Progress
+) -> Solved:
+    """Intersect all points from poses that are held."""
+    options, block = inputs.file.adjustment, problem.block
+    if not (oriented := block.oriented).all():
+        name = block.images[int(np.argmin(oriented))]
+        raise DataError(
+            f"mode direct: image {name}, and {int((~oriented).sum()) - 1} more, have no aerial"
+            " control to be held; leave them out by images.skip, or take mode iso"
+        )
+    progress(f"intersecting {len(block.points)} points from {len(block.images)} poses")
+    precision, rejected = intersected_points(
+        problem, values, options.limit_w, options.keep_all, progress
+    )
+    solution = Reweighted(precision, (), True)
+    return Solved(inputs, control, solution, rejected, (), precision.result.iterations)
+
+
+def set_up(inputs: Inputs, control: Control) -> tuple[Problem, Unknowns]:
+    """Return all observations of a block, and first values of its unknowns.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    control : Control
+        Its aerial control.
+
+    Returns
+    -------
+    problem : Problem
+        Image observations, aerial, ground and kinematic control, calibrations.
+    values : Unknowns
+        First values.
+    """
+    block = inputs.block
+    moving = vehicle_control(inputs.vehicle, block, control.blocks)
+    blocks = control.blocks | moving.blocks
+    groups = [*control.groups, *control_points(block.control), *inputs.interior, *moving.groups]
+    values = with_first_points(first_values(block), inputs.vehicle, block)
+    return problem_of(block, groups, blocks), replace(values, blocks=blocks)
+
+
+def plainly(inputs: Inputs, control: Control, precision: Precision) -> Solved:
+    """Return an adjustment from which nothing was rejected and whose variances are as stated.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    control : Control
+        Its aerial control.
+    precision : Precision
+        The adjustment.
+
+    Returns
+    -------
+    Solved
+        The same with what else belongs to one.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    steps = precision.result.iterations
+    return Solved(inputs, control, Reweighted(precision, (), True), none, (), steps)
+
+
+def ground_groups(problem: Problem) -> list[PointObservation]:
+    """Return the ground control of a problem with the variances that were stated.
+
+    Parameters
+    ----------
+    problem : Problem
+        The observations.
+
+    Returns
+    -------
+    list of PointObservation
+        One a point; those that were rejected are not there.
+    """
+    plain = (g.group if isinstance(g, Rescaled) else g for g in problem.groups)
+    return [group for group in plain if isinstance(group, PointObservation)]

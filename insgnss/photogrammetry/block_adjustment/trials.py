@@ -1,0 +1,369 @@
+"""What explains observations that contradict each other: each remedy is tried, the best is named.
+
+A group whose component lies beyond its bounds says that something is wrong and not what. The block
+is adjusted once more with each unknown that the block file leaves out: a delay of the exposures, a
+lever arm, a bore-sight, a shift between ground and aerial control (another CRS, geoid or datum),
+of a vehicle a delay of its clock, the lever arm of its target, a shift, and the interior
+orientation. An unknown explains the contradiction where the cost falls by more than
+chance (99.99 % of chi-square) and by a third at least of what is too much. A block without
+contradiction is tried as well: bore-sight and camera constant take most of a lever arm that is
+20 cm wrong, and no component shows it, where the cost falls by a hundred.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import DataError
+from ...flight.config.block_tables.aerial_control import AerialControlTable
+from ...flight.config.block_tables.vehicle import VehicleTable
+from ...geodesy.rotation import vector_from_rotation
+from ...records.block import INTERIOR, Array, ImageBlock
+from ..adjust.adjustment import adjusted
+from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.groups import ObservationGroup, PointObservation
+from ..adjust.kinematic import CLOCK
+from ..adjust.normals import Problem, cofactors_of, problem_of
+from ..adjust.outliers import without_outliers
+from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
+from ..adjust.variance_components import with_factors
+from .aerial.control import control_of
+from .check_points import check_points
+from .inputs import Inputs
+from .mode import CAMERA_HELD
+from .solve import IMAGE, Solved, ground_groups
+from .solve import solved as adjusted_block
+from .vehicle.control import remedies as vehicle_remedies
+from .vehicle.control import vehicle_control
+from .vehicle.rays import moved_in_time
+from .vehicle.verdict import remedy as what_to_do
+
+LOOSE = {LEVER_ARM: 10.0, BORESIGHT: 30.0, TIME_OFFSET: 1.0}
+DATUM: Key = ("shift of ground control", 0)
+CHANCE, SHARE = 0.9999, 1.0 / 3.0
+CONVERGED_VARIANCE = 9.0
+ALMOST_ALL = 0.8  # of what is too much in check points
+CHECK_SHIFT = "shift of check points"
+USUAL = ("f", "cx", "cy")
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftedPoint:
+    """Coordinates of a point, observed with the shift that all ground points share.
+
+    Parameters
+    ----------
+    group : PointObservation
+        The observation without the shift.
+    """
+
+    group: PointObservation
+
+    @property
+    def name(self) -> str:
+        """Name of the variance component."""
+        return self.group.name
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """The point and the shift."""
+        return (*self.group.keys, DATUM)
+
+    @property
+    def weight(self) -> Array:
+        """Inverse of the covariance of the coordinates, (3, 3)."""
+        return self.group.weight
+
+    def linearised(self, values: Unknowns) -> tuple[Array, Array]:
+        """Linearise the group; see `ObservationGroup.linearised`.
+
+        Parameters
+        ----------
+        values : Unknowns
+            Where it is linearised.
+
+        Returns
+        -------
+        e : ndarray, (m,)
+            Observed - computed.
+        J : ndarray, (m, d)
+            d computed / d unknown.
+        """
+        e, J = self.group.linearised(values)
+        return e - values.blocks[DATUM], np.hstack([J, np.eye(3)])
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One remedy and what it did.
+
+    Parameters
+    ----------
+    name : str
+        The unknown that was added.
+    gain : float
+        By how much the cost fell.
+    unknowns : int
+        How many unknowns were added.
+    value, sigma : ndarray
+        Their values and standard deviations, in `unit`.
+    unit : str
+        m, rad, s or px.
+    explains : bool
+        Whether it explains what was too much.
+    key : str
+        How a block file asks for it.
+    remedy : str
+        What to do about it, where that is more than to estimate it.
+    """
+
+    name: str
+    gain: float
+    unknowns: int
+    value: Array
+    sigma: Array
+    unit: str
+    explains: bool
+    key: str
+    remedy: str = ""
+
+
+def trials(
+    solved: Solved, excess: float, progress: Callable[[str], None], everything: bool = True
+) -> tuple[Trial, ...]:
+    """Try what the block file leaves out.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block.
+    excess : float
+        By how much the cost is larger than its expectation.
+    progress : callable
+        Is called with the name of each step.
+    everything : bool
+        Whether a bore-sight without standard deviation is tried as well, which is estimated anyway.
+
+    Returns
+    -------
+    tuple of Trial
+        Those that could be adjusted, the largest gain beyond its unknowns first.
+    """
+    done = []
+    if solved.direct:
+        return ()
+    for remedy in _remedies(solved.inputs):
+        if remedy.option == "aerial_control.boresight_sigma_deg" and not everything:
+            continue
+        progress(f"trying: {remedy.name}")
+        try:
+            trial = _trial_of(solved, remedy, excess)
+        except DataError:
+            continue  # it is not determined, so that it explains nothing
+        done.append(trial)
+    return tuple(sorted(done, key=lambda trial: trial.unknowns - trial.gain))
+
+
+def shift_of_check_points(solved: Solved) -> Trial | None:
+    """Try whether check points all stand in axes shifted against those of the block.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted block.
+
+    Returns
+    -------
+    Trial or None
+        The shift; None of fewer than three check points.
+    """
+    from scipy.stats import chi2
+
+    checks = check_points(solved)
+    if len(checks.rows) < 3:
+        return None
+    value, cov = checks.shift()
+    gain = float(value @ np.linalg.solve(cov, value))
+    excess = checks.normalised_square - checks.difference_m.size
+    enough = gain > max(chi2.ppf(CHANCE, 3), ALMOST_ALL * excess)
+    sigma = np.sqrt(np.diagonal(cov))
+    return Trial(CHECK_SHIFT, gain, 3, value, sigma, "m", bool(enough), "ground.crs")
+
+
+def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
+    """Try what makes an adjustment converge that does not as the block file has it.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    Trial or None
+        The remedy with the smallest residuals; None where none converges.
+    """
+    best: tuple[float, Trial] | None = None
+    for remedy in _remedies(inputs):
+        key = remedy.key
+        if key == DATUM:
+            continue
+        progress(f"trying: {remedy.name}")
+        block = _with_usual(inputs.block) if key[0] == CAMERA else inputs.block
+        file = replace(inputs.file, aerial_control=remedy.aerial, vehicle=remedy.vehicle)
+        try:
+            again = adjusted_block(replace(inputs, file=file, block=block), lambda _: None)
+        except DataError:
+            continue
+        held = (c for c in again.components if not c.name.startswith(IMAGE))
+        if any(c.variance > CONVERGED_VARIANCE for c in held):
+            continue  # it converges, and to nothing
+        if best is not None and best[0] <= again.result.cost:
+            continue
+        value = _value(again.result.values, key, again.result.problem.layout.columns)
+        if key[0] == CAMERA:
+            value = value - block.cameras[0].interior[again.result.problem.layout.columns]
+        sigma = np.sqrt(np.diagonal(again.precision.cov(key)))
+        words = what_to_do(inputs.vehicle, key, value, sigma)
+        trial = Trial(
+            remedy.name, np.inf, value.size, value, sigma, remedy.unit, True, remedy.option, words
+        )
+        best = again.result.cost, trial
+    return None if best is None else best[1]
+
+
+@dataclass(frozen=True)
+class _Remedy:
+    """An unknown that the block file leaves out.
+
+    name, option, unit : as of `Trial`, with its key of the block file.
+    aerial, vehicle : tables of a block file that asks for it.
+    key : the block of unknowns.
+    """
+
+    name: str
+    option: str
+    unit: str
+    aerial: AerialControlTable
+    vehicle: VehicleTable
+    key: Key
+
+
+def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
+    options, own = inputs.file.aerial_control, inputs.file.vehicle
+    mode = inputs.file.adjustment.mode
+
+    def one(
+        name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
+    ) -> _Remedy:
+        return _Remedy(name, option, unit, wider, own, key)
+
+    if inputs.eo is not None and mode != "indirect":
+        if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
+            wider = replace(options, time_offset_sigma_s=LOOSE[TIME_OFFSET])
+            key = "aerial_control.time_offset_sigma_s"
+            yield one("delay of the exposures", key, "s", (TIME_OFFSET, 0), wider)
+        if options.lever_arm_sigma_m is None:
+            wider = replace(options, lever_arm_sigma_m=(LOOSE[LEVER_ARM],) * 3)
+            key = "aerial_control.lever_arm_sigma_m"
+            yield one("lever arm", key, "m", (LEVER_ARM, 0), wider)
+        if options.boresight_sigma_deg < LOOSE[BORESIGHT] and options.absolute_attitudes:
+            wider = replace(options, boresight_sigma_deg=LOOSE[BORESIGHT])
+            key = "aerial_control.boresight_sigma_deg"
+            yield one("bore-sight", key, "rad", (BORESIGHT, 0), wider)
+        if len(inputs.block.control) > 1:
+            yield one("shift of ground control", "ground.crs", "m", DATUM)
+    for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, own):
+        yield _Remedy(name, option, unit, options, vehicle, block)
+    if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
+        key = "camera.file" if mode in CAMERA_HELD else "camera.free"
+        yield one("interior orientation", key, "px", (CAMERA, 0))
+
+
+def _with_usual(block: ImageBlock) -> ImageBlock:
+    """Return the block with the usual parameters of its cameras estimated."""
+    free = {n for n in INTERIOR if n in USUAL or n in ("k1", "k2", "p1", "p2")}
+    cameras = tuple(
+        replace(c, free=tuple(n for n in INTERIOR if n in c.free or n in free))
+        for c in block.cameras
+    )
+    return replace(block, cameras=cameras)
+
+
+def _value(values: Unknowns, key: Key, columns: NDArray[np.int64]) -> Array:
+    """Return the value of an unknown, of a rotation its vector, of a camera what is estimated."""
+    if key[0] == CAMERA:
+        return np.asarray(values.interior[key[1], columns])
+    raw = values.blocks[key]
+    return vector_from_rotation(raw) if raw.ndim == 2 else raw
+
+
+def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
+    from scipy.stats import chi2
+
+    key, inputs, result = remedy.key, solved.inputs, solved.result
+    own = result.problem
+    block = own.block
+    same = remedy.aerial is inputs.file.aerial_control
+    control = solved.control if same else control_of(inputs, remedy.aerial)
+    alone = _without_rays(own)
+    vehicle, began = inputs.vehicle, 0.0
+    if vehicle is not None and key == (CLOCK, 0) and alone:  # too far off to be linear
+        began, vehicle = moved_in_time(vehicle, block, result.values)
+    moving = vehicle_control(vehicle, block, control.blocks, remedy.vehicle)
+    points = ground_groups(own)
+    groups: list[ObservationGroup] = [*control.groups, *points, *inputs.interior, *moving.groups]
+    first = control.blocks | moving.blocks
+    blocks = {k: result.values.blocks.get(k, v) for k, v in first.items()}
+    if key == DATUM:
+        groups = [*(g for g in groups if g not in points), *map(ShiftedPoint, points)]
+        blocks[DATUM] = np.zeros(3)
+    if key[0] == CAMERA:
+        block = _with_usual(block)
+    problem = problem_of(block, groups, blocks)
+    # image observations have their final variances already
+    rest = {name: f for name, f in solved.factors.items() if not name.startswith(IMAGE)}
+    problem = with_factors(problem, rest)
+    values = replace(result.values, blocks=blocks)
+    reconnects = (key == DATUM or key in moving.blocks) and bool(alone)
+    if reconnects:  # rays that were rejected for the shift's sake take part again
+        again = without_outliers(problem, values).result
+    else:
+        again = adjusted(problem.with_active_of(own), values)
+    cov = cofactors_of(again.problem, again.values, again.problem.layout.of(key)[0])
+    gain = result.cost - again.cost
+    columns = again.problem.layout.columns
+    value = _value(again.values, key, columns)
+    if key[0] == CAMERA:
+        value = value - _value(result.values, key, columns)
+    value = value + began
+    sigma = np.sqrt(np.diagonal(cov))
+    if reconnects:
+        gain = float(value @ np.linalg.solve(cov, value))
+        excess = 0.0 if len(_without_rays(again.problem)) < SHARE * len(alone) else np.inf
+    enough = gain > max(chi2.ppf(CHANCE, value.size), SHARE * excess)
+    return Trial(
+        remedy.name,
+        float(gain),
+        value.size,
+        value,
+        sigma,
+        remedy.unit,
+        bool(enough),
+        remedy.option,
+        what_to_do(inputs.vehicle, key, value, sigma),
+    )
+
+
+def _without_rays(problem: Problem) -> list[int]:
+    """Return the object points with ground control of which no image observation takes part."""
+    active = np.add.reduceat(
+        np.append(problem.rays.active, False).astype(np.int64), problem.rays.start[:-1]
+    )
+    active[np.diff(problem.rays.start) == 0] = 0
+    points = {row for group in problem.groups for name, row in group.keys if name == POINT}
+    return [row for row in sorted(points) if active[row] == 0]

@@ -1,0 +1,163 @@
+"""Which image observations are the vehicle's target.
+
+The target is another object point in every image, as the vehicle drives. Its points are those whose
+name begins with `vehicle.target`, such as K_IMG_0010 of image IMG_0010, or is just that, such as
+KITE in all images. A name that several images have would make one point of places that are far from
+each other: it is divided, one point an image.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, near
+from ....io.formats.blocks.image_points import ImagePoints
+from ....io.formats.text.layout import shown
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Image observations in which the vehicle's target is a point of its own in every image.
+
+    Parameters
+    ----------
+    measured : ImagePoints
+        All image observations.
+    images, points : tuple of str
+        (k,) images that see the target, and its point in each.
+    divided : tuple of str
+        Names that several images had.
+    """
+
+    measured: ImagePoints
+    images: tuple[str, ...]
+    points: tuple[str, ...]
+    divided: tuple[str, ...]
+
+
+def observed(measured: ImagePoints, target: str, ground: Sequence[str] = ()) -> Observed:
+    """Find the vehicle's target in the image observations, and divide it by images.
+
+    Parameters
+    ----------
+    measured : ImagePoints
+        All image observations.
+    target : str
+        Prefix of its names, or its name.
+    ground : sequence of str
+        Names of ground points, which do not move.
+
+    Returns
+    -------
+    Observed
+        The observations with a name an image.
+
+    Raises
+    ------
+    InputError
+        No point is called so, a point that stands still is, or an image has two of them.
+    """
+    names = measured.points
+    mine = np.array([name.startswith(target) for name in names], dtype=bool)
+    seen = measured.observations
+    rows = np.flatnonzero(mine[seen.point])
+    if not rows.size:
+        raise InputError(
+            f"vehicle.target: no point of the image observations begins with {shown(target)};"
+            f" {near(target, names[:200])}; the target of image IMG is called {target}IMG"
+        )
+    fixed = set(ground)
+    if fixed_points := [names[p] for p in np.unique(seen.point[rows]) if names[p] in fixed]:
+        raise InputError(
+            f"vehicle.target: point {shown(fixed_points[0])} begins with {shown(target)} and is a"
+            " ground point, which does not move; rename it, or give another vehicle.target"
+        )
+    count = np.bincount(seen.image[rows], minlength=len(measured.images))
+    if (count > 1).any():
+        twice = int(np.argmax(count))
+        both = [names[seen.point[r]] for r in rows[seen.image[rows] == twice][:2]]
+        raise InputError(
+            f"vehicle.target: image {shown(measured.images[twice])} sees {count[twice]} points that"
+            f" begin with {shown(target)} ({shown(both[0])}, {shown(both[1])}): a vehicle has one"
+            " target; give a prefix that no other point has"
+        )
+    return _divided(measured, rows, target)
+
+
+def _divided(measured: ImagePoints, rows: NDArray[np.int64], target: str) -> Observed:
+    """Give every image a point of its own."""
+    seen, points = measured.observations, list(measured.points)
+    taken = set(points)
+    shared = np.bincount(seen.point[rows], minlength=len(points)) > 1
+    point = np.array(seen.point)
+    divided = []
+    for row in rows.tolist():
+        old = int(seen.point[row])
+        if not shared[old]:
+            continue
+        image = measured.images[int(seen.image[row])]
+        name = f"{target}{image}" if target != measured.points[old] else f"{target}_{image}"
+        while name in taken:
+            name += "'"
+        taken.add(name)
+        point[row] = len(points)
+        points.append(name)
+        divided.append(measured.points[old])
+    changed = replace(measured, points=tuple(points), observations=replace(seen, point=point))
+    if divided:  # names that no image has any more
+        used = np.bincount(point, minlength=len(points)) > 0
+        used[: len(measured.points)] |= ~shared
+        new = np.cumsum(used) - 1
+        changed = replace(
+            measured,
+            points=tuple(name for name, there in zip(points, used, strict=True) if there),
+            observations=replace(seen, point=new[point]),
+        )
+    own = changed.observations
+    return Observed(
+        changed,
+        tuple(changed.images[i] for i in own.image[rows]),
+        tuple(changed.points[p] for p in own.point[rows]),
+        tuple(dict.fromkeys(divided)),
+    )
+
+
+def without(observed: Observed, images: Sequence[str], key: str = "vehicle.skip") -> Observed:
+    """Leave the target out of some images.
+
+    Parameters
+    ----------
+    observed : Observed
+        All of them.
+    images : sequence of str
+        Names of images.
+    key : str
+        The option that names them, for the message.
+
+    Returns
+    -------
+    Observed
+        The rest; points that nobody sees any more keep their names.
+
+    Raises
+    ------
+    InputError
+        An image that does not see the target.
+    """
+    gone = set(images)
+    if odd := sorted(gone - set(observed.images)):
+        raise InputError(
+            f"{key}: {odd[0]!r} does not see the target; {near(odd[0], observed.images[:200])}"
+        )
+    points = {p for i, p in zip(observed.images, observed.points, strict=True) if i in gone}
+    seen, names = observed.measured.observations, observed.measured.points
+    keep = np.array([names[p] not in points for p in seen.point], dtype=bool)
+    left = [k for k, image in enumerate(observed.images) if image not in gone]
+    return replace(
+        observed,
+        measured=replace(observed.measured, observations=seen.rows(keep)),
+        images=tuple(observed.images[k] for k in left),
+        points=tuple(observed.points[k] for k in left),
+    )

@@ -1,0 +1,381 @@
+"""The vehicle's target at the exposures of the images, with the covariance of all places."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError, near
+from ....flight.config.block_tables.vehicle import VehicleTable
+from ....geodesy.frames import TangentPlane
+from ....geodesy.gpstime import WEEK_S
+from ....io.formats.blocks.image_points import ImagePoints
+from ....io.formats.blocks.joined import matched
+from ....io.formats.vehicle.target_sizes import read_target_sizes
+from ....records import ExteriorOrientation
+from ....records.block import Array
+from .observed import observed, without
+from .track import Track, read_track, rows_by_name, week_shift
+
+EVENT_S = 0.02
+"""Stamps of one exposure by two recorders, of the vehicle and of the drone, differ by less."""
+OTHER_EVENT_S = 0.5
+REPORTED_S = 1e-3
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """A vehicle's target at n exposures.
+
+    Parameters
+    ----------
+    options : VehicleTable
+        What was asked for.
+    images, points : tuple of str
+        (n,) the image that sees it, and its point there.
+    time : ndarray
+        (n,) stamps of the exposures, s; NaN where they are not known.
+    track : Track
+        The whole way, in the axes and the GPS week of the block.
+    exposures : Track
+        Its places at the exposures.
+    cov : ndarray
+        (3 n, 3 n) covariance of these places, m^2.
+    size_px, size_sigma_px : ndarray
+        (n,) apparent sizes, NaN of images without one.
+    """
+
+    options: VehicleTable
+    images: tuple[str, ...]
+    points: tuple[str, ...]
+    time: Array
+    track: Track
+    exposures: Track
+    cov: Array
+    size_px: Array
+    size_sigma_px: Array
+
+    def rows(self, rows: Rows) -> "Vehicle":
+        """Return some of the exposures."""
+        columns = (3 * rows[:, None] + np.arange(3)).ravel()
+        return replace(
+            self,
+            images=tuple(self.images[k] for k in rows),
+            points=tuple(self.points[k] for k in rows),
+            time=self.time[rows],
+            exposures=self.exposures.rows(rows),
+            cov=self.cov[np.ix_(columns, columns)],
+            size_px=self.size_px[rows],
+            size_sigma_px=self.size_sigma_px[rows],
+        )
+
+    def seen_in(self, measured: ImagePoints) -> "Vehicle":
+        """Return the exposures whose measurement of the target is among image observations."""
+        seen = measured.observations
+        there = {measured.points[p] for p in np.unique(seen.point)}
+        rows = [k for k, name in enumerate(self.points) if name in there]
+        return self if len(rows) == len(self.points) else self.rows(np.array(rows, dtype=np.int64))
+
+
+def vehicle_of(
+    options: VehicleTable,
+    measured: ImagePoints,
+    ground: Sequence[str],
+    eo: ExteriorOrientation | None,
+    notes: list[str],
+) -> tuple[ImagePoints, Vehicle]:
+    """Read the vehicle and join it with the images that see its target.
+
+    Parameters
+    ----------
+    options : VehicleTable
+        Table [vehicle] of the block file; it has a file.
+    measured : ImagePoints
+        All image observations.
+    ground : sequence of str
+        Names of ground points.
+    eo : ExteriorOrientation, optional
+        The aerial control, whose stamps are those of the exposures.
+    notes : list of str
+        Gets a sentence where something was assumed or left out.
+
+    Returns
+    -------
+    measured : ImagePoints
+        Image observations in which the target is a point of its own in every image.
+    vehicle : Vehicle
+        The target at the exposures.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    """
+    seen = observed(measured, options.target, ground)
+    if seen.divided:
+        notes.append(
+            f"point {seen.divided[0]!r}"
+            + (f" and {len(seen.divided) - 1} more" if len(seen.divided) > 1 else "")
+            + " of the vehicle had one name in several images, where it had moved in between: it is"
+            f" a point of its own in each, such as {seen.points[0]!r}"
+        )
+    if options.skip:
+        seen = without(seen, options.skip)
+    return seen.measured, placed_vehicle(options, seen.images, seen.points, eo, notes)
+
+
+def placed_vehicle(
+    options: VehicleTable,
+    images: Sequence[str],
+    points: Sequence[str],
+    eo: ExteriorOrientation | None,
+    notes: list[str],
+) -> Vehicle:
+    """Read the vehicle and place its target at the exposures of images.
+
+    Parameters
+    ----------
+    options : VehicleTable
+        Table [vehicle] of the block file; it has a file.
+    images, points : sequence of str
+        (n,) the images, and what the target is called in each.
+    eo : ExteriorOrientation, optional
+        The aerial control, whose stamps are those of the exposures.
+    notes : list of str
+        Gets a sentence where something was assumed or left out.
+
+    Returns
+    -------
+    Vehicle
+        Of the exposures at which its place is known.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or has none of the exposures.
+    """
+    plane = None if eo is None else TangentPlane(*eo.origin)
+    track = read_track(options, plane, eo)
+    time = np.full(len(images), np.nan)
+    if eo is not None:
+        rows = matched(images, eo.images)
+        time[rows >= 0] = eo.time[rows[rows >= 0]]
+        if track.time is not None:
+            shift = week_shift(eo.gps_week, track.week)
+            track = replace(track, time=track.time + shift, week=eo.gps_week)
+    placed, there = at_exposures(options, track, images, time, notes)
+    own = np.flatnonzero(there).tolist()
+    seen_in = tuple(images[k] for k in own)
+    when = placed.time if placed.time is not None else time[there]
+    cov = placed.covariance(when)
+    size, sigma = _sizes(options, seen_in, notes)
+    names = tuple(points[k] for k in own)
+    return Vehicle(options, seen_in, names, time[there], track, placed, cov, size, sigma)
+
+
+def at_exposures(
+    options: VehicleTable,
+    track: Track,
+    images: Sequence[str],
+    time: Array,
+    notes: list[str],
+) -> tuple[Track, NDArray[np.bool_]]:
+    """Return the places at the exposures of images.
+
+    Parameters
+    ----------
+    options : VehicleTable
+        Table [vehicle].
+    track : Track
+        The way of the target.
+    images : sequence of str
+        (n,) the images.
+    time : ndarray, (n,)
+        Their stamps, NaN where they are not known.
+    notes : list of str
+        Gets a sentence where something was assumed or left out.
+
+    Returns
+    -------
+    placed : Track
+        A row an exposure that is covered.
+    there : ndarray of bool, (n,)
+        Which are.
+
+    Raises
+    ------
+    InputError
+        None is: stamps of another week, scale or day, or names of other images.
+    """
+    path = options.file
+    if (rows := rows_by_name(track, images)) is not None:
+        there = rows >= 0
+        placed = track.rows(rows[there])
+        _compare_stamps(options, placed, time[there], notes)
+        if placed.time is None and np.isfinite(time[there]).all():
+            placed = _with_velocities(placed, time[there])
+        reason = "are not named in it"
+    elif track.time is None:
+        assert track.images is not None
+        raise InputError.at_line(
+            path,
+            None,
+            f"names none of the images that see the target, such as {images[0]!r};"
+            f" {near(images[0], track.images[:200])}",
+        )
+    elif not np.isfinite(time).any():
+        raise InputError.at_line(
+            path,
+            None,
+            "has stamps, and nothing says when the images were exposed: give aerial control"
+            " (eo.json), or name the image of each position",
+        )
+    elif track.kind == "eo":
+        stamps = np.where(np.isfinite(time), time, np.inf)
+        row = np.abs(track.time[None] - stamps[:, None]).argmin(axis=1)
+        dt = time - track.time[row]
+        there = np.abs(dt) < EVENT_S
+        placed = track.rows(row[there])
+        placed = replace(placed, position_m=placed.position_m + dt[there, None] * placed.velocity)
+        reason = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
+    else:
+        if len(track.time) < 2:
+            raise InputError.at_line(path, None, "one row; two are needed to interpolate")
+        filled = np.where(np.isfinite(time), time, track.time[0] - 1e6)
+        placed, there = track.at(filled, options.longest_gap_s)
+        placed = placed.rows(np.flatnonzero(there))
+        reason = f"lie outside its rows or in a gap of more than {options.longest_gap_s:g} s"
+    if not there.any():
+        _refuse_stamps(options, track, time)
+    if missing := int((~there).sum()):
+        notes.append(
+            f"{missing} of {len(there)} exposures of the vehicle's target {reason},"
+            f" {images[int(np.argmin(there))]} first: they have no kinematic ground control"
+        )
+    return placed, there
+
+
+def _with_velocities(placed: Track, time: Array) -> Track:
+    """Return places that images name with the velocities of their order in time."""
+    from .track import along_course
+
+    if len(time) < 3:
+        return replace(placed, time=time)
+    order = np.argsort(time, kind="stable")
+    if (np.diff(time[order]) <= 0.0).any():
+        return placed
+    velocity = np.empty_like(placed.position_m)
+    velocity[order] = np.gradient(placed.position_m[order], time[order], axis=0)
+    attitude = np.empty_like(placed.C_mv)
+    attitude[order] = along_course(velocity[order])
+    return replace(placed, time=time, velocity=velocity, C_mv=attitude)
+
+
+def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: list[str]) -> None:
+    """Hold the stamps of two recorders of the same exposures against each other."""
+    if placed.time is None or not np.isfinite(time).any():
+        return
+    off = placed.time - time
+    middle = float(np.nanmedian(off))
+    if abs(middle) > OTHER_EVENT_S:
+        raise InputError.at_line(
+            options.file,
+            None,
+            f"its stamps lie {middle:+.3f} s from those of the same images ({scale_of(middle)});"
+            " give both in one time scale, or vehicle.time_offset_s",
+        )
+    if np.nanmax(np.abs(off - middle)) > EVENT_S:
+        k = int(np.nanargmax(np.abs(off - middle)))
+        raise InputError.at_line(
+            options.file,
+            None,
+            f"its stamp of image {placed.images[k] if placed.images else k} lies"
+            f" {off[k] - middle:+.3f} s from that of the image, others do not: events are joined"
+            " with other images",
+        )
+    if abs(middle) > REPORTED_S:
+        notes.append(
+            f"stamps of the vehicle lie {1e3 * middle:+.1f} ms from those of the same images; its"
+            " place is that at its own stamp"
+        )
+
+
+def scale_of(seconds: float) -> str:
+    """Say of which time scale stamps are that lie so many seconds off.
+
+    Parameters
+    ----------
+    seconds : float
+        Stamps less those of GPS time.
+
+    Returns
+    -------
+    str
+        Such as "leap seconds: one of both is UTC".
+    """
+    weeks = round(seconds / WEEK_S)
+    if weeks and abs(seconds - weeks * WEEK_S) < 0.5 * WEEK_S / 7.0:
+        return f"{abs(weeks)} GPS week{'s' if abs(weeks) > 1 else ''}: the week of one is wrong"
+    size = abs(seconds)
+    hours = round(size / 3600.0)
+    rest = size - 3600.0 * hours
+    if hours and (abs(rest) < 1.0 or 12.5 < abs(rest) < 18.5):
+        return f"a time zone of {hours} h" + (" and leap seconds" if abs(rest) > 1.0 else "")
+    if 12.5 < size < 18.5 and abs(size - round(size)) < 0.3:
+        return f"the {round(size)} leap seconds between GPS time and UTC"
+    return "two clocks that do not agree"
+
+
+def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
+    """Refuse a file that has none of the exposures."""
+    stamps = time[np.isfinite(time)]
+    assert track.time is not None
+    a, b = float(track.time[0]), float(track.time[-1])
+    first, last = float(stamps.min()), float(stamps.max())
+    weeks = round((0.5 * (a + b) - 0.5 * (first + last)) / WEEK_S)
+    off = 0.5 * (a + b) - 0.5 * (first + last)
+    text = (
+        f"none of the {stamps.size} exposures that see the target ({first:.1f} to {last:.1f} s) is"
+        f" within its {len(track.time)} rows ({a:.1f} to {b:.1f} s)"
+    )
+    for seconds in (weeks * WEEK_S, 3600.0 * round(off / 3600.0)):
+        if seconds and a - seconds <= last and first <= b - seconds:
+            raise InputError.at_line(
+                options.file, None, f"{text}, as if off by {scale_of(seconds)}; correct its stamps"
+            )
+    raise InputError.at_line(
+        options.file,
+        None,
+        f"{text}; give the vehicle's file of this flight"
+        + (
+            ", at a higher rate, or a larger vehicle.longest_gap_s"
+            if a < last and first < b
+            else ""
+        ),
+    )
+
+
+def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tuple[Array, Array]:
+    """Return the apparent sizes of the target in images, and their standard deviations."""
+    size, sigma = np.full(len(images), np.nan), np.full(len(images), np.nan)
+    if options.sizes is None:
+        return size, sigma
+    table = read_target_sizes(options.sizes)
+    rows = matched(table.images, images)
+    own = rows >= 0
+    if not own.any():
+        raise InputError.at_line(
+            options.sizes,
+            None,
+            f"image {table.images[0]!r} does not see the vehicle's target, nor any other of it;"
+            f" {near(table.images[0], list(images)[:200])}",
+        )
+    size[rows[own]], sigma[rows[own]] = table.size_px[own], table.sigma_px[own]
+    if not own.all():
+        notes.append(
+            f"{int((~own).sum())} sizes of the target take no part,"
+            f" {table.images[int(np.argmin(own))]} first: the vehicle's place there is not known"
+        )
+    return size, sigma

@@ -1,0 +1,238 @@
+"""Is the vehicle where the images see its target? What is seen of it before an adjustment.
+
+The ray of the target, through the pose that the aerial control gives, meets the level of the target
+at a place; the vehicle must be there, to what poses are good for. Where it is metres away, it is
+tried whether it was there at another time (a clock, leap seconds), or always as far beside, along
+the axes of the block (another base or datum) or its own (lever arm). On a straight road these are
+alike: all of them are named where it is far away, and else the adjustment tells them apart, which
+also finds what is too small to be seen so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import DataError
+from ....records.block import Array, ImageBlock
+from ....records.cameras.camera import rays_of
+from ...adjust.unknowns import Unknowns
+from .places import Vehicle, scale_of
+from .track import along_course
+
+Rows = NDArray[np.int64]
+
+LEAST_M, SIGMAS = 1.5, 5.0
+BETTER = 4.0
+FEWEST = 4
+RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
+ALIKE = 1.5
+OTHER_SIZE = 0.2
+"""Of a size: heights above ground are known better than that before any adjustment."""
+FAR_M = 20.0
+"""Nearer than this an adjustment converges, and tells clock, lever arm and base apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    """What would bring the vehicle to where it is seen: how far it is off then, and words."""
+
+    off_m: float
+    words: str
+
+
+def refuse_elsewhere(
+    vehicle: Vehicle, block: ImageBlock, position_m: Array, C_mc: Array, sigma_rad: Array
+) -> None:
+    """Refuse a vehicle that is not where images see it, and name what is wrong.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle at the exposures.
+    block : ImageBlock
+        The block that sees it.
+    position_m, C_mc : ndarray
+        (n, 3), (n, 3, 3) poses of the images of the block by the aerial control; NaN without.
+    sigma_rad : ndarray, (n,)
+        Standard deviations of their attitudes, what is left of the bore-sight among them.
+
+    Raises
+    ------
+    DataError
+        It is metres away, and where it was at another time, beside itself, or nowhere.
+    """
+    image, uv = seen_pixels(vehicle, block)
+    oriented = np.isfinite(position_m[image]).all(axis=1)
+    oriented &= np.isfinite(C_mc[image]).all(axis=(1, 2))
+    own = np.flatnonzero(oriented)
+    if own.size < FEWEST:
+        return
+    image, vehicle = image[own], vehicle.rows(own)
+    direction = _directions(block, image, uv[own], C_mc)
+    centre, stated = position_m[image], vehicle.exposures.position_m
+    if (direction[:, 2] > -0.2).any():
+        return  # cameras that do not look down: rays and levels do not meet well
+    depth = (stated[:, 2] - centre[:, 2]) / direction[:, 2]
+    if (depth <= 0.0).any():
+        return
+    _refuse_sizes(vehicle, block, image, np.einsum("ni,ni->n", stated - centre, C_mc[image, :, 2]))
+    met = centre + depth[:, None] * direction
+    off = (met - stated)[:, :2]
+    limit = max(LEAST_M, SIGMAS * float(np.median(sigma_rad[image] * depth)))
+    size = _middle(off)
+    if size <= limit:
+        return
+    readings = sorted(_readings(vehicle, met, off), key=lambda reading: reading.off_m)
+    text = (
+        f"the vehicle is not where images see its target: {size:.1f} m beside it in the middle of"
+        f" {own.size} images, {np.linalg.norm(off[0]):.1f} m in {vehicle.images[0]}"
+    )
+    good = [r for r in readings if r.off_m < max(0.5 * limit, size / BETTER)]
+    if not good or good[0].off_m > size / BETTER:
+        raise DataError(
+            f"{text}; neither another time nor a constant shift brings it there:"
+            f" {vehicle.options.file} is of another drive, or images are joined with other ones"
+        )
+    alike = [r for r in good if r.off_m < ALIKE * good[0].off_m + 0.1]
+    if len(alike) > 1 and size < FAR_M:
+        return  # the adjustment tells them apart
+    words = ", or ".join(r.words for r in alike)
+    raise DataError(f"{text}, and {good[0].off_m:.1f} m {words}")
+
+
+def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array) -> None:
+    """Refuse apparent sizes of the target that its diameter cannot have (J.22)."""
+    options = vehicle.options
+    own = np.isfinite(vehicle.size_px)
+    if options.size_m is None or own.sum() < FEWEST:
+        return
+    f = np.array([camera.of("f") for camera in block.cameras])[block.camera[image]]
+    times = float(np.median(vehicle.size_px[own] * depth[own] / (f[own] * options.size_m)))
+    limit = max(OTHER_SIZE, SIGMAS * options.size_sigma_m / options.size_m)
+    if abs(times - 1.0) > limit:
+        raise DataError(
+            f"{options.sizes}: the target appears {times:.3g} times as large as vehicle.size_m ="
+            f" {options.size_m:g} m makes it; a diameter of {times * options.size_m:.2f} m fits"
+            " (metres, of the whole target)"
+        )
+
+
+def _directions(block: ImageBlock, image: Rows, uv: Array, C_mc: Array) -> Array:
+    """Return the rays of the target in the axes of the block."""
+    xy = np.empty((len(image), 2))
+    for c, camera in enumerate(block.cameras):
+        rows = block.camera[image] == c
+        xy[rows] = rays_of(camera, uv[rows])
+    return np.einsum("nij,nj->ni", C_mc[image], np.column_stack([xy, np.ones(len(xy))]))
+
+
+def _middle(off: Array) -> float:
+    return float(np.median(np.linalg.norm(off, axis=1)))
+
+
+def _readings(vehicle: Vehicle, met: Array, off: Array) -> Sequence[_Reading]:
+    """Return what may be wrong, each with how far the vehicle is off without it."""
+    constant = np.median(off, axis=0)
+    out = [
+        _Reading(
+            _middle(off - constant),
+            f"as if all its positions lay {constant[0]:+.1f} / {constant[1]:+.1f} m (east, north)"
+            " from where they are: its base or datum is another",
+        )
+    ]
+    course = along_course(vehicle.exposures.velocity)[:, :2, :2]
+    own = np.einsum("nji,nj->ni", course, off)
+    arm = np.median(own, axis=0)
+    out.append(
+        _Reading(
+            _middle(own - arm),
+            f"as if the target lay {arm[0]:+.1f} m forward and {arm[1]:+.1f} m to the right of"
+            " where vehicle.target_m has it: look at its axes (forward, right, down)",
+        )
+    )
+    moved = _other_time(vehicle, met)
+    return out if moved is None else [*out, moved]
+
+
+def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
+    """Return the time by which the vehicle was where it is seen."""
+    best = _best_time(vehicle, met, RANGE_S)
+    if best is None:
+        return None
+    seconds, off_m = best
+    if "leap seconds" in scale_of(seconds):
+        seconds = round(seconds)  # of two time scales, whole; rays tell it to some 0.1 s
+    offset = vehicle.options.time_offset_s - seconds
+    return _Reading(
+        off_m,
+        f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: its stamps are"
+        f" off ({scale_of(seconds)}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+    )
+
+
+def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, float] | None:
+    """Return by which time the vehicle is nearest to where it is seen, s, and how near, m."""
+    track = vehicle.track
+    if track.time is None or not np.isfinite(vehicle.time).all() or len(track.time) < 2:
+        return None
+    longest = max(vehicle.options.longest_gap_s, 3.0 * float(np.median(np.diff(track.time))))
+
+    def apart(seconds: float) -> float:
+        moved, within = track.at(vehicle.time + seconds, longest)
+        if within.sum() < max(FEWEST, len(within) // 3):
+            return np.inf
+        return _middle((met - moved.position_m)[within, :2])
+
+    steps = np.arange(-range_s, range_s + STEP_S, STEP_S)
+    sizes = np.array([apart(float(s)) for s in steps])
+    best = float(steps[int(np.argmin(sizes))])
+    for width in (0.1, 0.02, 0.005):
+        finer = best + width * np.arange(-5, 6)
+        values = [apart(float(s)) for s in finer]
+        best = float(finer[int(np.argmin(values))])
+    off_m = apart(best)
+    return (best, off_m) if np.isfinite(off_m) else None
+
+
+def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:
+    """Return the vehicle at the time at which adjusted images see it, where (J.21) is linear.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle.
+    block : ImageBlock
+        The block that sees it.
+    values : Unknowns
+        Adjusted poses and cameras.
+
+    Returns
+    -------
+    delay_s : float
+        The delay of its clock so far; 0 where the time of its places is not known.
+    vehicle : Vehicle
+        Its places a delay earlier.
+    """
+    adjusted = replace(block, cameras=values.cameras(block.cameras))
+    image, uv = seen_pixels(vehicle, adjusted)
+    direction = _directions(adjusted, image, uv, values.C_mc)
+    centre = values.position[image]
+    depth = (vehicle.exposures.position_m[:, 2] - centre[:, 2]) / direction[:, 2]
+    met = centre + depth[:, None] * direction
+    best = _best_time(vehicle, met, SHORT_S)
+    if best is None:
+        return 0.0, vehicle
+    moved, within = vehicle.track.at(vehicle.time + best[0], np.inf)
+    if not within.all():
+        return 0.0, vehicle
+    return -best[0], replace(vehicle, exposures=moved)
+
+
+def seen_pixels(vehicle: Vehicle, block: ImageBlock) -> tuple[Rows, Array]:
+    """Return the row of each image that sees the target, and the pixel (n, 2)."""
+    image = np.array([block.images.index(name) for name in vehicle.images])
+    row = {name: k for k, name in enumerate(block.points)}
+    seen_as = {int(p): k for k, p in enumerate(block.observations.point)}
+    return image, block.observations.uv[[seen_as[row[name]] for name in vehicle.points]]

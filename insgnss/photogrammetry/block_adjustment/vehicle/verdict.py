@@ -1,0 +1,320 @@
+"""What an adjustment says of the vehicle: figures, findings, and what to do about a trial."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import permutations, product
+from typing import Any
+
+import numpy as np
+
+from ....records.block import Array
+from ....report.rules.wording import Limit, lengths, screen_unit
+from ...adjust.groups import Rescaled
+from ...adjust.kinematic import (
+    CLOCK,
+    KINEMATIC,
+    SIZE,
+    SIZES,
+    TARGET_ARM,
+    VEHICLE_SHIFT,
+    KinematicControl,
+    TargetSize,
+)
+from ...adjust.precision import GroupTest, Precision
+from ...adjust.unknowns import Key
+from .places import Vehicle
+
+MANY_LEFT_OUT = 0.1
+"""Of the measurements of the target: gross errors of a good detector are below 2 %."""
+DISCONNECTED = 10.0  # times the share that was left out, for its rank: before ground control
+FRAME_SIGMAS, FRAME_M = 4.0, 0.05
+UNITS = {TARGET_ARM: "m", CLOCK: "s", VEHICLE_SHIFT: "m", SIZE: "m"}
+AXES = {
+    TARGET_ARM: ("forward", "right", "down"),
+    CLOCK: ("",),
+    VEHICLE_SHIFT: ("east", "north", "up"),
+    SIZE: ("",),
+}
+
+
+def vehicle_figures(
+    vehicle: Vehicle | None, precision: Precision, residuals_px: Array
+) -> dict[str, Any] | None:
+    """Return the figures of the kinematic ground control of an adjusted block.
+
+    Parameters
+    ----------
+    vehicle : Vehicle or None
+        The vehicle.
+    precision : Precision
+        The adjustment.
+    residuals_px : ndarray, (n, 2)
+        Residuals of the image observations of the block.
+
+    Returns
+    -------
+    dict or None
+        None without a vehicle.
+    """
+    if vehicle is None:
+        return None
+    problem = precision.result.problem
+    n = len(vehicle.images)
+    of_point = {name: k for k, name in enumerate(problem.block.points)}
+    rows = [of_point[name] for name in vehicle.points]
+    active = np.zeros(len(problem.block.observations), dtype=bool)
+    active[problem.order] = problem.rays.active
+    row_of = {int(p): k for k, p in enumerate(problem.block.observations.point)}
+    sizes: dict[int, GroupTest] = {}
+    places: GroupTest | None = None
+    for group, test in zip(problem.groups, precision.groups, strict=True):
+        plain = group.group if isinstance(group, Rescaled) else group
+        if isinstance(plain, KinematicControl):
+            places = test
+        elif isinstance(plain, TargetSize):
+            sizes[plain.point] = test
+    assert places is not None
+    e, w, r = (x.reshape(n, 3) for x in (places.e, places.w, places.redundancy))
+    points = []
+    for k, p in enumerate(rows):
+        seen = row_of[p]
+        own: dict[str, Any] = {
+            "image": vehicle.images[k],
+            "point": vehicle.points[k],
+            "residual_m": e[k].tolist(),
+            "redundancy": r[k].tolist(),
+            "w": w[k].tolist(),
+            "residual_px": [float(x) if np.isfinite(x) else None for x in residuals_px[seen]],
+            "left_out": not bool(active[seen]),
+            "sigma_before_m": np.sqrt(np.diagonal(vehicle.cov)[3 * k : 3 * k + 3]).tolist(),
+        }
+        if p in sizes:
+            own |= {"size_px": float(vehicle.size_px[k])}
+            own |= {"size_residual_px": float(sizes[p].e[0]), "size_w": float(sizes[p].w[0])}
+        points.append(own)
+    return {
+        "file": str(vehicle.options.file),
+        "kind": vehicle.track.kind,
+        "exposures": n,
+        "left_out": sum(p["left_out"] for p in points),
+        "sizes": len(sizes),
+        "parameters": dict(_parameters(vehicle, precision)),
+        "points": points,
+    }
+
+
+def _parameters(vehicle: Vehicle, precision: Precision) -> Iterator[tuple[str, dict[str, Any]]]:
+    options, values = vehicle.options, precision.result.values
+    for name, prior in (
+        (TARGET_ARM, options.target_sigma_m),
+        (CLOCK, (options.time_offset_sigma_s,)),
+        (VEHICLE_SHIFT, options.shift_sigma_m),
+        (SIZE, (options.size_sigma_m,)),
+    ):
+        if (value := values.blocks.get((name, 0))) is None:
+            continue
+        yield (
+            name,
+            {
+                "unit": UNITS[name],
+                "value": value.tolist(),
+                "sigma": np.sqrt(np.diagonal(precision.cov((name, 0)))).tolist(),
+                "sigma_before": list(map(float, prior or ())),
+            },
+        )
+
+
+def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Say which measurements of the target do not fit, and that they are too many.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    Limit
+        The finding.
+    """
+    own = figures["vehicle"]
+    if own is None or not own["left_out"]:
+        return
+    names = [p["image"] for p in own["points"] if p["left_out"]]
+    some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
+    n, k = own["exposures"], own["left_out"]
+    share = k / n
+    text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {some}"
+    if k > 1 and share > MANY_LEFT_OUT:
+        yield Limit(KINEMATIC, DISCONNECTED * share + 1.0, text)
+    else:
+        yield Limit(
+            KINEMATIC, 0.6, text, "see these images: another target, a shadow, a wrong name"
+        )
+
+
+def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
+    """Say that sizes of the target are all off by one factor, where they are.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+
+    Yields
+    ------
+    Limit
+        The finding.
+    """
+    own = figures["vehicle"]
+    if own is None or SIZE in own["parameters"]:
+        return
+    share = [p["size_residual_px"] / p["size_px"] for p in own["points"] if "size_px" in p]
+    off = [p["size_w"] for p in own["points"] if "size_px" in p]
+    if len(share) < 5 or abs(np.median(off)) < 3.0:
+        return
+    middle = float(np.median(share))
+    yield Limit(
+        SIZES,
+        float(abs(np.median(off))) / 3.0,
+        f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
+        f" {len(share)} images",
+        "give its diameter, or estimate it with vehicle.size_sigma_m",
+    )
+
+
+def determined_of(
+    figures: Mapping[str, Any], limits: tuple[float, float]
+) -> Iterator[tuple[str, str, str]]:
+    """Say of each unknown of the vehicle whether the block determines it.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures of the block.
+    limits : tuple of float
+        Of its standard deviation before: below the first it is determined, above the second not.
+
+    Yields
+    ------
+    tuple of str
+        Its name, a verdict, and its value with standard deviation.
+    """
+    if figures["vehicle"] is None:
+        return
+    for name, own in figures["vehicle"]["parameters"].items():
+        factor, unit = screen_unit(own["unit"])
+        for axis, value, sigma, before in zip(
+            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
+        ):
+            ratio = sigma / before
+            word = "determined" if ratio < limits[0] else "improved"
+            yield (
+                f"{name} {axis}".strip(),
+                "not determined" if ratio > limits[1] else word,
+                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
+                f" {factor * before:.2g})",
+            )
+
+
+def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str:
+    """Say what to do about what a trial found.
+
+    Parameters
+    ----------
+    vehicle : Vehicle or None
+        The vehicle.
+    key : tuple
+        The unknown that was added.
+    value, sigma : ndarray
+        What it is, with standard deviation.
+
+    Returns
+    -------
+    str
+        The advice; empty of what is no unknown of a vehicle.
+    """
+    if vehicle is None or key[0] not in UNITS:
+        return ""
+    if key[0] == CLOCK:
+        offset = vehicle.options.time_offset_s + float(value[0])
+        return (
+            f"correct the vehicle's clock (vehicle.time_offset_s = {offset:+.3f}), or estimate its"
+            " delay with vehicle.time_offset_sigma_s"
+        )
+    if key[0] == VEHICLE_SHIFT:
+        return (
+            "check coordinates, datum and antenna of the vehicle's base against those of the"
+            " drone's, or estimate it with vehicle.shift_sigma_m"
+        )
+    arm = vehicle.track.arm_m + value
+    words = ", ".join(f"{x:.2f}" for x in arm)
+    axes = frame_of(vehicle.track.arm_m, arm, sigma)
+    return f"{f'{axes}; ' if axes else ''}with vehicle.target_m = [{words}] it fits"
+
+
+def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
+    """Say in which axes a lever arm was stated that the adjustment finds to be another.
+
+    Parameters
+    ----------
+    stated, adjusted, sigma : ndarray, (3,)
+        As stated, as found, and its standard deviation, m: forward, right, down.
+
+    Returns
+    -------
+    str
+        Such as "it was given upwards instead of down"; empty where no exchange of axes explains it.
+    """
+    limit = FRAME_SIGMAS * sigma + FRAME_M
+    fits = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):
+                continue
+            off = np.abs(np.array(signs) * stated[list(order)] - adjusted)
+            if (off < limit).all():
+                fits.append((_changes(order, signs), float((off / limit).sum()), order, signs))
+    if not fits or (np.abs(stated) < FRAME_M).all():
+        return ""
+    _, _, order, signs = min(fits)
+    if order == (0, 1, 2):
+        names = (("forward", "backwards"), ("right", "left"), ("down", "upwards"))
+        wrong = [k for k in range(3) if signs[k] < 0.0 and abs(stated[k]) > limit[k]]
+        return " and ".join(f"it was given {names[k][1]} instead of {names[k][0]}" for k in wrong)
+    if order == (1, 0, 2) and signs == (1.0, 1.0, 1.0):
+        return "forward and right were exchanged"
+    if order == (1, 0, 2) and signs == (1.0, 1.0, -1.0):
+        return "it was given right, forward, up (east, north, up of a vehicle heading north)"
+    if order == (2, 0, 1) and signs == (1.0, 1.0, 1.0):
+        return "it was given in the axes of a camera that looks ahead (right, down, forward)"
+    axes, numbers = ("forward", "right", "down"), ("first", "second", "third")
+    words = ", ".join(
+        f"{axes[k]} is {'minus ' if signs[k] < 0.0 else ''}its {numbers[order[k]]}"
+        for k in range(3)
+    )
+    return f"its axes were others ({words} number)"
+
+
+def _changes(order: Sequence[int], signs: Sequence[float]) -> int:
+    """Return how much was changed: what people do wrong changes little."""
+    usual: dict[tuple[int, ...], tuple[float, ...]] = {
+        (1, 0, 2): (1.0, 1.0, 1.0),
+        (2, 0, 1): (1.0, 1.0, 1.0),
+    }
+    if usual.get(tuple(order)) == tuple(signs) or (
+        tuple(order) == (1, 0, 2) and tuple(signs) == (1.0, 1.0, -1.0)
+    ):
+        return 1
+    return 3 * sum(k != p for k, p in enumerate(order)) + sum(s < 0.0 for s in signs)
+
+
+def headline_words(figures: Mapping[str, Any]) -> str:
+    """Return the residuals of the vehicle in words; empty without one."""
+    own = figures["vehicle"]
+    if own is None:
+        return ""
+    used = np.array([p["residual_m"] for p in own["points"] if not p["left_out"]]).reshape(-1, 3)
+    if not len(used):
+        return ""
+    rms = np.sqrt((used**2).mean(axis=0))
+    return f"{len(used)} places of the vehicle {lengths([1e3 * x for x in rms])} rms"

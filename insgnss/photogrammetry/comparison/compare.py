@@ -1,0 +1,268 @@
+"""The comparison itself.
+
+It reads, matches, takes the differences, takes off what is recognised, and reports what remains.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import DataError
+from ...records import ExteriorOrientation, Trajectory
+from .attitude import attitude, turn_between
+from .clock import by_motion, by_names
+from .hints import Hints, Origin
+from .matching import Matched, match
+from .names import by_order
+from .poses import NoOriginError, Poses
+from .position import difference, heights_first, horizontal, vertical
+from .reading import read_poses
+from .result import Comparison, Component, Finding
+
+Array = NDArray[np.float64]
+
+ROUNDS = 2  # findings that may be taken off one part, one after the other
+
+
+def compare_files(
+    a: str | Path | ExteriorOrientation | Trajectory,
+    b: str | Path | ExteriorOrientation | Trajectory,
+    *,
+    form_a: str | None = None,
+    form_b: str | None = None,
+    undulation_m: tuple[float | None, float | None] = (None, None),
+    origin: Origin | None = None,
+    crs: str | None = None,
+    gps_week: int | None = None,
+    geoid: Path | None = None,
+    time_shift_s: float = 0.0,
+) -> Comparison:
+    """Compare two exterior orientations or trajectories; b minus a.
+
+    Parameters
+    ----------
+    a, b : files of any format of `reading.FORMS`, or records.
+    form_a, form_b : theirs, where a file does not show it.
+    undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
+        geoid.
+    origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
+        not give it; without it that of the other file is taken, and noted.
+    crs, geoid : of projected coordinates.
+    gps_week : of files with the time of week only.
+    time_shift_s : to be added to the times of b.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
+    DataError
+        Where nothing tells which poses belong together.
+    """
+    hints = Hints(origin, crs, gps_week, geoid)
+    read, notes = _read_both(
+        ((a, form_a), (b, form_b)),
+        tuple(replace(hints, undulation_m=height) for height in undulation_m),
+    )
+    return compare_poses(*read, time_shift_s=time_shift_s, notes=notes)
+
+
+def _read_both(
+    given: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]],
+    hints: Sequence[Hints],
+) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
+    """Both files, of path, format and hints.
+
+    A tangent plane without origin gets that of the other one, and a projected CRS is reached from
+    the datum of a master beside it, which is read first.
+    """
+    read: list[Poses | None] = [None, None]
+    without_origin: list[tuple[int, NoOriginError]] = []
+    hints = list(hints)
+    for k in sorted(range(2), key=lambda k: not _may_be_master(given[k][0])):
+        path, form = given[k]
+        if (other := read[1 - k]) is not None:
+            hints[k] = replace(hints[k], datum=other.datum, epoch=other.epoch)
+        try:
+            read[k] = read_poses(path, form, hints[k])
+        except NoOriginError as refusal:
+            without_origin.append((k, refusal))
+    notes: tuple[str, ...] = ()
+    for k, error in without_origin:
+        other = read[1 - k]
+        if other is None or other.plane is None:
+            raise error
+        plane = other.plane
+        borrowed = replace(
+            hints[k],
+            origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height),
+        )
+        read[k] = read_poses(given[k][0], given[k][1], borrowed)
+        notes = (
+            (
+                f"{given[k][0]} does not give the origin of its tangent plane; that of"
+                f" {given[1 - k][0]} was taken"
+            ),
+        )
+    first, second = read
+    assert first is not None
+    assert second is not None
+    return (first, second), notes
+
+
+def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:
+    """Tell whether what is given may name the datum of its positions."""
+    if isinstance(given, str | Path):
+        return Path(given).suffix.lower() == ".json"
+    return isinstance(given, ExteriorOrientation)
+
+
+def compare_poses(
+    a: Poses, b: Poses, *, time_shift_s: float = 0.0, notes: tuple[str, ...] = ()
+) -> Comparison:
+    """Compare what was read; b minus a.
+
+    Raises
+    ------
+    DataError
+        Where nothing tells which poses belong together.
+    """
+    b, more = _of_one_body(a, b)
+    findings: list[Finding] = []
+    try:
+        first = matched = match(a, b, time_shift_s)
+    except DataError:
+        recognised = by_motion(a, b)
+        if recognised is None:
+            raise
+        findings, first, matched = [recognised[0]], recognised[1], recognised[1]
+    else:
+        matched, findings = _clock(a, b, first, time_shift_s)
+    settled, taken = _explained(matched)
+    findings += taken
+    return Comparison(
+        a.source,
+        b.source,
+        a.form,
+        b.form,
+        a.point,
+        b.point,
+        first.how,
+        first.a.images,
+        first.of_time,
+        first.left_a,
+        first.left_b,
+        components(first.a, first.b),
+        tuple(findings),
+        components(matched.a, settled) if findings else (),
+        matched.of_time,
+        (*notes, *more, *_notes(a, b, first)),
+    )
+
+
+def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
+    """b's attitude of the same thing as a's, camera or body, where the mounting is known."""
+    if a.C_Ex is None or b.C_Ex is None or a.x == b.x:
+        return b, ()
+    C_cb = a.camera_from_body if a.camera_from_body is not None else b.camera_from_body
+    if C_cb is None:
+        note = (
+            f"attitudes are of the {a.x} in a and of the {b.x} in b, and neither file gives the"
+            " mounting: they are not compared"
+        )
+        return replace(b, C_Ex=None), (note,)
+    turned_b = b.C_Ex @ C_cb.T if b.x == "body" else b.C_Ex @ C_cb
+    return (
+        replace(b, C_Ex=turned_b, x=a.x, angles=None, angle_set=""),
+        (f"attitudes of b turned to the {a.x} by the mounting that a file gives",),
+    )
+
+
+def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
+    """What names and clocks explain, and the match with it taken off.
+
+    Of files matched by name the clocks stay.
+    """
+    if matched.how == "image":
+        reordered = by_order(matched)
+        findings = [] if reordered is None else [reordered[0]]
+        matched = matched if reordered is None else reordered[1]
+        offset = by_names(matched)
+        return matched, [*findings, offset] if offset is not None else findings
+    shifted = b if shift_s == 0.0 or b.time is None else replace(b, time=b.time + shift_s)
+    recognised = by_motion(a, shifted)
+    return (matched, []) if recognised is None else (recognised[1], [recognised[0]])
+
+
+def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
+    """b with everything taken off that is recognised, and what that was."""
+    a, b = matched.a, matched.b
+    findings: list[Finding] = []
+    tests: list[Callable[[Poses, Poses], tuple[Finding, Poses] | None]] = [
+        lambda p, q: horizontal(p, q, matched.how == "image"),
+        vertical,
+        attitude,
+    ]
+    if heights_first(a, b):
+        tests[:2] = tests[1::-1]
+    for test in tests:
+        for _ in range(ROUNDS):
+            recognised = test(a, b)
+            if recognised is None:
+                break
+            findings.append(recognised[0])
+            b = recognised[1]
+    return b, findings
+
+
+def components(a: Poses, b: Poses) -> tuple[Component, ...]:
+    """Return the differences b minus a, component by component.
+
+    They are east, north, up; turns about east, north, up; velocities, where both files have them.
+    """
+    d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
+    out = [
+        Component(name, "m", d[:, k], None if s is None else s[:, k])
+        for k, name in enumerate(("east", "north", "up"))
+    ]
+    if a.C_Ex is not None and b.C_Ex is not None:
+        psi, s = turn_between(a, b), _sigma(a.cov_attitude, b.cov_attitude)
+        out += [
+            Component(f"about {name}", "rad", psi[:, k], None if s is None else s[:, k])
+            for k, name in enumerate(("east", "north", "up"))
+        ]
+    if a.velocity is not None and b.velocity is not None:
+        out += [
+            Component(f"v {name}", "m/s", (b.velocity - a.velocity)[:, k])
+            for k, name in enumerate(("east", "north", "up"))
+        ]
+    return tuple(out)
+
+
+def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
+    """Standard deviations (n, 3) of the difference of independent errors.
+
+    Of the one file's where the other gives none.
+    """
+    given = [P for P in (P_a, P_b) if P is not None]
+    if not given:
+        return None
+    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
+
+
+def _notes(a: Poses, b: Poses, matched: Matched) -> tuple[str, ...]:
+    notes = [*a.notes, *b.notes]
+    if a.cov_position is not None and b.cov_position is not None:
+        notes.append(
+            "rms/sigma takes the errors of both files as independent; results of the same"
+            " observations are not, and come out below 1"
+        )
+    if matched.how == "time" and (a.gps_week is None) != (b.gps_week is None):
+        notes.append("only one file gives the GPS week; the other is taken to be of the same")
+    if matched.a.n < 5:
+        notes.append(f"{matched.a.n} poses are too few to recognise a mismatch")
+    return tuple(notes)

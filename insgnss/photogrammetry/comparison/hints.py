@@ -1,0 +1,116 @@
+"""What readers of poses share: a caller's hints beyond the file, and covariances in other axes."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...base.inputs import opened_text
+from ...base.units import LARGEST
+from ...geodesy.frames import TangentPlane
+from ...geodesy.projection import MapProjection
+from ...io.formats.text.layout import shown
+from ...io.formats.text.numbers import PLAIN, finite
+
+Array = NDArray[np.float64]
+Origin = tuple[float, float, float]
+
+HEAD = 16384
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m.
+
+    CRS of projected coordinates; GPS week; geoid grid.
+
+    Parameters
+    ----------
+    undulation_m : of the geoid, to be added to heights of positions of GNSS.
+    datum, epoch : of the positions from which a projected CRS was reached; None: WGS 84.
+    """
+
+    origin: Origin | None = None
+    crs: str | None = None
+    gps_week: int | None = None
+    geoid: Path | None = None
+    undulation_m: float | None = None
+    datum: str | None = None
+    epoch: float | None = None
+
+    @property
+    def plane(self) -> TangentPlane | None:
+        """The tangent plane, if an origin is given."""
+        return (
+            None
+            if self.origin is None
+            else TangentPlane(
+                np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2]
+            )
+        )
+
+    @property
+    def projection(self) -> MapProjection | None:
+        """The projection, if a CRS is given."""
+        return None if self.crs is None else self.projected(self.crs)
+
+    def projected(self, code: str) -> MapProjection:
+        """Return the projection of a CRS that a file names."""
+        return MapProjection(code, self.geoid, self.datum, self.epoch, any_unit=True)
+
+
+def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array | None:
+    """(n, 3, 3) of standard deviations (n, 3).
+
+    Of angles, whose psi is E d(angles); None where there are none, or where all are zero.
+
+    Raises
+    ------
+    InputError
+        One that is negative, too large, or zero beside others.
+    """
+    if sigma is None or not sigma.any():
+        return None
+    if (wrong := ~((sigma > 0.0) & (sigma <= LARGEST))).any():
+        row = int(np.argmax(wrong.any(axis=1)))
+        value = sigma[row][wrong[row]][0]
+        problem = f"pose {row + 1}: a standard deviation of {value:g}, others are positive"
+        raise InputError.at_line(path, None, f"{problem}; correct it or leave these columns out")
+    P = np.zeros((len(sigma), 3, 3))
+    P[:, range(3), range(3)] = sigma**2
+    return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
+
+
+def turned(C: Array, P: Array | None) -> Array | None:
+    """C P C^T."""
+    return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
+
+
+def origin_in(path: Path) -> TangentPlane | None:
+    """The origin that a header names; None where it names none.
+
+    It is `latitude 46.57 deg, longitude 6.54 deg, ... height 0 m`, or `origin 46.57 6.54 deg 0 m`.
+
+    Raises
+    ------
+    InputError
+        What stands there is no number.
+    """
+    with opened_text(path, errors="replace") as stream:
+        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+    number = r"(\S*\d\S*?)"
+    origin = re.search(
+        rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
+        head,
+    )
+    origin = origin or re.search(rf"origin {number} {number} deg {number} m", head)
+    if origin is None:
+        return None
+    lat, lon, height = map(finite, origin.groups())
+    if np.isnan([lat, lon, height]).any() or not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
+        problem = f"the header's {shown(origin[0])} is no origin of a tangent plane"
+        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, angles in degrees")
+    return TangentPlane(np.radians(lat), np.radians(lon), height)

@@ -1,0 +1,168 @@
+"""What any of the files holds, brought to one form.
+
+The form is geodetic positions, attitudes against true north, standard deviations where given.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
+from ...geodesy.projection import MapProjection
+from ...geodesy.rotation import NED_ENU
+
+Array = NDArray[np.float64]
+
+
+class NoOriginError(InputError):
+    """A file of coordinates in a tangent plane does not say where its origin is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """n poses of one file.
+
+    Parameters
+    ----------
+    source : path.
+    form : name of the format.
+    point : what the positions are of; "" where the file does not say. lat, lon (n,) rad, height
+        (n,) m, as the file has them: whether above the ellipsoid, it may not say.
+    images : names, or empty.
+    time : (n,) s of `gps_week` (None where unknown), or None.
+    C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down,
+        viewing direction) or "body" (forward, right, down), or None.
+    camera_from_body : (3, 3) body to camera with the bore-sight, where the file says it.
+    velocity : (n, 3) east, north, up m/s, or None.
+    cov_position, cov_attitude : (n, 3, 3) m^2 and rad^2 (psi), east, north, up, or None.
+    angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.
+    C_fE : axes that they count in.
+    local : (n, 3) coordinates in `plane` or, m, of `projection` as the file has them, or None.
+    notes : what a reader should know.
+    datum, epoch : of the positions, where the file names them; None: WGS 84.
+    """
+
+    source: str
+    form: str
+    point: str
+    lat: Array
+    lon: Array
+    height: Array
+    images: tuple[str, ...] = ()
+    time: Array | None = None
+    gps_week: int | None = None
+    C_Ex: Array | None = None
+    x: str = "camera"
+    camera_from_body: Array | None = None
+    velocity: Array | None = None
+    cov_position: Array | None = None
+    cov_attitude: Array | None = None
+    angle_set: str = ""
+    angles: Array | None = None
+    C_fE: Array | None = None
+    local: Array | None = None
+    plane: TangentPlane | None = None
+    projection: MapProjection | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+    datum: str | None = None
+    epoch: float | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of poses."""
+        return int(self.lat.size)
+
+    @property
+    def ecef(self) -> Array:
+        """(n, 3) m."""
+        return geodetic_to_ecef(self.lat, self.lon, self.height)
+
+    @property
+    def C_eE(self) -> Array:
+        """(n, 3, 3), east, north, up at each point into ECEF."""
+        return rotation_em(self.lat, self.lon)
+
+    def taken(self, rows: NDArray[np.int64]) -> "Poses":
+        """Only these rows."""
+        changes = {
+            name: None if (value := getattr(self, name)) is None else value[rows]
+            for name in (
+                "lat",
+                "lon",
+                "height",
+                "time",
+                "C_Ex",
+                "velocity",
+                "cov_position",
+                "cov_attitude",
+                "angles",
+                "C_fE",
+                "local",
+            )
+        }
+        changes["images"] = tuple(self.images[k] for k in rows) if self.images else ()
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def moved(self, lat: Array, lon: Array, height: Array) -> "Poses":
+        """The same at other places."""
+        return replace(self, lat=lat, lon=lon, height=height)
+
+
+@dataclass(frozen=True)
+class CoordinateFrame:
+    """Frame of the coordinates in a file.
+
+    It has a kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a
+    projected CRS.
+    """
+
+    kind: str
+    plane: TangentPlane | None = None
+    projection: MapProjection | None = None
+
+    def _exchanged(self, x: Array) -> str:
+        """Words on easting and northing where they would reach the area of the CRS if exchanged."""
+        assert self.projection is not None
+        try:
+            lat, lon, _ = self.projection.inverse(x[:, [1, 0, 2]])
+        except InputError:
+            return ""
+        if self.projection.outside(lat, lon):
+            return ""
+        return (
+            f"; with easting and northing exchanged they lie at {np.degrees(lat[0]):.4f}"
+            f" {np.degrees(lon[0]):.4f} deg, inside its area: exchange the columns"
+        )
+
+    def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
+        """Return latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of `x` (n, 3).
+
+        Geographic coordinates are longitude before latitude, rad.
+        """
+        if self.kind == "geographic":
+            return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
+        if self.kind == "geocentric":
+            lat, lon, h = ecef_to_geodetic(x)
+            return lat, lon, h, rotation_em(lat, lon)
+        if self.kind == "projected":
+            if self.projection is None:
+                raise InputError.at_line(
+                    path,
+                    None,
+                    "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
+                )
+            try:
+                lat, lon, h = self.projection.inverse(x)
+                return lat, lon, h, self.projection.axes(lat, lon, h)
+            except InputError as error:
+                raise InputError(f"{path}: {error}{self._exchanged(x)}") from None
+        if self.plane is None:
+            problem = (
+                "has coordinates of a tangent plane without its origin; give latitude, longitude"
+                " (deg), height (m)"
+            )
+            raise NoOriginError(f"{path}: {problem}")
+        lat, lon, h = self.plane.geodetic_from_position(x)
+        return lat, lon, h, self.plane.C_mn(lat, lon) @ NED_ENU

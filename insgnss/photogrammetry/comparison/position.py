@@ -1,0 +1,353 @@
+r"""What may lie between positions.
+
+There are hypotheses on the horizontal and on the height, each taken off b.
+
+With d = b - a (n, 3), east, north, up at a's points:
+
+    shift         mean of d, in these axes or in ECEF         datum, base station, height system
+    lever arm     C_Ex l, l by least squares of all three     antenna, IMU, camera for each other
+    time          v dt, dt by least squares along the way     trigger delay (matched by name)
+    turn, scale   about the block's centre, least squares     grid for true north, grid scale
+    exchange      b made anew of other coordinates            axes, signs, lat for lon, feet
+
+A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
+explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
+enough to tell them apart: with c the vertical in the axes of the camera or body, what they leave is
+small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of
+the horizontal differences, and is taken off them alone.
+
+A shift of the heights is stated with that of the horizontal, unless it is as large as a geoid's. A
+turn or scale is stated only if it moves the block by what anyone asks about, and by more than a
+constant shift varies over the axes of its points.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...base.units import FOOT_M
+from ...geodesy.frames import ecef_to_geodetic
+from ...records.framed import PROJECTED, TANGENT
+from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
+from .poses import CoordinateFrame, Poses
+from .result import Finding
+
+Array = NDArray[np.float64]
+
+LEAST_M = 0.005  # rms below which nobody asks why
+GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
+GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
+LEVER_M = 10.0  # no vehicle is longer
+# what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
+SEPARATE_M = 0.02
+SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
+# what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
+OF_SHIFT = 1e-3
+# singular values below this part of the largest: a lever arm along the vertical does not show in
+# the horizontal
+SMALLEST_SINGULAR = 0.2
+CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
+
+
+def difference(a: Poses, b: Poses) -> Array:
+    """(n, 3) m, b minus a, in the axes east, north, up at a."""
+    return np.einsum("nji,nj->ni", a.C_eE, b.ecef - a.ecef)
+
+
+def without(a: Poses, b: Poses, by: Array) -> Poses:
+    """b with (n, 3) m, in the axes east, north, up at a, taken off."""
+    return b.moved(*ecef_to_geodetic(b.ecef - np.einsum("nij,nj->ni", a.C_eE, by)))
+
+
+def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
+    """What explains the horizontal differences, and b with it taken off.
+
+    Parameters
+    ----------
+    of_time : whether time is to be tried.
+    """
+    trials = _horizontal_and_time if of_time else _horizontal
+    return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
+
+
+def heights_first(a: Poses, b: Poses) -> bool:
+    """Whether heights are to be explained before the horizontal.
+
+    Heights that are off by more than any geoid move the points of a projected CRS: the normals of
+    two ellipsoids differ by seconds of arc.
+    """
+    return b.projection is not None and float(np.abs(b.height - a.height).min()) > GEOID_M[1]
+
+
+def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
+    """What explains the differences in height, and b with it taken off."""
+    return explain("height", a, b, lambda x, y: (y.height - x.height)[:, None], _vertical, LEAST_M)
+
+
+def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
+    d = difference(a, b)
+    yield from _exchanges(a, b)
+    yield from _shift(a, b, d)
+    yield from _lever_arm(a, b, d)
+    yield from _of_block(a, d[:, :2])
+
+
+def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
+    yield from _horizontal(a, b)
+    yield from _along_the_way(a, b, difference(a, b)[:, :2])
+
+
+def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """The same in the axes of each point, and the same in ECEF.
+
+    With the heights where those are shifted too.
+    """
+    mean, up = d.mean(axis=0), d[:, 2]
+    also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
+        LEAST_M, np.sqrt(1.0 - ENOUGH) * rms(up[:, None])
+    )
+    kept = 0.0 if also_up else float(mean[2])
+    by, vector = mean - [0.0, 0.0, kept], (b.ecef - a.ecef).mean(axis=0)
+    named = list(
+        zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False)
+    )
+    shifts = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
+    words = f"a constant shift of {shifts} m (another datum, realisation or base station)"
+    values = {f"{name}_m": value for _, name, value in named}
+
+    def off_ecef(_: Poses, q: Poses) -> Poses:
+        lat, lon, height = ecef_to_geodetic(q.ecef - vector)
+        return q.moved(lat, lon, height + kept)
+
+    yield Trial("shift", words, lambda x, y: without(x, y, np.tile(by, (x.n, 1))), 2, values)
+    yield Trial("shift", words, off_ecef, 2, values)
+
+
+def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """In the axes of a's camera or body, or of b's where a has no attitude."""
+    if (axes := _axes_of(a, b)) is None:
+        return
+    lever, whole, doubtful = _lever(axes, d)
+    if np.linalg.norm(lever) > LEVER_M:
+        return
+    x = a.x if a.C_Ex is not None else b.x
+    names = CAMERA_AXES if x == "camera" else BODY_AXES
+    components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
+    words = (
+        f"a lever arm of {components} m in the axes of the {x} (b is of another point than a:"
+        " antenna, IMU or camera"
+    )
+    words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
+
+    def taken_off(p: Poses, q: Poses) -> Poses:
+        turned = _axes_of(p, q)
+        assert turned is not None
+        return without(p, q, (turned @ lever) * [1.0, 1.0, 1.0 if whole else 0.0])
+
+    yield Trial(
+        "lever arm",
+        words,
+        taken_off,
+        3,
+        {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)},
+    )
+
+
+def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
+    """Lever arm (3,) m of axes (n, 3, 3).
+
+    Whether it is of all three components; whether its vertical part might be a height shift.
+    """
+
+    def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
+        return rms((d - axes @ lever - [0.0, 0.0, up])[:, rows]) + DIGITS["m"]
+
+    tall, plan = axes.reshape(-1, 3), slice(2)
+    beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
+    alone, joint = (_least_squares(A, d.ravel()) for A in (tall, beside))
+    across, regularised = (
+        _least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond)
+        for rcond in (None, SMALLEST_SINGULAR)
+    )
+    reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
+    least = SIMPLER * left(across, plan)
+    separable = left(joint[:3], up=joint[3]) <= reach
+    if (
+        np.linalg.norm(alone) <= LEVER_M
+        and left(alone) <= SIMPLER * left(joint[:3], up=joint[3])
+        and left(alone, plan) <= least
+    ):
+        return alone, True, not separable
+    if separable and left(joint[:3], plan) <= least:
+        return joint[:3], True, False
+    return (across, False, False) if left(across, plan) <= reach else (regularised, False, True)
+
+
+def _least_squares(A: Array, y: Array, rcond: float | None = None) -> Array:
+    return np.asarray(np.linalg.lstsq(A, y, rcond=rcond)[0])
+
+
+def _axes_of(a: Poses, b: Poses) -> Array | None:
+    return a.C_Ex if a.C_Ex is not None else b.C_Ex
+
+
+def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
+    """Turn and scale about the block's centre, beside its shift."""
+    centre, C_Ee = a.ecef.mean(axis=0), a.C_eE.mean(axis=0).T
+    mean = d.mean(axis=0)
+
+    def from_centre(p: Poses) -> Array:
+        return np.asarray(((p.ecef - centre) @ C_Ee.T)[:, :2])
+
+    def across(p: Poses) -> Array:
+        return from_centre(p)[:, ::-1] * [-1.0, 1.0]
+
+    size = float(np.sum(from_centre(a) ** 2))
+    if size < 1.0:
+        return
+    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), from_centre(a)))
+
+    def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
+        return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
+
+    least = max(LEAST_M, OF_SHIFT * float(np.linalg.norm(mean))) / np.sqrt(size / a.n)
+    if abs(angle) >= max(SMALLEST, least):
+        words = (
+            f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
+        )
+        yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
+    if abs(scale) >= max(SMALLEST, least):
+        words = (
+            f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
+        )
+        yield Trial("scale", words, taken_off(from_centre, scale), 3, {"scale": scale})
+
+
+def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """An offset of time between images that were matched by name."""
+    v = velocity_of(a, b)
+    if v is None or not (speed := float(np.sum(v[:, :2] ** 2))) > 0.0:
+        return
+    dt = float(np.sum(v[:, :2] * d) / speed)
+    words = (
+        f"positions of b taken {1e3 * abs(dt):.1f} ms {'later' if dt > 0 else 'earlier'} along the"
+        " way (trigger delay, clock)"
+    )
+
+    def taken_off(p: Poses, q: Poses) -> Poses:
+        way = velocity_of(p, q)
+        assert way is not None
+        return without(p, q, dt * way)
+
+    yield Trial("time along the way", words, taken_off, 1, {"seconds": dt})
+
+
+def velocity_of(a: Poses, b: Poses) -> Array | None:
+    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time.
+
+    None without time.
+    """
+    for poses in (a, b):
+        if poses.velocity is not None:
+            return poses.velocity
+    if a.time is None or a.n < 3:
+        return None
+    return np.asarray(np.einsum("nji,nj->ni", a.C_eE, np.gradient(a.ecef, a.time, axis=0)))
+
+
+def _exchanges(a: Poses, b: Poses) -> Iterator[Trial]:
+    """Coordinates of b in another order or with other signs."""
+    if np.abs(b.lon).max() <= 0.5 * np.pi:
+        words = "b has latitude and longitude exchanged"
+        yield Trial("latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height))
+    if b.local is None or (b.plane is None and b.projection is None):
+        return
+    for name, words, order, signs in (
+        ("east for north", "b has east and north exchanged", [1, 0, 2], [1.0, 1.0, 1.0]),
+        ("east reversed", "b counts east westwards", [0, 1, 2], [-1.0, 1.0, 1.0]),
+        ("north reversed", "b counts north southwards", [0, 1, 2], [1.0, -1.0, 1.0]),
+        ("both reversed", "b has east and north reversed", [0, 1, 2], [-1.0, -1.0, 1.0]),
+    ):
+        if b.projection is None or _nearer(a, b, b.local[:, order] * signs):
+            yield Trial(name, words, _reordered(order, np.array(signs)))
+
+
+def _nearer(a: Poses, b: Poses, local: Array) -> bool:
+    """Whether other coordinates of a projected CRS lie nearer to those of a than b's do.
+
+    Asked before they are taken to the globe, where each place looks for its own grids.
+    """
+    assert b.projection is not None
+    assert b.local is not None
+    try:
+        x = b.projection.forward_horizontal(a.lat, a.lon, a.height)
+    except InputError:  # the CRS does not reach a; then any order may
+        return True
+    off, other = (float(np.median(np.abs(y[:, :2] - x))) for y in (b.local, local))
+    return other < off
+
+
+def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
+    """Other local coordinates."""
+
+    def taken_off(_: Poses, q: Poses) -> Poses:
+        assert q.local is not None
+        return _resolved(q, q.local[:, order] * signs)
+
+    return taken_off
+
+
+def _resolved(q: Poses, local: Array) -> Poses:
+    """q with other coordinates of its frame; attitudes stay what they were in the frame's axes."""
+    kind = PROJECTED if q.projection is not None else TANGENT
+    lat, lon, h, C_fE = CoordinateFrame(kind, q.plane, q.projection).resolved(local, q.source)
+    moved = replace(q.moved(lat, lon, h), local=local)
+    if q.C_fE is None:  # attitudes of true north
+        return moved
+    C_Ex = None if q.C_Ex is None else np.swapaxes(C_fE, 1, 2) @ q.C_fE @ q.C_Ex
+    return replace(moved, C_Ex=C_Ex, C_fE=C_fE)
+
+
+def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
+    d = b.height - a.height
+    mean = float(d.mean())
+    name, words = _in_words(mean, d)
+    yield Trial(name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, {"up_m": mean})
+    for name, words, factor in (
+        ("feet", "heights of b are in feet where a has metres", FOOT_M),
+        ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
+        ("height reversed", "b counts heights downwards", -1.0),
+    ):
+        yield Trial(name, words, _scaled(factor))
+
+
+def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
+    """Other heights; of a projected CRS they also decide where the datum's shift puts a point."""
+
+    def taken_off(_: Poses, q: Poses) -> Poses:
+        if q.projection is None or q.local is None:
+            return q.moved(q.lat, q.lon, factor * q.height)
+        return _resolved(q, q.local * [1.0, 1.0, factor])
+
+    return taken_off
+
+
+def _in_words(mean: float, d: Array) -> tuple[str, str]:
+    """Name and statement of a constant difference in height."""
+    words = (
+        f"heights of b lie {abs(mean):.3f} m {'above' if mean > 0 else 'below'} those of a,"
+        " everywhere alike"
+    )
+    if not (GEOID_M[0] <= abs(mean) <= GEOID_M[1] and float(d.std()) < GEOID_SPREAD * abs(mean)):
+        return "height shift", words
+    sea, other = ("a", "b") if mean > 0 else ("b", "a")
+    return (
+        "geoid-sized height",
+        (
+            f"{words}: the size of a geoid height ({sea} above sea level, {other} above the"
+            " ellipsoid?)"
+        ),
+    )

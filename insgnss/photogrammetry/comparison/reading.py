@@ -1,0 +1,373 @@
+"""From a file of any readable format to `Poses`.
+
+The format is found by the file's ending and first bytes, or given by name.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError, UsageError
+from ...base.files import lines_of
+from ...base.inputs import first_bytes, opened_text
+from ...geodesy.projection import MapProjection
+from ...geodesy.rotation import (
+    CV_RUB,
+    NED_ENU,
+    opk_jacobian,
+    rotation_from_opk,
+    rotation_from_rpy,
+    rpy_jacobian,
+)
+from ...io.formats.returned.reading import RETURNED, returned_form
+from ...records import ExteriorOrientation, Trajectory
+from ...records.observations import UNKNOWN_MPS
+from .hints import HEAD, Hints, diagonal, origin_in, turned
+from .of_records import poses_of
+from .poses import CoordinateFrame, NoOriginError, Poses
+from .returned import read_adjusted_poses
+from .tables import read_table_poses
+
+Array = NDArray[np.float64]
+
+TABLES = (
+    "metashape",
+    "metashape_opk",
+    "pix4d_matic",
+    "pix4d_mapper",
+    "realitycapture",
+    "inpho_ascii",
+    "tum",
+)
+HEADERS = {  # of files that other programs take, in lower case
+    "pix4d_matic": r"^#?[ \t]*imagename,.*,yaw,pitch,roll",
+    "realitycapture": r"^#?[ \t]*name,.*,yaw,pitch,roll",
+    "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
+    "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
+}
+UNKNOWN_M = (
+    0.98765,
+    0.98765,
+    0.98765,
+)  # stands in for fixes without standard deviations, and is left out again
+
+
+def read_poses(
+    path: str | Path | ExteriorOrientation | Trajectory,
+    form: str | None = None,
+    hints: Hints | None = None,
+) -> Poses:
+    """Poses of a file, or of a record.
+
+    Parameters
+    ----------
+    form : one of `FORMS` where the file does not show its format.
+    hints : what the file does not say.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
+    """
+    if isinstance(path, ExteriorOrientation | Trajectory):
+        if form is not None:
+            raise UsageError(f"format {form!r} belongs to a file, but a record is given")
+        return poses_of(path)
+    if form is not None and form not in FORMS:
+        raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
+    form, hints = form or sniff_poses(path), hints or Hints()
+    if hints.undulation_m is not None and form != "gnss":
+        raise UsageError(
+            f"{path}: is of the format {form}, which says what its heights are; leave the height of"
+            " the geoid out"
+        )
+    try:
+        return FORMS[form](Path(path), hints)
+    except NoOriginError:
+        raise
+    except InputError as error:
+        problem, advice, _ = str(error).partition("columns = ")
+        if not advice:
+            raise
+        raise InputError(
+            f"{problem.rpartition(';')[0]}; give its format, --format-a or --format-b:"
+            f" {', '.join(FORMS)}"
+        ) from None
+
+
+def sniff_poses(path: str | Path) -> str:
+    """Name of a file's format, a key of `FORMS`; fixes of GNSS where it shows nothing else."""
+    directory = Path(path).is_dir()
+    head = "" if directory else first_bytes(path, HEAD).decode("latin-1")
+    if form := returned_form(path, head):
+        return form
+    if directory:
+        raise InputError.at_line(
+            path,
+            None,
+            "is a directory without poses known here; give that of a COLMAP or OpenSfM model, or of"
+            " MicMac's Orientation-*.xml",
+        )
+    text = head.lower()
+    if text.lstrip().startswith("{") and "exterior orientation" in text:
+        return "eo_json"
+    name = Path(path).name.lower()
+    if name.endswith(".sbet") or (name.startswith("sbet") and name.endswith(".out")):
+        return "sbet"
+    first = next((line for line in lines_of(text) if line.strip()), "")
+    if "# frame kind:" in text and "# camera axes:" in text:
+        return "generic_ascii"
+    if (label := re.search(r"^#?[ \t]*label[,;\t].*", text, re.MULTILINE)) is not None:
+        return "metashape_opk" if "omega" in label[0] else "metashape"
+    for form, columns in HEADERS.items():
+        if re.search(columns, text, re.MULTILINE):
+            return form
+    if first.startswith("gps_week,tow,lat_deg"):
+        return "trajectory_csv"
+    if any(line.startswith("#") and _names_opk(line) for line in lines_of(text)):
+        return "eo_local_plane"
+    return "gnss"
+
+
+def _names_opk(line: str) -> bool:
+    """Tell whether a line names omega, phi and kappa in this order."""
+    start = 0
+    for name in ("omega", "phi", "kappa"):
+        match = re.compile(rf"\b{name}\b").search(line, start)
+        if match is None:
+            return False
+        start = match.end()
+    return True
+
+
+def _eo_json(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.orientation.eo_json import read_eo_json
+
+    return poses_of(read_eo_json(path), str(path))
+
+
+def _eo_local_plane(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.orientation.eo_local_plane import read_eo_local_plane
+
+    eo = read_eo_local_plane(path)
+    plane = hints.plane or origin_in(path)
+    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, path)
+    C_Ef = np.swapaxes(C_fE, 1, 2)
+    sigma_opk = diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk))
+    return Poses(
+        str(path),
+        "eo_local_plane",
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=eo.images,
+        C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
+        cov_position=turned(C_Ef, diagonal(path, eo.sigma_position_m)),
+        cov_attitude=turned(C_Ef, sigma_opk),
+        angle_set="opk",
+        angles=eo.opk,
+        C_fE=C_fE,
+        local=eo.position_m,
+        plane=plane,
+    )
+
+
+def _table(form: str) -> Callable[[Path, Hints], Poses]:
+    """Reader of a format of `tables.LAYOUTS`."""
+
+    def read(path: Path, hints: Hints) -> Poses:
+        return read_table_poses(form, path, hints)
+
+    return read
+
+
+def _generic_ascii(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.orientation.generic_ascii import read_generic_ascii
+
+    eo = read_generic_ascii(path)
+    columns, n = eo.columns, len(eo.images)
+    if all(name in columns for name in ("lat", "lon", "h")):
+        frame, x = (
+            CoordinateFrame("geographic"),
+            np.column_stack([columns[name] for name in ("lon", "lat", "h")]),
+        )
+    elif all(name in columns for name in "xyz"):
+        frame = CoordinateFrame(
+            eo.frame_kind,
+            hints.plane or origin_in(path),
+            hints.projection or _crs_in(path, eo.frame_kind, hints),
+        )
+        x = np.column_stack([columns[name] for name in "xyz"])
+    else:
+        raise InputError.at_line(
+            path, None, "has no position; the columns x y z or lat lon h are needed"
+        )
+    lat, lon, h, C_fE = frame.resolved(x, path)
+    if frame.kind != eo.frame_kind:
+        C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))
+    C_Ef, C = np.swapaxes(C_fE, 1, 2), eo.C_Ec
+    if eo.C_fc is not None:
+        C = C_Ef @ eo.C_fc
+    sigma = eo.block("s_xyz")
+    time = columns.get("tow")
+    return Poses(
+        str(path),
+        "generic_ascii",
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=eo.images,
+        time=time,
+        gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
+        C_Ex=C,
+        cov_position=turned(C_Ef, diagonal(path, sigma)),
+        C_fE=C_fE,
+        local=x if frame.kind in ("tangent plane", "projected") else None,
+        plane=frame.plane,
+        projection=frame.projection,
+    )
+
+
+def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
+    """The CRS that the header of a projected frame names by its code."""
+    if kind != "projected":
+        return None
+    with opened_text(path, errors="replace") as stream:
+        code = next(
+            (
+                re.search(r"EPSG:\d+(?:\+\d+)?", line)
+                for line in stream
+                if line.startswith("# frame:")
+            ),
+            None,
+        )
+    return None if code is None else hints.projected(code[0])
+
+
+def _trajectory_csv(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.trajectory.trajectory_csv import read_trajectory_csv
+
+    t = read_trajectory_csv(path)
+    return replace(
+        _of_body(path, "trajectory_csv", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, t.sigma),
+        time=t.time,
+        gps_week=t.gps_week,
+    )
+
+
+def _sbet(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
+
+    t = read_sbet(path)
+    sigma = None
+    if (beside := smrmsg_beside(path)) is not None:
+        s = read_smrmsg(beside)
+        table = np.column_stack([s.sigma_position_m, s.sigma_velocity, s.sigma_rpy])
+        sigma = np.column_stack([np.interp(t.time, s.time, column) for column in table.T])
+    return replace(
+        _of_body(path, "sbet", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, sigma),
+        time=t.time,
+        gps_week=hints.gps_week,
+    )
+
+
+def _of_body(
+    path: Path,
+    form: str,
+    lat: Array,
+    lon: Array,
+    h: Array,
+    v_ned: Array,
+    rpy: Array,
+    sigma: Array | None,
+) -> Poses:
+    """A trajectory of the IMU; sigma (n, 9) of position, velocity, roll pitch heading."""
+    position, attitude = (
+        (None, None)
+        if sigma is None
+        else (diagonal(path, sigma[:, :3]), diagonal(path, sigma[:, 6:], rpy_jacobian(rpy)))
+    )
+    return Poses(
+        str(path),
+        form,
+        "IMU",
+        lat,
+        lon,
+        h,
+        C_Ex=NED_ENU @ rotation_from_rpy(rpy),
+        x="body",
+        velocity=v_ned @ NED_ENU,
+        cov_position=turned(NED_ENU, position),
+        cov_attitude=turned(NED_ENU, attitude),
+        angle_set="rpy",
+        angles=rpy,
+    )
+
+
+def _gnss(path: Path, hints: Hints) -> Poses:
+    from ...io.formats import read_gnss
+
+    fixes = read_gnss(
+        path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m
+    )
+    notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
+    velocity = None
+    if (
+        fixes.velocity_ned is not None
+        and fixes.velocity_cov_ned is not None
+        and fixes.velocity_cov_ned.max() < UNKNOWN_MPS**2
+    ):
+        velocity = fixes.velocity_ned @ NED_ENU
+    return Poses(
+        str(path),
+        "gnss",
+        "antenna",
+        fixes.lat,
+        fixes.lon,
+        fixes.height,
+        time=fixes.time,
+        gps_week=fixes.gps_week,
+        velocity=velocity,
+        cov_position=turned(NED_ENU, fixes.cov_ned) if fixes.sigma_assumed is None else None,
+        notes=notes,
+    )
+
+
+def _odyn(path: Path, hints: Hints) -> Poses:
+    from ...io.formats.trajectory.odyn import read_odyn_poses
+
+    t = read_odyn_poses(path)
+    return Poses(
+        str(path),
+        "odyn",
+        "IMU",
+        t.lat,
+        t.lon,
+        t.height,
+        time=t.time,
+        gps_week=hints.gps_week,
+        C_Ex=NED_ENU @ t.C_nb,
+        x="body",
+    )
+
+
+FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
+    "eo_json": _eo_json,
+    "eo_local_plane": _eo_local_plane,
+    **{form: _table(form) for form in TABLES},
+    "generic_ascii": _generic_ascii,
+    "trajectory_csv": _trajectory_csv,
+    "sbet": _sbet,
+    "gnss": _gnss,
+    "odyn": _odyn,
+    **{form: partial(read_adjusted_poses, form) for form in RETURNED},
+}

@@ -1,0 +1,270 @@
+"""What a comparison says.
+
+It has differences with statistics, and the mismatches that it recognised, each with its evidence.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ...report.charts.chart import Chart
+    from ...report.charts.drawn import Form
+
+Array = NDArray[np.float64]
+Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
+
+SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
+DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
+LARGE = 10.0  # m or m/s, from which thousandths are not shown
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A mismatch of convention that explains a part of the differences.
+
+    Parameters
+    ----------
+    name : short.
+    statement : a sentence.
+    aspect : of the differences.
+    before, after : their root mean square without and with it taken off, in `unit`; of time it is
+        that of the stamps of the same images, s, or of the horizontal differences less a shift and
+        a lever arm, m; of position it is about their mean.
+    explained : share of the sum of squares that it takes off.
+    values : what was estimated, SI, by name.
+    alternatives : statements of other hypotheses that explain as much.
+    """
+
+    name: str
+    statement: str
+    aspect: Aspect
+    before: float
+    after: float
+    explained: float
+    values: dict[str, float] = field(default_factory=dict)
+    alternatives: tuple[str, ...] = ()
+    unit: str = "m"
+
+    def sentence(self) -> str:
+        """Statement and evidence."""
+        before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
+        of = (
+            "differences of position beside their mean"
+            if self.aspect == "position"
+            else f"{self.aspect} differences"
+        )
+        if self.aspect == "time":
+            of = (
+                "differences of time"
+                if self.unit == "s"
+                else "horizontal differences that no shift or lever arm explains"
+            )
+        text = (
+            f"{self.statement}: explains {percent(self.explained)} of the {of} (rms {before} ->"
+            f" {after})"
+        )
+        return text + "".join(f"; or {other}" for other in self.alternatives)
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able, SI."""
+        return {
+            "name": self.name,
+            "statement": self.statement,
+            "part": self.aspect,
+            "unit": self.unit,
+            "rms_before": self.before,
+            "rms_after": self.after,
+            "explained": self.explained,
+            "values": dict(self.values),
+            "alternatives": list(self.alternatives),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """Differences b minus a of one component: (n,) m, rad or m/s.
+
+    Sigma (n,) of them where both files, or one of them, have it.
+    """
+
+    name: str
+    unit: str
+    difference: Array
+    sigma: Array | None = None
+
+    @property
+    def screen(self) -> tuple[float, str]:
+        """Factor and unit in which people read it."""
+        if self.unit != "rad" and float(np.abs(self.difference).max()) >= LARGE:
+            return 1.0, self.unit
+        return SCREEN[self.unit]
+
+    def statistics(self) -> dict[str, float]:
+        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI.
+
+        normalised_rms where there are standard deviations.
+        """
+        d = self.difference
+        size = np.abs(d)
+        out = {
+            "mean": float(d.mean()),
+            "median": float(np.median(d)),
+            "sd": float(d.std(ddof=1)) if d.size > 1 else 0.0,
+            "rms": float(np.sqrt(np.mean(d**2))),
+            "p95": float(np.quantile(size, 0.95)),
+            "largest": float(size.max()),
+        }
+        if self.sigma is not None:
+            out["normalised_rms"] = float(np.sqrt(np.mean((d / self.sigma) ** 2)))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Differences b minus a, in the axes east, north, up at a's points.
+
+    Parameters
+    ----------
+    a, b : files, as they were called.
+    form_a, form_b, point_a, point_b : formats, and what their positions are of.
+    matched_by : "image" or "time".
+    labels : images, or empty; time : (n,) s, or None.
+    left_a, left_b : poses without partner.
+    components : in the order of the tables.
+    findings : in the order in which they were taken off.
+    remaining : the components after it, at `remaining_time`: other poses where the clocks disagree.
+    notes : what a reader should know.
+    """
+
+    a: str
+    b: str
+    form_a: str
+    form_b: str
+    point_a: str
+    point_b: str
+    matched_by: str
+    labels: tuple[str, ...]
+    time: Array | None
+    left_a: int
+    left_b: int
+    components: tuple[Component, ...]
+    findings: tuple[Finding, ...] = ()
+    remaining: tuple[Component, ...] = ()
+    remaining_time: Array | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of pairs."""
+        return int(self.components[0].difference.size)
+
+    def summary(self) -> str:
+        """For the terminal: a table, and a sentence for each finding and note."""
+        matched = (
+            f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a,"
+            f" {self.left_b} of b"
+        )
+        lines = [
+            f"a: {self.a} ({self.form_a}, {self.point_a})",
+            f"b: {self.b} ({self.form_b}, {self.point_b})",
+            matched,
+            "",
+        ]
+        lines += ["b minus a, axes east, north, up at the point", *table(self.components)]
+        if self.findings:
+            lines += [
+                "",
+                "recognised:",
+                *(f"  {number}. {f.sentence()}" for number, f in enumerate(self.findings, 1)),
+            ]
+            lines += ["", "what remains after that", *table(self.remaining)]
+        else:
+            lines += [
+                "",
+                "no mismatch of names, axes, angles, time, height or lever arm recognised",
+            ]
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able, SI."""
+        return {
+            **{
+                name: getattr(self, name)
+                for name in ("a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by")
+            },
+            "matched": self.n,
+            "without_partner": {"a": self.left_a, "b": self.left_b},
+            "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},
+            "findings": [finding.as_dict() for finding in self.findings],
+            "remaining": {c.name: {"unit": c.unit, **c.statistics()} for c in self.remaining},
+            "notes": list(self.notes),
+        }
+
+    def charts(self) -> "tuple[Chart, ...]":
+        """Return the differences over time, or over the images, what remains, and distributions."""
+        from ...report.figures.comparison import ComparisonPanel, Curve, comparison_charts
+
+        def curve(c: Component) -> Curve:
+            factor, unit = c.screen
+            return Curve(factor * c.difference, None if c.sigma is None else factor * c.sigma, unit)
+
+        after = {c.name: curve(c) for c in self.remaining}
+        panels = [ComparisonPanel(c.name, curve(c), after.get(c.name)) for c in self.components]
+        return comparison_charts(panels, (self.time, self.remaining_time), self.labels)
+
+    def figure(self, form: "Form" = "png") -> bytes:
+        """Draw all charts on one sheet.
+
+        Parameters
+        ----------
+        form : "png", "pdf" or "svg".
+        """
+        from ...report.charts.drawn import draw_sheet
+
+        first, *left, distribution = self.charts()
+        columns = [[first], left] if left else [[first, distribution]]
+        title = f"{self.n} poses, b minus a" + "".join(f"; {f.name}" for f in self.findings)
+        return draw_sheet(columns, title, f"a: {self.a}    b: {self.b}", form)
+
+
+def table(components: tuple[Component, ...]) -> list[str]:
+    """Lines of a table of statistics."""
+    normalised = any(c.sigma is not None for c in components)
+    head = ("mean", "median", "sd", "rms", "95 %", "largest") + (
+        ("rms/sigma",) if normalised else ()
+    )
+    lines = [f"  {'':<12}" + "".join(f"{name:>12}" for name in head)]
+    for c in components:
+        factor, unit = c.screen
+        s = c.statistics()
+        digits = DIGITS[unit]
+        row = "".join(
+            f"{factor * s[name]:12.{digits}f}"
+            for name in ("mean", "median", "sd", "rms", "p95", "largest")
+        )
+        row += (
+            f"{s['normalised_rms']:12.2f}"
+            if "normalised_rms" in s
+            else " " * (12 if normalised else 0)
+        )
+        lines.append(f"  {c.name:<12}{row}  {unit}")
+    return lines
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, as people read it."""
+    if unit == "rad":
+        return f"{np.degrees(value):.4g} deg"
+    if unit == "s":
+        return f"{value:.6g} s"
+    return f"{value:.4g} m" if value >= 1.0 else f"{1e3 * value:.3g} mm"
+
+
+def percent(share: float) -> str:
+    """A share; not rounded up to all of it."""
+    if share >= 0.9999:
+        return "more than 99.99 %" if share < 1.0 - 1e-9 else "all"
+    return f"{100.0 * share:.2f} %" if share > 0.99 else f"{100.0 * share:.1f} %"

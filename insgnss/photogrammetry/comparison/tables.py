@@ -1,0 +1,236 @@
+"""Poses from tables of images that other programs take.
+
+Their columns follow from their order, their frame from the header or from what the caller says.
+
+    metashape            label, x, y, z, yaw, pitch, roll, and the accuracies of all
+    metashape_opk        the same with omega, phi, kappa
+    pix4d_matic          name, coordinates in the order of the CRS, height, yaw, pitch, roll,
+                         accuracies horizontal and vertical
+    pix4d_mapper         name, x, y, z, omega, phi, kappa, without header
+    realitycapture       name, latitude, longitude (or x, y), altitude, yaw, pitch, roll, and the
+                         accuracies of all or none
+    inpho_ascii          identifier, east, north, height, omega, phi, kappa, seconds of the GPS week
+    tum                  time, x, y, z, quaternion x y z w; no names
+
+Omega, phi, kappa and quaternions are of the frame's axes, yaw, pitch, roll of true north, in a
+tangent plane of its axes; the camera has axes right, up, back, that of tum right, down, viewing
+direction (data_specs of the formats). Degrees and metres.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...base.inputs import opened_text
+from ...geodesy.gpstime import gps_from_unix_utc
+from ...geodesy.rotation import (
+    CV_RUB,
+    opk_jacobian,
+    rotation_from_opk,
+    rotation_from_quaternion,
+    rotation_from_ypr,
+    ypr_jacobian,
+)
+from ...io.formats.text.text import TextTable, read_text_table
+from .hints import HEAD, Hints, diagonal, origin_in, turned
+from .poses import CoordinateFrame, Poses
+
+Array = NDArray[np.float64]
+
+WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
+NORTHINGS = (
+    "lat",
+    "north",
+)  # how the first coordinate begins where the second is the one to the east
+PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of a format, those that may be missing at the end, and the set of its angles."""
+
+    columns: tuple[str, ...]
+    more: tuple[str, ...]
+    angle_set: str
+
+
+def _layout(columns: str, more: str = "") -> Layout:
+    names = tuple(columns.split())
+    return Layout(
+        names,
+        tuple(more.split()),
+        "ypr" if "yaw" in names else "opk" if "omega" in names else "quaternion",
+    )
+
+
+_ACCURACIES = "sx sy sz s1 s2 s3"
+LAYOUTS = {
+    "metashape": _layout("image x y z yaw pitch roll", _ACCURACIES),
+    "metashape_opk": _layout("image x y z omega phi kappa", _ACCURACIES),
+    "pix4d_matic": _layout("image x y z yaw pitch roll", "horizontal vertical"),
+    "pix4d_mapper": _layout("image x y z omega phi kappa"),
+    "realitycapture": _layout("image x y z yaw pitch roll", _ACCURACIES),
+    "inpho_ascii": _layout("image x y z omega phi kappa", "time"),
+    "tum": _layout("time x y z qx qy qz qw"),
+}
+
+
+def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
+    """Poses of a file of one of `LAYOUTS`.
+
+    Raises
+    ------
+    InputError
+        With file and line for another table, or where neither the header nor the hints tell the
+        frame.
+    """
+    table, layout = read_text_table(path), LAYOUTS[form]
+    of = _columns(form, table, layout)
+    x = _block(table, of, ("x", "y", "z"))
+    head = [field.lower() for field in table.layout.header_fields or ()]
+    if head and head[of["x"]].startswith(NORTHINGS):
+        x = x[:, [1, 0, 2]]
+    frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
+    unit_m = np.ones(3) if frame.projection is None else frame.projection.unit_m
+    x = x * unit_m
+    lat, lon, h, C_fE = frame.resolved(
+        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if frame.kind == "geographic" else x, path
+    )
+    C_Ef = np.swapaxes(C_fE, 1, 2)
+    angles, R, E = _attitude(table, of, layout)
+    north = layout.angle_set == "ypr" and frame.kind != "tangent plane"
+    s_position, s_angles = _sigmas(table, of)
+    P = diagonal(path, s_angles, E)
+    time, week = _time(path, table, of)
+    return Poses(
+        str(path),
+        form,
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=table.strings(of["image"]) if "image" in of else (),
+        time=time,
+        gps_week=week if week is not None else hints.gps_week,
+        C_Ex=R if north else C_Ef @ R,
+        cov_position=turned(
+            C_Ef, diagonal(path, None if s_position is None else s_position * unit_m)
+        ),
+        cov_attitude=P if north else turned(C_Ef, P),
+        angle_set="" if angles is None else layout.angle_set,
+        angles=angles,
+        C_fE=None if north else C_fE,
+        local=x if frame.kind in ("tangent plane", "projected") else None,
+        plane=frame.plane,
+        projection=frame.projection,
+    )
+
+
+def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
+    """Places of the columns.
+
+    InputError where their number or the header's angles are of another format.
+    """
+    n, least = table.layout.n_fields, len(layout.columns)
+    if n not in (least, least + len(layout.more)):
+        more = f", or also {' '.join(layout.more)}" if layout.more else ""
+        problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
+        raise InputError.at_line(table.path, table.layout.first_line, problem)
+    names = (*layout.columns, *layout.more)[:n]
+    for name, field in zip(names, table.layout.header_fields or (), strict=False):
+        if name in ("yaw", "omega") and field.lower() != name:
+            why = (
+                " (angles of the nominal camera, without the bore-sight: export metashape)"
+                if field.lower().startswith("nominal")
+                else ""
+            )
+            raise InputError.at_line(
+                table.path,
+                table.layout.header_line,
+                f"{field!r} where {form} has {name}{why}; name its format",
+            )
+    return {name: k for k, name in enumerate(names)}
+
+
+def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Array:
+    return np.column_stack([table.floats(of[name]) for name in names])
+
+
+def _attitude(
+    table: TextTable, of: dict[str, int], layout: Layout
+) -> tuple[Array | None, Array, Array | None]:
+    """Angles (n, 3) rad, the camera's rotation into their axes, and the Jacobian of psi by them.
+
+    The camera has axes right, down, viewing direction.
+    """
+    if layout.angle_set == "quaternion":
+        return None, rotation_from_quaternion(_block(table, of, ("qw", "qx", "qy", "qz"))), None
+    if layout.angle_set == "ypr":
+        ypr = np.radians(_block(table, of, ("yaw", "pitch", "roll")))
+        return ypr, rotation_from_ypr(ypr) @ CV_RUB, ypr_jacobian(ypr)
+    opk = np.radians(_block(table, of, ("omega", "phi", "kappa")))
+    return opk, rotation_from_opk(opk) @ CV_RUB, opk_jacobian(opk)
+
+
+def _sigmas(table: TextTable, of: dict[str, int]) -> tuple[Array | None, Array | None]:
+    """Standard deviations (n, 3) of positions, m, and of angles, rad; None where there are none."""
+    if "horizontal" in of:
+        return _block(table, of, ("horizontal", "horizontal", "vertical")), None
+    if "sx" not in of:
+        return None, None
+    return _block(table, of, ("sx", "sy", "sz")), np.radians(_block(table, of, ("s1", "s2", "s3")))
+
+
+def _time(path: Path, table: TextTable, of: dict[str, int]) -> tuple[Array | None, int | None]:
+    """Seconds of the GPS week, going on past its end, and the week where the clock gives it."""
+    if "time" not in of:
+        return None, None
+    time = table.floats(of["time"])
+    if "seconds since 1970" not in _head(path):
+        return time, None
+    week, time = gps_from_unix_utc(time)
+    return time, week
+
+
+def _head(path: Path) -> str:
+    """Comment lines before and among the first data."""
+    with opened_text(path, errors="replace") as stream:
+        return "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+
+
+def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> CoordinateFrame:
+    """Frame of coordinates x (n, 3): as the header says, else as the caller does.
+
+    Parameters
+    ----------
+    first : name of the column of x.
+    """
+    head = _head(path)
+    code = re.search(r"EPSG:\d+(?:\+\d+)?", head)
+    kind = WORLD_CODES.get(code[0], "projected") if code is not None else ""
+    if first.startswith(("lat", "lon")) or (
+        first == "x" and form.startswith("metashape") and float(np.abs(x[:, :2]).max()) <= 360.0
+    ):
+        kind = "geographic"
+    if kind in ("geographic", "geocentric"):
+        return CoordinateFrame(kind)
+    plane = origin_in(path)
+    if plane is None and (code is not None or hints.crs is not None):
+        return CoordinateFrame(
+            "projected",
+            projection=(
+                hints.projected(code[0]) if hints.projection is None and code else hints.projection
+            ),
+        )
+    if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
+        raise InputError.at_line(
+            path,
+            None,
+            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
+            " EPSG:2056",
+        )
+    return CoordinateFrame("tangent plane", hints.plane or plane)

@@ -1,0 +1,138 @@
+"""Errors of the poses of a block: their covariance by parts, what they share, how a block bends.
+
+(L.2), (L.5) and (L.6) stand in `solution`.
+"""
+
+import numpy as np
+
+from ...records.block import Array
+from .records import BlockPoses
+
+BENDS = 24  # coefficients of (L.5)
+BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
+LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
+FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
+SHARED_M, SHARED_RAD = 0.03, float(np.radians(0.01))  # of (L.6), where nothing is stated
+ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
+
+
+def block_diagonal(blocks: Array) -> Array:
+    """Return the matrix (6 m, 6 m) with these blocks on its diagonal.
+
+    Parameters
+    ----------
+    blocks : ndarray, (m, 6, 6)
+        Of the images.
+
+    Returns
+    -------
+    ndarray, (6 m, 6 m)
+        Zeros elsewhere.
+    """
+    m = len(blocks)
+    out = np.zeros((m, 6, m, 6))
+    out[np.arange(m), :, np.arange(m)] = blocks
+    return out.reshape(6 * m, 6 * m)
+
+
+def pose_covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
+    """Return the parts of Q in the unit of the block.
+
+    What is stated is one part, with a floor, (n, 6, 6) of each image alone or (6 n, 6 n) of all; of
+    poses without covariance positions and attitudes are one part each, of a first size.
+
+    Parameters
+    ----------
+    block : BlockPoses
+        The block.
+    scale : float
+        Metres for each unit of the block.
+
+    Returns
+    -------
+    tuple of ndarray
+        The parts.
+    """
+    n = len(block.images)
+    if block.cov is None:
+        variance = (FIRST_POSITION / scale) ** 2, FIRST_ATTITUDE**2
+        return tuple(
+            np.tile(np.diag([v if k // 3 == share else 0.0 for k in range(6)]), (n, 1, 1))
+            for share, v in enumerate(variance)
+        )
+    floor = np.array([(LEAST_POSITION / scale) ** 2] * 3 + [LEAST_ATTITUDE**2] * 3)
+    if block.cov.ndim == 2:
+        return (block.cov + np.diag(np.tile(floor, n)),)
+    return (block.cov + np.diag(floor),)
+
+
+def shared_covariance(block: BlockPoses, scale: float, alike: tuple[float, float]) -> Array:
+    """Return the covariance of errors that all images have alike in camera axes (L.6).
+
+    Parameters
+    ----------
+    block : BlockPoses
+        The block.
+    scale : float
+        Metres for each unit of the block.
+    alike : tuple of float
+        Standard deviations, m and rad, where nothing is stated; in viewing direction `ALONG_VIEW`
+        times as much.
+
+    Returns
+    -------
+    ndarray, (6, 6)
+        m and rad; zeros where there are none.
+    """
+    if block.shared is not None:
+        return block.shared
+    if block.cov is None or block.cov.ndim == 2:
+        sigma = alike[0] * np.array([1.0, 1.0, ALONG_VIEW])
+        return np.diag(np.square([*sigma, *(alike[1],) * 3]))
+    turn = np.zeros((len(block.images), 6, 6))
+    turn[:, :3, :3] = scale * block.C_rc.swapaxes(1, 2)
+    turn[:, 3:, 3:] = block.C_rc.swapaxes(1, 2)
+    mean = (turn @ block.cov @ turn.swapaxes(1, 2)).mean(axis=0)
+    return mean + np.diag([LEAST_POSITION**2] * 3 + [LEAST_ATTITUDE**2] * 3)
+
+
+def bending(arm: Array) -> Array:
+    """Return the derivatives of positions and attitudes by the coefficients of (L.5).
+
+    Parameters
+    ----------
+    arm : ndarray, (n, 3)
+        From the middle of the block, axes of the tangent plane, m.
+
+    Returns
+    -------
+    ndarray, (n, 6, `BENDS`)
+        m and rad.
+    """
+    x, y = arm[:, :2].T / max(float(np.abs(arm[:, :2]).max()), 1e-9)
+    second = np.stack([x * x, x * y, y * y], axis=1)
+    both = np.concatenate([np.stack([x, y], axis=1), second], axis=1)
+    H = np.zeros((len(arm), 6, BENDS))
+    H[:, :3, :9] = np.einsum("nk,ij->nikj", second, np.eye(3)).reshape(-1, 3, 9)
+    H[:, 3:, 9:] = np.einsum("nk,ij->nikj", both, np.eye(3)).reshape(-1, 3, 15)
+    return H
+
+
+def propagated(D: Array, Q: Array) -> Array:
+    """Return D Q D^T.
+
+    Parameters
+    ----------
+    D : ndarray, (m, 6, 6)
+        Of each image.
+    Q : ndarray, (6 m, 6 m)
+        Covariance of all.
+
+    Returns
+    -------
+    ndarray, (6 m, 6 m)
+        Covariance.
+    """
+    m = len(D)
+    half = np.einsum("iab,ibjc->iajc", D, Q.reshape(m, 6, m, 6), optimize=True)
+    return np.asarray(np.einsum("iajc,jdc->iajd", half, D, optimize=True).reshape(6 * m, 6 * m))

@@ -1,0 +1,131 @@
+"""Poses of an adjusted block of any readable program, beside those of a flight.
+
+Poses with a place on the Earth are taken to the tangent plane of the flight, rigidly; so are those
+of axes of their own that lie where the flight's do. Others are tied by a similarity.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...base.inputs import opened_text, read_text
+from ...geodesy.frames import TangentPlane
+from ...io.formats.blocks.joined import matched
+from ...io.formats.orientation.pose_covariance import FILE, read_pose_covariance
+from ...records import ExteriorOrientation
+from ...records.block import Array
+from .poses import read_camera_poses
+from .records import BlockPoses, Rows
+
+NEAR_M = 2.0e3  # of the mean position from the flight's: coordinates of its tangent plane
+SIZE = 0.5, 2.0  # extent over that of the flight
+
+
+def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
+    """Read the poses of an adjusted block.
+
+    Parameters
+    ----------
+    path : Path
+        File or directory.
+    eo : ExteriorOrientation
+        Whose tangent plane has the axes of what is georeferenced.
+
+    Returns
+    -------
+    BlockPoses
+        All images with a pose.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    given = read_camera_poses(path)
+    notes = given.notes
+    if given.frame != "own":
+        given = given.in_plane(TangentPlane(*(float(x) for x in eo.origin)))
+        georeferenced = True
+    else:
+        georeferenced = _near(given.position, eo)
+        if georeferenced:
+            notes += (f"{path.name} names no frame; the tangent plane of the flight is taken",)
+    if _with_aerial_control(path):
+        notes += (
+            f"{path.name} was adjusted with aerial control: if that of this flight, it counts"
+            " twice, and standard deviations are too small; leave aerial_control.file out, or take"
+            " the mounting.toml of that adjustment",
+        )
+    cov = given.cov
+    whole = path.parent / FILE
+    if path.is_file() and whole.is_file():
+        cov = read_pose_covariance(whole, given.images, given.cov)
+        notes += (f"covariance of all poses together from {whole.name}",)
+    return BlockPoses(
+        given.images,
+        given.position,
+        given.C,
+        cov,
+        georeferenced,
+        str(path),
+        notes,
+        () if given.block is None else tuple(given.block.cameras),
+    )
+
+
+def _with_aerial_control(path: Path) -> bool:
+    """Tell whether poses say of themselves that a trajectory helped to adjust them."""
+    if not path.is_file():
+        return False
+    if path.suffix.lower() == ".json":
+        return '"adjusted with ' in read_text(path, errors="replace")
+    with opened_text(path, errors="replace") as stream:
+        lines = [line.rstrip("\n") for line in stream if not line.startswith("#")][:100000]
+    head = lines[0].split(",") if lines else []
+    if "aerial_control" not in head:
+        return False
+    column = head.index("aerial_control")
+    return any(line.split(",")[column : column + 1] == ["yes"] for line in lines[1:])
+
+
+def _near(X: Array, eo: ExteriorOrientation) -> bool:
+    """Tell whether coordinates look like those of the flight's tangent plane."""
+    apart = X.mean(axis=0) - eo.position_m.mean(axis=0)
+    size, own = (float(np.linalg.norm(np.std(x, axis=0))) for x in (X, eo.position_m))
+    low, high = SIZE
+    return bool(np.linalg.norm(apart) < NEAR_M and low < size / max(own, 1e-9) < high)
+
+
+def common_images(block: BlockPoses, eo: ExteriorOrientation) -> tuple[BlockPoses, Rows]:
+    """Return the images that both know.
+
+    Parameters
+    ----------
+    block : BlockPoses
+        The block.
+    eo : ExteriorOrientation
+        The flight.
+
+    Returns
+    -------
+    block : BlockPoses
+        These images, in the order of the flight.
+    rows : ndarray
+        Their rows in the flight's orientation, increasing.
+
+    Raises
+    ------
+    InputError
+        None is common.
+    """
+    row = matched(block.images, eo.images)
+    own = np.flatnonzero(row >= 0)
+    if not own.size:
+        raise InputError(
+            f"{block.source}: none of its {len(block.images)} images ({block.images[0]}, ...) is of"
+            f" this flight ({eo.images[0]}, ...); names are compared without directory, ending and"
+            " case"
+        )
+    own = own[np.argsort(row[own])]
+    return block.taken(own), row[own]

@@ -1,0 +1,127 @@
+"""Where the camera flies to, as it sees it: along this direction a delay of the exposures looks as
+a lever arm does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records import Array
+
+STRAIGHT = 0.94  # cosine of the turn between neighbouring legs: 20 deg
+STEP = 2.0  # times the median distance of neighbours: within a strip
+ALIKE = 0.9  # length of the mean direction in camera axes: the camera looks the same way in flight
+FEWEST = 8
+SIGNIFICANT = 3.0  # of a correlation, over 1 / sqrt(n)
+MOST = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class FlightDirection:
+    """The direction of flight.
+
+    Parameters
+    ----------
+    in_camera : ndarray, (3,)
+        Unit vector in camera axes.
+    course : ndarray, (n, 3)
+        Unit vectors in the mapping frame, NaN of images in turns and at the ends of strips.
+    course_deg : ndarray, (n,)
+        Their azimuths.
+    speed_mps : float or None
+        Median speed, where there are times.
+    """
+
+    in_camera: Array
+    course: Array
+    course_deg: Array
+    speed_mps: float | None
+
+    @property
+    def words(self) -> str:
+        """The camera axis nearest to it."""
+        axis = int(np.argmax(np.abs(self.in_camera)))
+        return f"{'+' if self.in_camera[axis] > 0.0 else '-'}{'xyz'[axis]}"
+
+    def split_rms(self, residual: Array) -> tuple[float, float]:
+        """Return rms residuals along the flight direction and across it.
+
+        Parameters
+        ----------
+        residual : ndarray, (n, 3)
+            Residuals in the mapping frame.
+
+        Returns
+        -------
+        along, across : float
+            Of the horizontal residuals in strips, in their unit.
+        """
+        use = np.isfinite(self.course[:, 0])
+        d, e = self.course[use], residual[use]
+        along = d[:, 0] * e[:, 0] + d[:, 1] * e[:, 1]
+        across = d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]
+        return float(np.sqrt((along**2).mean())), float(np.sqrt((across**2).mean()))
+
+
+def flight_direction(position: Array, C_mc: Array, time: Array | None) -> FlightDirection | None:
+    """Find where the camera flies to.
+
+    Parameters
+    ----------
+    position : ndarray, (n, 3)
+        Antenna positions in the mapping frame, in the order of the exposures.
+    C_mc : ndarray, (n, 3, 3)
+        Camera to mapping frame.
+    time : ndarray, (n,), or None
+        Stamps, s.
+
+    Returns
+    -------
+    FlightDirection or None
+        None where the camera does not look the same way along all strips, or few images stand in
+        strips.
+    """
+    order = np.arange(len(position)) if time is None else np.argsort(time, kind="stable")
+    step = np.diff(position[order], axis=0)
+    step[:, 2] = 0.0
+    length = np.linalg.norm(step, axis=1)
+    course = np.full(position.shape, np.nan)
+    speeds = []
+    usual = float(np.median(length)) if len(length) else 0.0
+    for k in range(1, len(order) - 1):
+        a, b = step[k - 1], step[k]
+        both = length[k - 1] * length[k]
+        if not 0.0 < max(length[k - 1], length[k]) <= STEP * usual or a @ b < STRAIGHT * both:
+            continue
+        course[order[k]] = (a + b) / np.linalg.norm(a + b)
+        if time is not None and (dt := time[order[k + 1]] - time[order[k - 1]]) > 0.0:
+            speeds.append(float(np.linalg.norm(a + b)) / dt)
+    use = np.isfinite(course[:, 0])
+    if use.sum() < FEWEST:
+        return None
+    seen = np.einsum("nji,nj->ni", C_mc[use], course[use]).mean(axis=0)
+    if (size := float(np.linalg.norm(seen))) < ALIKE:
+        return None
+    azimuth = np.degrees(np.arctan2(course[:, 0], course[:, 1])) % 360.0
+    speed = float(np.median(speeds)) if speeds else None
+    return FlightDirection(seen / size, course, azimuth, speed)
+
+
+def neighbour_correlation(residual: Array) -> Array:
+    """Return the correlation of neighbouring rows, zero where chance explains it.
+
+    Parameters
+    ----------
+    residual : ndarray, (n, 3)
+        Residuals in the order of the exposures.
+
+    Returns
+    -------
+    ndarray, (3,)
+        Between 0 and 0.98.
+    """
+    n = len(residual)
+    e = residual - residual.mean(axis=0)
+    size = (e**2).sum(axis=0)
+    rho = np.where(size > 0.0, (e[1:] * e[:-1]).sum(axis=0) / np.maximum(size, 1e-300), 0.0)
+    return np.where(rho * np.sqrt(n) > SIGNIFICANT, np.minimum(rho, MOST), 0.0)

@@ -1,0 +1,459 @@
+"""A verdict on each component of the mounting, and what would determine those that a flight leaves.
+
+A component is determined where its standard deviation is below that of other ways to know it: what
+the flight file states, else what a ruler, a mechanic or a data sheet gives (`USEFUL`). Where it is
+not, its largest correlations name what it cannot be told from, and further flight lines are tried:
+the longest line of this flight is added once more, turned, slower or banked, with the covariance
+that it has, and the normal equations are solved again. Only what then determines the component is
+advised, with the standard deviation that it would have.
+
+A component contradicts the flight file where both differ by more than `CONTRADICTS` standard
+deviations of the difference, whatever else would determine it better.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+
+from ...geodesy.rotation import (
+    opk_from_rotation,
+    rotation_from_opk,
+    rotation_from_vector,
+    vector_from_rotation,
+)
+from ...records.block import Array
+from ...records.cameras.mounting import ANTENNA_SIGMA_M
+from ..adjust.aerial import BORESIGHT, TIME_OFFSET
+from .records import Stated
+from .solution import CAMERA_FIXED, SCALE, TRANSLATION, TURN, Solved, Variant
+
+DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
+USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
+USEFUL["shift"] = 0.02
+STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
+ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
+LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
+CONTRADICTS, DOUBTFUL = 4.0, 2.5
+HELPS = 0.5  # of a sigma, that remains if something else were known
+ONE_HEADING = 0.9  # length of the mean of unit vectors
+DIRECTIONS = ("forward", "right", "down"), ("backward", "left", "up")
+UNITS = {"boresight": (np.degrees(1.0), "deg", 4), "delay": (1e3, "ms", 2)}
+METRES = (1e3, "mm", 1)
+
+
+@dataclass(frozen=True)
+class Component:
+    """One component of the mounting.
+
+    Parameters
+    ----------
+    group : str
+        "antenna_m", "imu_m", "boresight", "delay" or "shift".
+    axis : int
+        Which of its components.
+    name : str
+        In words.
+    value, stated : float
+        What was found and what the flight file has; m, s; of the bore-sight the rotation about the
+        axis of the camera against the flight file's, rad, and zero.
+    sigma, limit : float
+        Standard deviation, and up to which it counts as determined.
+    verdict : str
+        `DETERMINED`, `UNDETERMINED` or `CONTRADICTING`.
+    why : str
+        What it cannot be told from, or by how much it contradicts; empty otherwise.
+    remedies : tuple of str
+        What would determine it, each tried.
+    against : bool
+        Whether it contradicts the flight file, determined or not.
+    held : bool
+        Whether it is not determined and the flight file's value stands in: one that the file
+        states, within `DOUBTFUL` sigmas.
+    """
+
+    group: str
+    axis: int
+    name: str
+    value: float
+    stated: float
+    sigma: float
+    limit: float
+    verdict: str
+    why: str = ""
+    remedies: tuple[str, ...] = ()
+    against: bool = False
+    held: bool = False
+
+    @property
+    def determined(self) -> bool:
+        """Whether there is a value to use."""
+        return self.verdict != UNDETERMINED
+
+    @property
+    def word(self) -> str:
+        """The verdict."""
+        return "contradicts the flight file" if self.verdict == CONTRADICTING else self.verdict
+
+    @property
+    def text(self) -> str:
+        """Value, or why there is none."""
+        factor, unit, digits = UNITS.get(self.group, METRES)
+        sigma = f"{factor * self.sigma:.{digits}f} {unit}"
+        if not self.determined:
+            own = self.group == "antenna_m" and self.limit < USEFUL["antenna_m"]
+            whose = "mounting.antenna_sigma_m" if own else "limit"
+            words = f"sigma {sigma} ({whose} {factor * self.limit:g} {unit})"
+            return "; ".join([words, self.why, *self.remedies])
+        value = f"{factor * self.value:+.{digits}f} +- {sigma}"
+        return f"{value}; {self.why}" if self.why else value
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{self.name}, {self.word}: {self.text}"
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """How a flight moved, as far as it decides what can be told apart.
+
+    Parameters
+    ----------
+    speed : tuple of float
+        5 and 95 % of the speeds at exposure, m/s.
+    headings : float
+        Length of the mean of the unit vectors of the headings: 1 where all have one.
+    tilt_deg : float
+        Root mean square of the camera's tilt about its mean.
+    """
+
+    speed: tuple[float, float]
+    headings: float
+    tilt_deg: float
+
+
+def facts_of(solved: Solved) -> Facts:
+    """Return how the flight moved.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Returns
+    -------
+    Facts
+        Of the images that both know.
+    """
+    eo = solved.flight.eo
+    assert eo.velocity_mps is not None
+    v, C_mb = eo.velocity_mps[solved.rows], eo.C_mc[solved.rows] @ solved.flight.mounting.C_cb
+    low, high = np.percentile(np.linalg.norm(v, axis=1), [5, 95])
+    nose = C_mb[:, :2, 0]
+    nose = nose / np.maximum(np.linalg.norm(nose, axis=1, keepdims=True), 1e-9)
+    down = -C_mb[:, 2]  # the vertical in body axes
+    off = down - down.mean(axis=0)
+    return Facts(
+        (float(low), float(high)),
+        float(np.linalg.norm(nose.mean(axis=0))),
+        float(np.degrees(np.sqrt((off**2).sum(axis=1).mean()))),
+    )
+
+
+def components(solved: Solved, stated: Stated) -> tuple[Component, ...]:
+    """Judge every component.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+    stated : Stated
+        What the flight file says.
+
+    Returns
+    -------
+    tuple of Component
+        Antenna, bore-sight, delay, the IMU's lever arm, and the shift of a georeferenced block.
+    """
+    names, J, values, before = linear_functions(solved, stated)
+    V = J @ solved.cov @ J.T
+    sigma = np.sqrt(np.diagonal(V))
+    facts = facts_of(solved)
+    out: list[Component] = []
+    undetermined: list[int] = []
+    for k, (group, axis, name) in enumerate(names):
+        if group not in USEFUL:
+            continue
+        own = _stated_sigma(group, stated)
+        limit = USEFUL[group]
+        if group == "antenna_m" and stated.antenna_sigma_m is not None:
+            limit = min(limit, max(stated.antenna_sigma_m, LEAST_LIMIT_M))
+        verdict, why = (DETERMINED, "") if sigma[k] <= limit else (UNDETERMINED, "")
+        off = 0.0 if own is None else float(abs(values[k] - before[k]) / np.hypot(sigma[k], own))
+        factor, unit, digits = UNITS.get(group, METRES)
+        if verdict == UNDETERMINED:
+            undetermined.append(len(out))
+            why = _why(names, V, k, facts)
+            if off > DOUBTFUL:
+                there = f"{factor * before[k]:.{digits}f} {unit}"
+                why += f"; the flight file's {there} lies {off:.1f} sigma from what was found"
+        elif off > CONTRADICTS:
+            verdict = CONTRADICTING
+            why = f"{factor * before[k]:.{digits}f} {unit} there, {off:.0f} sigma"
+        out.append(
+            Component(
+                group,
+                axis,
+                name,
+                float(values[k]),
+                float(before[k]),
+                float(sigma[k]),
+                float(limit),
+                verdict,
+                why,
+                against=off > CONTRADICTS,
+                held=verdict == UNDETERMINED and own is not None and off <= DOUBTFUL,
+            )
+        )
+    if undetermined:
+        judged = [k for k, name in enumerate(names) if name[0] in USEFUL]
+        _advise(solved, J[:3], J[judged], out, undetermined)
+    return tuple(out)
+
+
+def _stated_sigma(group: str, stated: Stated) -> float | None:
+    """Return how well the flight file knows a component; None where it says nothing of it."""
+    if group not in stated.keys:
+        return None
+    own = stated.antenna_sigma_m
+    return {
+        "antenna_m": ANTENNA_SIGMA_M if own is None else own,
+        "imu_m": ANTENNA_SIGMA_M,
+        "boresight": STATED_BORESIGHT,
+        "delay": STATED_DELAY_S,
+    }[group]
+
+
+def linear_functions(
+    solved: Solved, stated: Stated
+) -> tuple[list[tuple[str, int, str]], Array, Array, Array]:
+    """Return what is judged, as linear functions of the unknowns.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+    stated : Stated
+        The flight file's.
+
+    Returns
+    -------
+    names : list of tuple
+        Group, axis and words of each.
+    J : ndarray, (k, u)
+        Derivatives by the unknowns.
+    values, before : ndarray, (k,)
+        What was found, and what the flight file has; of the bore-sight the rotation between both.
+    """
+    antenna, imu = solved.lever_arms()
+    J_arms = solved.lever_arm_derivatives()
+    names: list[tuple[str, int, str]] = []
+    rows: list[Array] = []
+    values: list[float] = []
+    before: list[float] = []
+    C_cb = solved.C_cb
+    for group, words, J, now, then in (
+        ("antenna_m", "antenna lever arm", J_arms[:3], antenna, stated.mounting.antenna_m),
+        ("imu_m", "IMU lever arm", J_arms[3:], imu, stated.mounting.imu_m),
+    ):
+        for axis in range(3):
+            names.append((group, axis, f"{words} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
+            rows.append(J[axis])
+            values.append(float(now[axis]))
+            before.append(float(then[axis]))
+    beta = vector_from_rotation(stated.mounting.C_cb @ C_cb.T)
+    fixed = solved.block.georeferenced
+    moved = "shift" if fixed else "translation"  # of axes of its own nobody asks for it
+    slice_of = {"boresight": BORESIGHT, "delay": TIME_OFFSET, moved: TRANSLATION}
+    slice_of |= {"turn": TURN, "scale": SCALE}
+    if CAMERA_FIXED in solved.place:
+        slice_of["camera"] = CAMERA_FIXED
+    shift = (
+        solved.values[TRANSLATION] - solved.block.position.mean(axis=0) if fixed else np.zeros(3)
+    )
+    delay = solved.flight.delay_s + solved.values[TIME_OFFSET]
+    value_of = {"boresight": beta, "delay": delay, moved: shift}
+    value_of |= {"turn": np.zeros(3), "scale": np.zeros(1), "camera": np.zeros(6)}
+    change = " against the flight file's" if "boresight" in stated.keys else ""
+    words_of = {
+        "boresight": [f"bore-sight{change} about {a}" for a in "xyz"],
+        "delay": ["camera delay"],
+        moved: [f"{moved} {a}" for a in ("east", "north", "up")],
+        "turn": [f"turn of the block about {a}" for a in ("east", "north", "up")],
+        "scale": ["scale of the block"],
+        "camera": [f"{axis} by the block's camera" for axis in "xyz"]
+        + [f"turn about {axis} by the block's camera" for axis in "xyz"],
+    }
+    for group, key in slice_of.items():
+        where = solved.place[key]
+        for axis, name in enumerate(words_of[group]):
+            row = np.zeros(solved.cov.shape[0])
+            row[where.start + axis] = 1.0
+            names.append((group, axis, name))
+            rows.append(row)
+            values.append(float(value_of[group][axis]))
+            before.append(stated.delay_s if group == "delay" else 0.0)
+    return names, np.array(rows), np.array(values), np.array(before)
+
+
+def _direction(C_cb: Array, axis: int) -> str:
+    """Return in which direction of the body an axis of the camera points."""
+    d = C_cb[axis]
+    k = int(np.abs(d).argmax())
+    return DIRECTIONS[int(d[k] < 0.0)][k]
+
+
+def _why(names: Sequence[tuple[str, int, str]], V: Array, k: int, facts: Facts) -> str:
+    """Return what a component cannot be told from, with the fact that is behind it.
+
+    That is what would reduce its sigma most if it were known: one component, or two together.
+    """
+    twin = {"antenna_m": "imu_m", "imu_m": "antenna_m"}.get(names[k][0])
+    first = float(np.sqrt(V[k, k]))
+    others: tuple[int, ...] = ()
+    for free in (
+        [j for j, name in enumerate(names) if j != k and name[0] != twin],
+        [j for j in range(len(names)) if j != k],
+    ):
+        conditions = [(_left(V, k, own), own) for n in (1, 2) for own in combinations(free, n)]
+        alone = min(item for item in conditions if len(item[1]) == 1)
+        left, others = alone if alone[0] < HELPS * first else min(conditions)
+        if left < HELPS * first:
+            break
+    else:
+        if names[k][0] == "imu_m":
+            return "poses tell the antenna's place, hardly the IMU's: measure it on the aircraft"
+        return "the poses are not precise enough"
+    factor, unit, digits = UNITS.get(names[k][0], METRES)
+    left *= factor
+    words = f"not told from {' and '.join(names[j][2] for j in others)}"
+    words += f" (were {'they' if len(others) > 1 else 'it'} known, {left:.{digits}f} {unit}"
+    words += f" instead of {factor * first:.{digits}f})"
+    groups = {names[k][0], *(names[j][0] for j in others)}
+    vertical = any(w in names[i][2] for i in (k, *others) for w in ("up", "down"))
+    if groups == {names[k][0], "camera"}:
+        words += ": its principal point and camera constant move all poses alike"
+    elif "delay" in groups:
+        low, high = facts.speed
+        words += f": speed was {low:.1f} to {high:.1f} m/s throughout"
+    elif not vertical and facts.headings > ONE_HEADING:
+        words += ": one heading"
+    elif groups & {"shift", "translation", "antenna_m", "imu_m"}:
+        words += f": tilts of {facts.tilt_deg:.1f} deg rms"
+    return words
+
+
+def _left(V: Array, k: int, conditions: tuple[int, ...]) -> float:
+    """Return the sigma of component k if others were known."""
+    own = list(conditions)
+    sigma = np.sqrt(np.diagonal(V)[own])
+    R = V[np.ix_(own, own)] / np.outer(sigma, sigma) + 1e-12 * np.eye(len(own))
+    c = V[k, own] / sigma
+    return float(np.sqrt(max(V[k, k] - c @ np.linalg.solve(R, c), 0.0)))
+
+
+def _variants() -> tuple[Variant, ...]:
+    up = np.array([0.0, 0.0, 1.0])
+    half, quarter = (rotation_from_vector(a * up) for a in (np.pi, np.pi / 2.0))
+    return (
+        Variant("one more line at 70 % of the speed", np.eye(3), 0.7),
+        Variant("one more line in the opposite direction", half, 1.0),
+        Variant("one more line across", quarter, 1.0),
+        Variant("one more line in the opposite direction, at 70 % of the speed", half, 0.7),
+        Variant("one more line across, at 70 % of the speed", quarter, 0.7),
+        Variant("one more line, banked to 20 deg", None, 1.0),
+    )
+
+
+def _advise(
+    solved: Solved, antenna: Array, J: Array, out: list[Component], undetermined: Sequence[int]
+) -> None:
+    """Try each variant, and write what determines a component beside it."""
+    hypothetical = [(v.name, solved.with_line(v)) for v in _variants()]
+    none = np.zeros(3)
+    if CAMERA_FIXED in solved.place:
+        words = (
+            "poses with the covariance of their whole block (adjust --pose-covariance), or a camera"
+            " known to move them by 5 mm and 0.002 deg alike (--pose-sigma 0.005,0.002)"
+        )
+        alike = np.eye(len(solved.cov))[solved.place[CAMERA_FIXED]]
+        alike[3:] *= ALIKE_M / ALIKE_RAD
+        hypothetical.append((words, solved.conditioned(alike, np.zeros(6), ALIKE_M)[1]))
+    if solved.block.georeferenced and solved.assumptions.shift_sigma_m is None:
+        words = "ground control in the datum of the fixes to 1 cm (--shift-sigma 0.01)"
+        frame = np.eye(len(solved.cov))[solved.place[TRANSLATION]]
+        hypothetical.append((words, solved.conditioned(frame, none, 0.01)[1]))
+    words = "an antenna lever arm measured to 5 mm from the projection centre"
+    hypothetical.append((words, solved.conditioned(antenna, none, 0.005)[1]))
+    for k in undetermined:
+        c, row = out[k], J[k]
+        factor, unit, digits = UNITS.get(c.group, METRES)
+        others = [t for t in hypothetical if not (c.group == "antenna_m" and "antenna" in t[0])]
+        given = [float(np.sqrt(max(row @ cov @ row, 0.0))) for _, cov in others]
+        good = [i for i in range(len(others)) if given[i] <= c.limit]
+        good = ([i for i in good if given[i] <= 0.7 * c.limit] or good)[:2]
+        best = int(np.argmin(given))
+        if not good and given[best] < 0.5 * c.sigma:
+            good = [best]
+        remedies = tuple(
+            f"{others[i][0]} would give {factor * given[i]:.{digits}f} {unit}" for i in good
+        )
+        out[k] = replace(c, remedies=remedies)
+
+
+def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> str | None:
+    """Say how a bore-sight of the flight file was misread, where that explains the difference.
+
+    Signs of its angles, the order in which they are turned, and the sense of the matrix are tried.
+
+    Parameters
+    ----------
+    stated : Stated
+        The flight file's.
+    judged : sequence of Component
+        The verdicts.
+    B : ndarray, (3, 3)
+        The bore-sight that was found.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where the bore-sight does not contradict, or nothing explains it.
+    """
+    own = [c for c in judged if c.group == "boresight"]
+    if not any(c.verdict == CONTRADICTING for c in own):
+        return None
+    B0 = stated.mounting.boresight
+    angles = opk_from_rotation(B0)
+    limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
+    hypothetical = [("transposed (body and camera exchanged)", B0.T)]
+    for signs in product((1.0, -1.0), repeat=3):
+        flipped = [
+            name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0
+        ]
+        if flipped:
+            words = f"with the other sign of {' and '.join(flipped)}"
+            hypothetical.append((words, rotation_from_opk(angles * signs)))
+    left = [
+        (float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in hypothetical
+    ]
+    best, words = min(left)
+    now = float(np.linalg.norm(vector_from_rotation(B0 @ B.T)))
+    if best > limit or best > 0.5 * now:
+        return None
+    return (
+        f"the flight file's bore-sight {words} would agree with what was found"
+        f" ({np.degrees(best):.3f} deg instead of {np.degrees(now):.3f} deg)"
+    )

@@ -1,0 +1,458 @@
+"""`insgnss calibrate materialise`: targets on camera and receiver, as files."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import DataError, InputError, UsageError, near
+from ...geodesy.similarity import similarity
+from ...io.formats.blocks.measured_block import MeasuredBlock
+from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
+from ...io.formats.orientation.mounting_file import MountingFile
+from ...records import Array
+from ...records.cameras.camera import rays_of
+from ...records.cameras.mounting import ANTENNA_SIGMA_M
+from ...report.charts.chart import Chart
+from ..lever_arm.materialisation import (
+    CameraTargets,
+    MaterialisedLeverArm,
+    ReceiverSession,
+    ReceiverTargets,
+    Targets,
+    camera_targets,
+    intersected_target,
+    lever_arm_difference,
+    materialised_lever_arm,
+    receiver_targets,
+)
+from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
+from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .readings import advice, named_reading, position_readings
+
+ANTENNA = "antenna"
+TARGET_M, ANTENNA_M = 2e-4, 5e-3  # where a table has no standard deviations
+RULER_M = 0.05
+LONGEST_M = 3.0  # of targets on a sensor from each other: others are in another unit
+CLOSE_M = 0.005  # targets that fit in another reading
+TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
+
+
+@dataclass(frozen=True)
+class MaterialiseOptions:
+    """What the files of targets do not say.
+
+    Parameters
+    ----------
+    receiver : tuple of Path
+        Sessions of the receiver: its targets and, as `antenna`, its phase centre.
+    pose : Path or None
+        Pose of the camera's own image, in the axes of the targets on it.
+    image : str
+        Name of that image.
+    after : Path or None
+        A second block of the mounted sensors, after the flight.
+    antenna_name : str
+        Name of the phase centre in the sessions.
+    target_sigma_m : float
+        Of targets whose table has no standard deviations, m.
+    pose_sigma : PoseSigma
+        Of a pose without.
+    photo : Path or None
+        An image of the camera.
+    date : str
+        Of the data, ISO.
+    """
+
+    receiver: tuple[Path, ...]
+    pose: Path | None = None
+    image: str = ""
+    after: Path | None = None
+    antenna_name: str = ANTENNA
+    target_sigma_m: float = TARGET_M
+    pose_sigma: PoseSigma = field(default_factory=lambda: PoseSigma(3e-4, 0.05))
+    photo: Path | None = None
+    date: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Targets by names: positions, and covariances where the file has them."""
+
+    path: Path
+    names: tuple[str, ...]
+    position: Array
+    cov: Array | None
+    poses: CameraPoses | None = None
+
+    def targets(self, names: Sequence[str], sigma: float) -> Targets:
+        rows = [self.names.index(name) for name in names]
+        own = sigma**2 * np.eye(3)
+        cov = np.broadcast_to(own, (len(rows), 3, 3)) if self.cov is None else self.cov[rows]
+        try:
+            return Targets(self.position[rows], np.array(cov))
+        except DataError as refusal:
+            raise InputError(f"{self.path}: {refusal}") from None
+
+
+def calibrate_materialise(
+    camera: Path, mounted: Path, options: MaterialiseOptions
+) -> CalibratedMounting:
+    """Estimate the lever arm of mounted sensors by targets on both.
+
+    Parameters
+    ----------
+    camera : Path
+        Targets on the camera and, in the same axes, the pose of an image of its own: a table and
+        `options.pose`, or a block of a photogrammetry program with both.
+    mounted : Path
+        Targets on camera and receiver in one block of the aircraft, of any axes and unit.
+    options : MaterialiseOptions
+        The sessions of the receiver, and what files do not say.
+
+    Returns
+    -------
+    CalibratedMounting
+        The lever arm with its verdict.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, or they do not belong together.
+    """
+    own, sessions = _points(camera), [_session(path, options) for path in options.receiver]
+    if not sessions:
+        raise UsageError("calibrate materialise: --receiver needs a file a session")
+    on_receiver = _common(sessions, options.receiver)
+    receiver = _receiver(sessions, on_receiver, options)
+    blocks = [_points(path) for path in (mounted, *([options.after] if options.after else []))]
+    on_camera = [name for name in own.names if all(name in block.names for block in blocks)]
+    on_camera = [name for name in on_camera if name not in on_receiver]
+    for block in blocks:
+        for kind, count in (
+            ("camera", len(on_camera)),
+            ("receiver", sum(name in block.names for name in on_receiver)),
+        ):
+            if count < 3:
+                raise InputError.at_line(
+                    block.path,
+                    None,
+                    f"{count} targets of the {kind} by its names ({', '.join(block.names[:4])},"
+                    " ...); a frame needs 3 that stand on no line",
+                )
+    used = [name for name in on_receiver if all(name in block.names for block in blocks)]
+    pose, pose_cov = _own_pose(own, camera, options)
+    targets = camera_targets(own.targets(on_camera, options.target_sigma_m), *pose, pose_cov)
+    rows = [on_receiver.index(name) for name in used]
+    on_both = Targets(receiver.targets.position[rows], receiver.targets.cov[rows])
+    receiver = replace(receiver, targets=on_both)
+    results = [_estimated(targets, receiver, block, on_camera, used, options) for block in blocks]
+    inputs = [camera, mounted, *options.receiver]
+    inputs += [path for path in (options.pose, options.after) if path is not None]
+    origin = provenance(inputs, _cameras(own), options.photo, options.date)
+    difference, moved = _between(results)
+    notes = (receiver.summary(), *difference)
+    return _calibrated(results, receiver, moved, notes, origin.given, inputs)
+
+
+def _cameras(own: _Points) -> Any:
+    return () if own.poses is None or own.poses.block is None else own.poses.block.cameras
+
+
+def _points(path: Path) -> _Points:
+    """Return the targets of a table, or those that a block intersects."""
+    if not path.exists():
+        raise InputError.at_line(path, None, "does not exist; check the path")
+    if not is_block(path):
+        table = read_position_table(path)
+        if table.geodetic:
+            raise InputError.at_line(path, None, "targets stand in Cartesian axes; give x, y, z")
+        _refuse_large(path, table)
+        return _Points(path, table.names, table.position, table.cov)
+    poses = read_camera_poses(path)
+    assert poses.block is not None
+    block = poses.block
+    names, position, cov = [], [], []
+    for row, name in enumerate(block.measured.points):
+        if TIE_POINT.fullmatch(name):
+            continue
+        if (target := _intersected(path, poses, block, row)) is not None:
+            names.append(name)
+            position.append(target[0])
+            cov.append(target[1])
+    if not names:
+        raise InputError.at_line(
+            path, None, "no target is measured in two images; measure more of them"
+        )
+    return _Points(path, tuple(names), np.array(position), np.array(cov), poses)
+
+
+def _intersected(
+    path: Path, poses: CameraPoses, block: MeasuredBlock, point: int
+) -> tuple[Array, Array] | None:
+    seen = block.measured.observations
+    row_by_image = {name: k for k, name in enumerate(poses.images)}
+    pose = np.array([row_by_image.get(name, -1) for name in block.measured.images])[seen.image]
+    use = (seen.point == point) & (pose >= 0)
+    if use.sum() < 2:
+        return None
+    if not block.cameras:
+        raise InputError.at_line(
+            path, None, "has no interior orientation of its camera; give a project that has one"
+        )
+    sensor = block.cameras[int(block.camera[seen.image[use][0]])]
+    sigma = float(np.median(seen.sigma_px[use])) / sensor.of("f")
+    k = pose[use]
+    try:
+        P, cov, factor = intersected_target(
+            poses.position[k], poses.C[k], rays_of(sensor, seen.uv[use]), sigma
+        )
+    except DataError as refusal:
+        name = block.measured.points[point]
+        raise InputError(f"{path}: target {name}: {refusal}") from None
+    return P, cov * max(factor, 1.0)
+
+
+def _refuse_large(path: Path, table: NamedPositions) -> None:
+    """Refuse targets in millimetres, where the table says metres by its standard deviations."""
+    apart = float(np.ptp(table.position, axis=0).max())
+    if table.cov is not None and apart > 1e5 * float(np.sqrt(table.cov.max())):
+        raise InputError.at_line(
+            path,
+            None,
+            f"targets are up to {apart:g} apart with standard deviations of"
+            f" {np.sqrt(table.cov.max()):g}: both in one unit",
+        )
+
+
+def _session(path: Path, options: MaterialiseOptions) -> _Points:
+    points = _points(path)
+    if options.antenna_name not in points.names:
+        raise InputError.at_line(
+            path,
+            None,
+            f"no row {options.antenna_name!r} with the phase centre by GNSS;"
+            f" {near(options.antenna_name, points.names)}; name it by --antenna-name",
+        )
+    apart = float(np.ptp(points.position, axis=0).max())
+    if apart > LONGEST_M:
+        words = ""
+        if apart * 1e-3 < 1.0:
+            words = "; in millimetres?"
+        raise InputError.at_line(
+            path,
+            None,
+            f"targets and phase centre are {apart:.3g} m apart (limit {LONGEST_M:g} m on a"
+            f" receiver){words}",
+        )
+    return points
+
+
+def _common(sessions: Sequence[_Points], paths: Sequence[Path]) -> list[str]:
+    """Return the targets of the first session; all others must have them."""
+    first = sessions[0]
+    names = [name for name in first.names if name != ANTENNA]
+    for session, path in zip(sessions[1:], paths[1:], strict=True):
+        names = [name for name in names if name in session.names]
+        if len(names) < 3:
+            raise InputError.at_line(
+                path, None, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
+            )
+    return names
+
+
+def _receiver(
+    sessions: Sequence[_Points], names: Sequence[str], options: MaterialiseOptions
+) -> ReceiverTargets:
+    names = [name for name in names if name != options.antenna_name]
+    made = []
+    for points in sessions:
+        row = points.names.index(options.antenna_name)
+        cov = ANTENNA_M**2 * np.eye(3) if points.cov is None else points.cov[row]
+        targets = points.targets(names, options.target_sigma_m)
+        made.append(ReceiverSession(targets, points.position[row], cov))
+    try:
+        return receiver_targets(*made)
+    except DataError as refusal:
+        files = ", ".join(str(points.path) for points in sessions)
+        raise InputError(f"{files}: {refusal}") from None
+
+
+def _own_pose(
+    own: _Points, camera: Path, options: MaterialiseOptions
+) -> tuple[tuple[Array, Array], Array]:
+    """Return pose and covariance of the image that the camera itself took."""
+    poses = own.poses
+    if options.pose is not None:
+        poses = read_camera_poses(options.pose)
+    if poses is None:
+        raise UsageError(
+            f"{camera}: targets alone; give the pose of an image that the camera itself took in"
+            " their axes, --pose POSES --image NAME"
+        )
+    name = options.image
+    if not name and len(poses.images) == 1:
+        (name,) = poses.images
+    if name not in poses.images:
+        shown = "none is named by --image"
+        if name:
+            shown = f"{name!r}; {near(name, poses.images[:200])}"
+        raise UsageError(f"{poses.path}: no pose of the camera's own image: {shown}")
+    one = poses.taken(np.array([poses.images.index(name)]))
+    return (one.position[0], one.C[0]), one.with_sigma(options.pose_sigma)[0]
+
+
+def _estimated(
+    targets: CameraTargets,
+    receiver: ReceiverTargets,
+    block: _Points,
+    on_camera: Sequence[str],
+    on_receiver: Sequence[str],
+    options: MaterialiseOptions,
+) -> MaterialisedLeverArm:
+    rows = [block.names.index(name) for name in on_camera]
+    first = similarity(block.position[rows], targets.targets.position)
+    scale = 1.0 if first is None or not first.scale > 0.0 else first.scale
+    sigma = options.target_sigma_m / scale
+    camera_in, receiver_in = (block.targets(names, sigma) for names in (on_camera, on_receiver))
+
+    def fitted(position: Array) -> MaterialisedLeverArm:
+        n = len(on_camera)
+        return materialised_lever_arm(
+            targets,
+            receiver,
+            replace(camera_in, position=position[:n]),
+            replace(receiver_in, position=position[n:]),
+        )
+
+    whole = np.concatenate([camera_in.position, receiver_in.position])
+    try:
+        return fitted(whole)
+    except DataError as refusal:
+
+        def misfit(position: Array) -> float:
+            return float(np.sqrt((fitted(position).residual_m ** 2).mean()))
+
+        readings = {k: v for k, v in position_readings(whole).items() if "metres" not in k}
+        words = named_reading(np.inf, readings, misfit, CLOSE_M)
+        other = advice((f"of {block.path.name} {words}",)) if words else ""
+        raise InputError(f"{block.path}: {refusal}{other}") from None
+
+
+def _between(results: Sequence[MaterialisedLeverArm]) -> tuple[tuple[str, ...], bool]:
+    """Compare both blocks: targets and phase centre, which they share, cancel for the most part.
+
+    Their whole covariance would call a mount that moved by millimetres the same. What a flight is
+    processed with is no better than 5 mm, and less does no harm.
+    """
+    if len(results) < 2:
+        return (), False
+    before, after = results
+    both = before.block_cov, after.block_cov
+    difference = lever_arm_difference(before.lever_arm_m, both[0], after.lever_arm_m, both[1])
+    moved = not difference.agrees and difference.length_m > ANTENNA_SIGMA_M
+    return (f"before and after the flight: {difference.summary()}; their mean is taken",), moved
+
+
+def _lever_arm(results: Sequence[MaterialisedLeverArm]) -> tuple[Array, Array]:
+    """Return the lever arm with its covariance; of two the mean, which is half of their difference
+    away from each.
+    """
+    first = results[0]
+    if len(results) < 2:
+        return first.lever_arm_m, first.cov
+    half = 0.5 * (results[1].lever_arm_m - first.lever_arm_m)
+    return first.lever_arm_m + half, first.cov + np.outer(half, half)
+
+
+def _calibrated(
+    results: Sequence[MaterialisedLeverArm],
+    receiver: ReceiverTargets,
+    moved: bool,
+    notes: Iterable[str],
+    origin: dict[str, Any],
+    inputs: list[Path],
+) -> CalibratedMounting:
+    result = results[0]
+    arm, cov = _lever_arm(results)
+    sigma = np.sqrt(np.diag(cov))
+    reason = ""
+    if moved:
+        reason = (
+            "the lever arm before the flight is another than after it (limit"
+            f" {1e3 * ANTENNA_SIGMA_M:g} mm): the mount moved"
+        )
+    elif sigma.max() > RULER_M:
+        reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
+    value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
+    verdict = f"{'before the flight: ' if len(results) > 1 else ''}{result.summary()}"
+    mounting = MountingFile(
+        verb="calibrate materialise",
+        antenna_m=None if reason else arm,
+        antenna_cov=None if reason else cov,
+        verdict=(verdict, *notes),
+        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
+        **origin,
+    )
+    line = metashape_line(mounting)
+    return CalibratedMounting(
+        mounting,
+        "Lever arm by targets on camera and receiver",
+        verdict,
+        (
+            ("antenna_m", "not determined", reason)
+            if reason
+            else ("antenna_m", "determined", value),
+            ("imu_m", "not determined", NO_IMU),
+        ),
+        (*notes, *([line] if line else [])),
+        {
+            "lever_arms_m": [r.lever_arm_m for r in results],
+            "lever_arm_m": arm,
+            "sigma_m": sigma,
+            "cov_m2": cov,
+            "two_step_m": result.two_step_m,
+            "scale": result.scale,
+            "variance_factor": result.variance_factor,
+            "factor_limit": result.factor_limit,
+            "phase_centres_apart_m": receiver.apart_m,
+            "inputs": inputs,
+        },
+        lambda: _charts(results, receiver),
+    )
+
+
+def _charts(results: Sequence[MaterialisedLeverArm], receiver: ReceiverTargets) -> Sequence[Chart]:
+    from ...report.figures.mounting import Scatter, scattered
+
+    charts = []
+    if len(receiver.each_m) > 1:
+        n = len(receiver.each_m)
+        sigma = np.sqrt(np.diag(receiver.antenna_cov))
+        data = Scatter(
+            tuple(f"session {k + 1}" for k in range(n)),
+            receiver.each_m,
+            np.tile(sigma * np.sqrt(n), (n, 1)),
+            np.zeros(n, dtype=np.bool_),
+            receiver.antenna_m,
+            sigma,
+        )
+        axes = ("x", "y", "z")
+        title = "Phase centre of each session, in the frame of the first"
+        charts.append(scattered(data, "session", title, axes))
+    residual = np.concatenate([r.residual_m for r in results])
+    n = len(residual)
+    data = Scatter(
+        tuple(str(k + 1) for k in range(n)),
+        residual,
+        np.zeros((n, 3)),
+        np.zeros(n, dtype=np.bool_),
+        np.zeros(3),
+        np.zeros(3),
+    )
+    title = "Misclosures of the targets on camera and receiver, in camera axes"
+    charts.append(scattered(data, "target", title))
+    return charts

@@ -1,0 +1,322 @@
+"""Poses that are not of this flight, or not as somebody thinks: refused with what explains them.
+
+Of n images, a similarity takes the block's projection centres to the flight's, and the attitudes of
+both then differ by one bore-sight. The spread of what is left, in metres and radians, is the misfit
+
+    q^2 = (p / 1 m)^2 + (w / 0.1 deg)^2                                                        (P.1)
+
+Below one nothing is asked: delays and lever arms of ordinary flights leave less. Above, the same
+poses are read otherwise (names some images off, exposures seconds off, mirrored axes, attitudes of
+the other sense), each fitted in the same way, and one that leaves less than `BETTER` of the misfit
+is stated. Where none does, a misfit that no mounting makes is refused all the same.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.gpstime import calendar_from_gps, leap_seconds
+from ...geodesy.rotation import nearest_rotation, vector_from_rotation
+from ...geodesy.similarity import similarity
+from ...records.block import Array
+from .readings import attitude_readings, position_readings
+from .records import BlockPoses, FlightPoses, Rows
+from .solution import SCALE, Solved
+
+FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
+BETTER = 0.4
+HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
+HOPELESS_SIGMAS = 6.0
+FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
+FEWEST = 4
+GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
+GROSS_SHARE = 0.05
+OWN_FACTOR, ENOUGH = 0.01, 50.0  # of the flight's variances by the residuals, and redundancy
+NOTHING = "which says nothing of the mounting; give poses of an adjustment of the images without it"
+OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
+TURNED = float(np.radians(20.0))  # no bore-sight is larger
+SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The flight's poses at a fixed rate, to be read at other times.
+
+    Parameters
+    ----------
+    time : ndarray, (k,)
+        s.
+    position_m : ndarray, (k, 3)
+        Projection centres in the tangent plane, m.
+    C_mc : ndarray, (k, 3, 3)
+        Attitudes.
+    """
+
+    time: Array
+    position_m: Array
+    C_mc: Array
+
+    def at(self, time: Array) -> tuple[Array, Array] | None:
+        """Return positions, interpolated, and the nearest attitudes; None beyond either end."""
+        if time.min() < self.time[0] or time.max() > self.time[-1]:
+            return None
+        after = np.clip(np.searchsorted(self.time, time), 1, self.time.size - 1)
+        share = (time - self.time[after - 1]) / (self.time[after] - self.time[after - 1])
+        X = self.position_m
+        position = X[after - 1] + share[:, None] * (X[after] - X[after - 1])
+        return position, self.C_mc[np.where(share < 0.5, after - 1, after)]
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What a similarity and a bore-sight leave.
+
+    Parameters
+    ----------
+    position_m, attitude_rad : float
+        Root mean squares.
+    """
+
+    position_m: float
+    attitude_rad: float
+
+    @property
+    def size(self) -> float:
+        """q of (P.1)."""
+        return float(np.hypot(self.position_m / FLOOR_M, self.attitude_rad / FLOOR_RAD))
+
+    @property
+    def words(self) -> str:
+        """Both for people."""
+        return f"{self.position_m:.2f} m and {np.degrees(self.attitude_rad):.2f} deg"
+
+
+def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> Misfit:
+    """Return what a similarity and a bore-sight leave of two sets of poses.
+
+    Parameters
+    ----------
+    X, C : ndarray
+        (n, 3) and (n, 3, 3) in any frame.
+    X_o, C_o : ndarray
+        The same images in the tangent plane.
+
+    Returns
+    -------
+    Misfit
+        Root mean squares about the mean.
+    """
+    fitted = similarity(X, X_o)
+    if fitted is None:  # along one line, or in one point
+        R = nearest_rotation(np.einsum("nij,nkj->ik", C_o, C))
+        fitted = similarity(X, X_o, R)
+        if fitted is None:
+            return Misfit(float(np.sqrt(((X_o - X_o.mean(axis=0)) ** 2).sum(axis=1).mean())), np.pi)
+    d = X_o - fitted.points(X)
+    each = np.einsum("nji,njk->nik", C_o, fitted.rotation @ C)
+    E = nearest_rotation(each.sum(axis=0))
+    off = vector_from_rotation(each @ E.T)
+    return Misfit(*(float(np.sqrt((e**2).sum(axis=1).mean())) for e in (d, off)))
+
+
+def refuse_implausible(
+    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path | None
+) -> None:
+    """Refuse poses that another reading explains, or that no mounting does.
+
+    Parameters
+    ----------
+    block : BlockPoses
+        The n images that both know, in the order of `rows`.
+    flight : FlightPoses
+        The flight.
+    rows : ndarray
+        (n,) rows of the images in the flight's orientation.
+    path : Path, optional
+        The flight at other times.
+
+    Raises
+    ------
+    InputError
+        With the reading that explains them.
+    """
+    n = rows.size
+    if n < FEWEST:
+        raise InputError(
+            f"{block.source}: {n} images of it are of this flight; {FEWEST} at least are needed,"
+            " and a calibration is good with two lines of ten each and more"
+        )
+    eo = flight.eo
+    given = misfit(block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
+    if given.position_m < OWN_M and given.attitude_rad < OWN_RAD:
+        raise InputError(
+            f"{block.source}: its poses are those of the flight itself"
+            f" ({1e3 * given.position_m:.2f} mm rms beside them), {NOTHING}"
+        )
+    if given.size < 1.0:
+        return
+    best = min(
+        ((m, text) for m, text in _readings(block, flight, rows, path)),
+        key=lambda pair: pair[0].size,
+        default=None,
+    )
+    apart = f"{block.source}: its poses and those of the flight differ by {given.words} (rms)"
+    if best is not None and best[0].size < BETTER * given.size:
+        raise InputError(f"{apart}, but by {best[0].words} {best[1]}")
+    sigma = np.sqrt(np.median(np.diagonal(eo.cov[rows], axis1=1, axis2=2), axis=0))
+    limit_m = max(HOPELESS_M, HOPELESS_SIGMAS * float(sigma[:3].max()))
+    limit_rad = max(HOPELESS_RAD, HOPELESS_SIGMAS * float(sigma[3:].max()))
+    if given.position_m > limit_m or given.attitude_rad > limit_rad:
+        raise InputError(
+            f"{apart} after a similarity and a bore-sight; {limit_m:.0f} m and"
+            f" {np.degrees(limit_rad):.0f} deg are the most that a mounting explains, and no other"
+            " order, clock or axes do: are these the poses of another flight, or an adjustment that"
+            " failed?"
+        )
+
+
+def _readings(
+    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path | None
+) -> Iterator[tuple[Misfit, str]]:
+    """Fit every other reading."""
+    X, C = block.position, block.C_rc
+    X_o, C_o = flight.eo.position_m[rows], flight.eo.C_mc[rows]
+    n = rows.size
+    for k in range(-FARTHEST_IMAGES, FARTHEST_IMAGES + 1):
+        if k and n - abs(k) >= FEWEST:
+            own, other = slice(max(-k, 0), n - max(k, 0)), slice(max(k, 0), n - max(-k, 0))
+            text = (
+                f"where each image has the pose {abs(k)} {'behind' if k > 0 else 'before'} it in"
+                " the order of exposure: check how names and events were joined"
+            )
+            yield misfit(X[own], C[own], X_o[other], C_o[other]), text
+    text = "in the reversed order of images: check how names and poses were joined"
+    yield misfit(X[::-1], C[::-1], X_o, C_o), text
+    for words, turned in position_readings(X).items():
+        if not any(word in words for word in ("metres", "feet", "rows")):
+            yield misfit(turned, C, X_o, C_o), f"where {words}: the coordinates are of other axes"
+    for words, turned in attitude_readings(C, None).items():
+        yield misfit(X, turned, X_o, C_o), f"where {words}"
+    if path is not None:
+        yield from _other_times(block, flight, rows, path)
+
+
+def _other_times(
+    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path
+) -> Iterator[tuple[Misfit, str]]:
+    """Fit the exposures at other times, the best of them."""
+    time = flight.eo.time[rows]
+    best: tuple[float, float] | None = None
+    steps = np.arange(-FARTHEST_S, FARTHEST_S + STEP_S, STEP_S)
+    some = np.unique(np.linspace(0, rows.size - 1, min(rows.size, 60)).astype(np.int64))
+    for offset_s in steps:
+        pose = path.at(time[some] + offset_s)
+        if pose is None or abs(offset_s) < 0.5:
+            continue
+        left = misfit(block.position[some], block.C_rc[some], *pose).size
+        if best is None or left < best[0]:
+            best = (left, float(offset_s))
+    if best is None:
+        return
+    offset_s = best[1]
+    pose = path.at(time + offset_s)
+    if pose is None:
+        return
+    text = f"at {offset_s:+.1f} s: the stamps of the exposures are off by so much"
+    when = calendar_from_gps(flight.eo.gps_week, float(time[0]), "utc")
+    leap = int(leap_seconds(when.timestamp()))
+    if abs(abs(offset_s) - leap) < 0.3:
+        text += f", the {leap} leap seconds between UTC and GPS time; give events in GPS time"
+    else:
+        text += "; correct them, or give camera.time_offset_s"
+    yield misfit(block.position, block.C_rc, *pose), text
+
+
+def gross_errors(solved: Solved) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Find single poses far from what all others say.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Returns
+    -------
+    good : ndarray of bool, (n,)
+        The images that stay: all, where more than a twentieth stand apart.
+    words : tuple of str
+        Which do not, and by how much.
+    """
+    e = solved.residuals
+    apart = [np.linalg.norm(triple, axis=1) for triple in (e[:, :3], e[:, 3:])]
+    bad = np.zeros(len(e), dtype=bool)
+    for size, least in zip(apart, (GROSS_M, GROSS_RAD), strict=True):
+        bad |= size > max(GROSS * float(np.median(size)), least)
+    if not bad.any() or bad.sum() > GROSS_SHARE * len(e):
+        return np.ones(len(e), dtype=bool), ()
+    words = tuple(
+        f"{solved.block.images[k]} is left out: its pose is {apart[0][k]:.2f} m and"
+        f" {np.degrees(apart[1][k]):.2f} deg from where all others put it"
+        for k in np.flatnonzero(bad)
+    )
+    return ~bad, words
+
+
+def refuse_frame(solved: Solved) -> None:
+    """Refuse poses of the flight itself, a bore-sight that is none, and a block of another scale.
+
+    Parameters
+    ----------
+    solved : Solved
+        The adjusted mounting.
+
+    Raises
+    ------
+    InputError
+        With what would explain it.
+    """
+    E, source = solved.boresight_change, solved.block.source
+    factor, redundancy = solved.flight_factor
+    if redundancy > ENOUGH and factor < OWN_FACTOR:
+        raise InputError(
+            f"{source}: its poses agree with the flight {factor**-0.5:.0f} times better than the"
+            f" flight's covariances allow: they are of this flight's own trajectory, {NOTHING}"
+        )
+    if (angle := float(np.linalg.norm(vector_from_rotation(E)))) > TURNED:
+        near = np.round(E)
+        T = near.T @ solved.flight.eo.camera_from_body
+        words = (
+            f"{source}: its camera axes are turned by {np.degrees(angle):.0f} deg against those of"
+            " the flight, which is no bore-sight"
+        )
+        whole = float(np.linalg.det(near)) == 1.0
+        if whole and near[2, 2] == 1.0:  # about the viewing direction: the camera sits otherwise
+            raise InputError(
+                f"{words}: mounting.camera_from_body is another; with {T.astype(int).tolist()}"
+                f" {_rest(E, near):.1f} deg remain"
+            )
+        if whole and near[2, 2] == -1.0:  # it would look at the sky
+            raise InputError(
+                f"{words}: attitudes are those of a camera with other axes, such as right, up,"
+                " back; give them with x image right, y image down, z viewing direction, or as"
+                " omega phi kappa of the usual right, up, back"
+            )
+        raise InputError(f"{words}: check camera axes and mounting.camera_from_body")
+    if not solved.block.georeferenced or solved.assumptions.frame == "similarity":
+        return
+    s, sigma = float(solved.values[SCALE][0]), float(solved.sigma(SCALE)[0])
+    if abs(s - 1.0) > max(SCALE_OFF, SCALE_SIGMAS * sigma):
+        raise InputError(
+            f"{source}: the block is {abs(s - 1.0) * 100.0:.2f} % too"
+            f" {'large' if s < 1.0 else 'small'} for its coordinates ({sigma * 100.0:.4f} %"
+            " standard deviation): its scale was held to an incorrect value, or heights and"
+            " positions are of two systems; adjust it with positions of this flight, or take it as"
+            " a block without coordinates (--frame similarity)"
+        )
+
+
+def _rest(E: Array, near: Array) -> float:
+    return float(np.degrees(np.linalg.norm(vector_from_rotation(E @ near.T))))

@@ -1,0 +1,496 @@
+"""Camera poses of any format, and positions that belong to them, in one Cartesian frame."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError, UsageError
+from ...base.inputs import is_file
+from ...geodesy.frames import TangentPlane, ecef_to_geodetic
+from ...geodesy.gpstime import calendar_from_gps
+from ...geodesy.rotation import NED_ENU
+from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
+from ...io.formats.blocks.measured_block import MeasuredBlock
+from ...io.formats.blocks.metashape_block import read_metashape_references
+from ...io.formats.blocks.pose_table import (
+    NamedPositions,
+    is_pose_table,
+    read_pose_table,
+    read_position_table,
+)
+from ...io.formats.blocks.reading import COLMAP_FILE, read_measured_block, recognised
+from ...io.formats.bundle.micmac import read_micmac_xml
+from ...io.formats.detect import head_of
+from ...io.formats.returned.reading import returned_form
+from ...io.formats.text.layout import decode, shown
+from ...records import Array
+
+MOST_NAMED = 3
+# formats without the rest of a block
+ONLY_POSES = (
+    *("bentley", "inpho_prj", "pix4d_external", "pix4d_camera"),
+    *("metashape_opk_text", "metashape_reference"),
+)
+GEOCENTRIC_M = 6.0e6
+
+
+@dataclass(frozen=True)
+class PoseSigma:
+    """Standard deviations of poses whose file has none.
+
+    Parameters
+    ----------
+    position_m : float
+        Of each coordinate of a projection centre, m.
+    angle_deg : float
+        Of the attitude about each axis, deg.
+    """
+
+    position_m: float = 0.01
+    angle_deg: float = 0.01
+
+    def __str__(self) -> str:
+        """Return both in words."""
+        return f"{1e3 * self.position_m:g} mm and {self.angle_deg:g} deg"
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPoses:
+    """Poses of the images of one file, in its own Cartesian frame.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    images : tuple of str
+        (n,) names.
+    position : ndarray, (n, 3)
+        Projection centres.
+    C : ndarray, (n, 3, 3)
+        Camera (x right, y down, z viewing direction) to the frame.
+    cov : ndarray, (n, 6, 6), or None
+        Of position and attitude error psi; None where the file has none.
+    frame : str
+        "own" axes, "geocentric", or a "plane".
+    plane : TangentPlane or None
+        That plane.
+    block : MeasuredBlock or None
+        What else the program of the file knows.
+    date : str
+        Of the exposures, ISO; empty where the file has no week.
+    notes : tuple of str
+        What was left out.
+    opk : ndarray, (n, 3), or None
+        Angles of a table as they stand there, rad.
+    """
+
+    path: Path
+    images: tuple[str, ...]
+    position: Array
+    C: Array
+    cov: Array | None = None
+    frame: str = "own"
+    plane: TangentPlane | None = None
+    block: MeasuredBlock | None = None
+    date: str = ""
+    notes: tuple[str, ...] = ()
+    opk: Array | None = None
+
+    def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
+        """Return only these rows."""
+        cov = None if self.cov is None else self.cov[rows]
+        images = tuple(self.images[k] for k in rows)
+        opk = None if self.opk is None else self.opk[rows]
+        return replace(
+            self, images=images, position=self.position[rows], C=self.C[rows], cov=cov, opk=opk
+        )
+
+    def with_sigma(self, sigma: PoseSigma, scale: float = 1.0) -> Array:
+        """Return the covariances of the file, those of `sigma` where it has none.
+
+        Parameters
+        ----------
+        sigma : PoseSigma
+            Standard deviations.
+        scale : float
+            Metres for each unit of the frame.
+
+        Returns
+        -------
+        ndarray, (n, 6, 6)
+            In the unit of the frame.
+        """
+        if self.cov is not None:
+            return self.cov
+        each = np.repeat([sigma.position_m / scale, np.radians(sigma.angle_deg)], 3)
+        return np.broadcast_to(np.diag(np.square(each)), (len(self.images), 6, 6)).copy()
+
+    def in_plane(self, plane: TangentPlane) -> "CameraPoses":
+        """Return poses on the Earth in another tangent plane.
+
+        Parameters
+        ----------
+        plane : TangentPlane
+            Its axes.
+
+        Returns
+        -------
+        CameraPoses
+            The same otherwise.
+
+        Raises
+        ------
+        InputError
+            The poses stand in axes of their own.
+        """
+        if self.frame == "own":
+            raise InputError.at_line(
+                self.path, None, "poses stand in axes of their own, with no place on the Earth"
+            )
+        x, R = self.position, np.eye(3)
+        if self.plane is not None:
+            lat, lon, h = self.plane.geodetic_from_position(x)
+            R = plane.C_em.T @ self.plane.C_em
+        else:
+            lat, lon, h = ecef_to_geodetic(x)
+            R = plane.C_em.T
+        turn = np.kron(np.eye(2), R)
+        cov = None if self.cov is None else turn @ self.cov @ turn.T
+        return replace(
+            self,
+            position=plane.position_from_geodetic(lat, lon, h),
+            C=R @ self.C,
+            cov=cov,
+            frame="plane",
+            plane=plane,
+        )
+
+
+def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
+    """Read camera poses of any format.
+
+    Parameters
+    ----------
+    path : Path
+        `eo.json`, a table of poses (`poses.csv` of insgnss adjust), a block of Metashape, COLMAP,
+        OpenSfM, BINGO or DBAT, MicMac's Ori- directory, or a file that `insgnss compare` reads.
+    chunk : str, optional
+        Of Metashape.
+
+    Returns
+    -------
+    CameraPoses
+        The images with a pose.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    if not path.exists():
+        raise InputError.at_line(path, None, "does not exist; check the path")
+    if path.is_dir() and any(path.glob("Orientation-*.xml")):
+        images, X, C = read_micmac_xml(path)
+        geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
+        return CameraPoses(path, images, X, C, frame="geocentric" if geocentric else "own")
+    head = "" if path.is_dir() else decode(head_of(path))
+    if returned_form(path, head) not in ONLY_POSES and is_block(path):
+        return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
+    text = decode(head_of(path)).lstrip("\ufeff \r\n\t")
+    if text.startswith("{") and "exterior orientation" in text.lower():
+        from ...io.formats.orientation.eo_json import read_one_camera
+
+        eo = read_one_camera(path, "a calibration")
+        lat, lon, h = (float(v) for v in eo.origin)
+        date = calendar_from_gps(eo.gps_week, float(eo.time[0])).date().isoformat()
+        plane = TangentPlane(lat, lon, h)
+        return CameraPoses(
+            path, eo.images, eo.position_m, eo.C_mc, eo.cov, "plane", plane, date=date
+        )
+    from ..comparison.reading import read_poses, sniff_poses
+
+    form = sniff_poses(path)
+    # a comment of poses.csv speaks of its angles as EO_local-plane.txt does
+    if form in ("gnss", "eo_local_plane") and is_pose_table(path):
+        table = read_pose_table(path)
+        return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
+    if form == "gnss":
+        raise InputError.at_line(
+            path,
+            None,
+            "no camera poses are known here; read are eo.json, a table image, x, y, z, omega, phi,"
+            " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
+        )
+    poses = read_poses(path)
+    if poses.C_Ex is None or poses.x != "camera" or not poses.images:
+        raise InputError.at_line(
+            path,
+            None,
+            f"{poses.form} has no attitudes of named images; give poses of an adjustment",
+        )
+    plane = poses.plane or TangentPlane(
+        *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
+    )
+    R = plane.C_em.T @ poses.C_eE
+    cov = None
+    if poses.cov_position is not None and poses.cov_attitude is not None:
+        cov = np.zeros((poses.n, 6, 6))
+        for k, block in enumerate((poses.cov_position, poses.cov_attitude)):
+            own = slice(3 * k, 3 * k + 3)
+            cov[:, own, own] = R @ block @ R.transpose(0, 2, 1)
+    return CameraPoses(
+        path,
+        poses.images,
+        plane.position_from_geodetic(poses.lat, poses.lon, poses.height),
+        R @ poses.C_Ex,
+        cov,
+        "plane",
+        plane,
+        notes=poses.notes,
+    )
+
+
+def is_block(path: Path) -> bool:
+    """Whether a file is that of a photogrammetry program, and no table.
+
+    Parameters
+    ----------
+    path : Path
+        The file or directory.
+
+    Returns
+    -------
+    bool
+        By its name and first bytes.
+
+    Raises
+    ------
+    InputError
+        It is empty.
+    """
+    if path.is_dir() or path.suffix.lower() in (".psx", ".psz") or COLMAP_FILE.fullmatch(path.name):
+        return True
+    head = head_of(path)
+    if not head:
+        raise InputError.at_line(path, None, "is empty; export the poses again")
+    text = decode(head).lstrip("\ufeff \r\n\t")
+    if head.startswith(b"PK\x03\x04") or text.startswith("<"):
+        return True
+    if text.startswith(("{", "[")):
+        return "exterior orientation" not in text.lower()
+    return bool(re.search(r"^\s*-99\b", text, re.MULTILINE))
+
+
+def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
+    if block is None:
+        block = read_measured_block(path, recognised(path))
+    rows = np.flatnonzero(block.oriented)
+    if not rows.size:
+        raise InputError.at_line(path, None, "no image has a pose; align the images and export")
+    return CameraPoses(
+        path,
+        tuple(block.measured.images[k] for k in rows),
+        block.position_m[rows],
+        block.C_mc[rows],
+        frame="geocentric" if block.geocentric else "own",
+        block=block,
+        notes=block.notes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions by names in a Cartesian frame.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        (n,) names.
+    position : ndarray, (n, 3)
+        m.
+    cov : ndarray, (n, 3, 3), or None
+        m^2; None where the file has none.
+    plane : TangentPlane or None
+        Where the positions stand on the Earth; None: in axes of their own.
+    time : ndarray, (n,), or None
+        Seconds of the GPS week.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    position: Array
+    cov: Array | None
+    plane: TangentPlane | None = None
+    time: Array | None = None
+
+
+@dataclass(frozen=True)
+class PlaceOptions:
+    """How the positions of tables are to be understood.
+
+    Parameters
+    ----------
+    crs : str or None
+        Of tables that are neither geodetic nor in the frame of the poses.
+    geoid : Path or None
+        For heights above sea level.
+    """
+
+    crs: str | None = None
+    geoid: Path | None = None
+
+
+def read_positions(
+    path: Path, options: PlaceOptions, plane: TangentPlane | None = None
+) -> Positions:
+    """Read positions by names into east, north, up of a tangent plane where they have a place.
+
+    Parameters
+    ----------
+    path : Path
+        A table (`data_specs/pose_table.md`), or a file of Metashape, of which the references of its
+        images are taken.
+    options : PlaceOptions
+        The CRS of a table.
+    plane : TangentPlane, optional
+        By default at the mean of the positions.
+
+    Returns
+    -------
+    Positions
+        Local coordinates as they are where neither file nor options say a place.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    if not is_file(path):
+        raise InputError.at_line(path, None, "does not exist; check the path")
+    if is_block(path):
+        ground, crs = read_metashape_references(path)
+        return _of_crs(path, ground, options.crs or crs, options.geoid, plane)
+    table = read_position_table(path)
+    return positions_of(path, table, options, plane)
+
+
+def positions_of(
+    path: Path, table: NamedPositions, options: PlaceOptions, plane: TangentPlane | None = None
+) -> Positions:
+    """Return the positions of a table, as `read_positions` does.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    table : NamedPositions
+        The table.
+    options : PlaceOptions
+        Its CRS.
+    plane : TangentPlane, optional
+        By default at the mean.
+
+    Returns
+    -------
+    Positions
+        In a tangent plane where they have a place.
+
+    Raises
+    ------
+    UsageError
+        A CRS beside latitude and longitude.
+    """
+    if table.geodetic:
+        if options.crs is not None:
+            raise UsageError(f"{path}: has latitude and longitude; leave --crs out")
+        lat, lon, h = table.position.T
+        plane = plane or TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+        cov = table.cov
+        if cov is not None:
+            R = plane.C_mn(lat, lon) @ NED_ENU.T
+            cov = R @ cov @ R.transpose(0, 2, 1)
+        position = plane.position_from_geodetic(lat, lon, h)
+        return Positions(path, table.names, position, cov, plane, table.time)
+    if options.crs is None:
+        return Positions(path, table.names, table.position, table.cov, None, table.time)
+    cov = np.broadcast_to(np.eye(3), (len(table.names), 3, 3)) if table.cov is None else table.cov
+    ground = GroundTable(
+        table.names, table.position, cov, np.zeros(len(table.names), dtype=np.bool_)
+    )
+    placed = _of_crs(path, ground, options.crs, options.geoid, plane)
+    return replace(placed, cov=None if table.cov is None else placed.cov, time=table.time)
+
+
+def _of_crs(
+    path: Path, ground: GroundTable, crs: str, geoid: Path | None, plane: TangentPlane | None
+) -> Positions:
+    if not crs or "LOCAL_CS" in crs or "ENGCRS" in crs:
+        return Positions(path, ground.points, ground.position_m, ground.cov)
+    axes = GroundAxes(crs, geoid)
+    if plane is None:
+        lat, lon, h = axes.geodetic(ground.position_m)
+        plane = TangentPlane(float(lat.mean()), float(lon.mean()), float(h.mean()))
+    placed = ground.in_plane(axes, plane)
+    return Positions(path, placed.points, placed.position_m, placed.cov, plane)
+
+
+def joined(
+    images: Sequence[str], names: Sequence[str], first: Path, second: Path, fewest: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+    """Join two files by names; endings and folders of images need not be the same.
+
+    Parameters
+    ----------
+    images, names : sequence of str
+        Names of both.
+    first, second : Path
+        Their files, for messages.
+    fewest : int
+        How many pairs are needed.
+
+    Returns
+    -------
+    rows_first, rows_second : ndarray of int
+        Rows that belong together, in the order of the first.
+    notes : tuple of str
+        What has no partner.
+
+    Raises
+    ------
+    InputError
+        Too few pairs.
+    """
+    row_by_name = {name: k for k, name in enumerate(names)}
+    if not any(name in row_by_name for name in images):
+        row_by_name = {_bare(name): k for k, name in enumerate(names)}
+        images = [_bare(name) for name in images]
+    pairs = [(k, row_by_name[name]) for k, name in enumerate(images) if name in row_by_name]
+    if len(pairs) < fewest:
+        raise InputError(
+            f"{second}: {len(pairs)} of its {len(names)} names, such as {shown(names[0])}, are"
+            f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
+            " needed); are the files of one flight, and are images named alike?"
+        )
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    notes = []
+    for count, path, own, taken in (
+        (len(images), first, images, rows[:, 0]),
+        (len(names), second, names, rows[:, 1]),
+    ):
+        if missing := sorted(set(range(count)) - set(taken.tolist())):
+            some = ", ".join(own[k] for k in missing[:MOST_NAMED])
+            more = " ..." if len(missing) > MOST_NAMED else ""
+            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}{more}")
+    return rows[:, 0], rows[:, 1], tuple(notes)
+
+
+def _bare(name: str) -> str:
+    """Return the name of an image without folder and ending."""
+    base = name.replace("\\", "/").rpartition("/")[2]
+    return re.sub(r"\.[A-Za-z][A-Za-z0-9]{1,4}$", "", base)

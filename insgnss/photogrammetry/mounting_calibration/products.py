@@ -1,0 +1,379 @@
+"""What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...base.errors import DataError, InputError, UsageError
+from ...base.files import atomic_write, json_ready
+from ...base.inputs import is_file, opened, sha256
+from ...base.output.staging import together
+from ...base.provenance import made_from, other_results
+from ...io.formats.images.exif import camera_tags, time_taken
+from ...io.formats.orientation.mounting_file import (
+    MountingFile,
+    read_mounting_file,
+    write_mounting_file,
+)
+from ...records.block import Array, BrownCamera
+from ...records.cameras.mounting import metashape_offset
+from ...report.charts.chart import Chart
+from ...report.markup import escape, table
+from ...report.verb_page import VerbPage, listed
+from ..lever_arm.materialisation import lever_arm_difference
+
+NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
+
+HASH = re.compile(r'^sha256 = "([0-9a-f]{64})"', re.MULTILINE)
+"""Of an input, as `io.formats.orientation.mounting_file` writes it."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a calibration comes from, as far as it is known.
+
+    Parameters
+    ----------
+    inputs : tuple of Path
+        The files.
+    camera : str
+        Name of the camera.
+    image_size : tuple of int or None
+        Columns and rows of its images.
+    focal_px : float or None
+        Focal length, pixels.
+    date : str
+        Of the data, ISO.
+    """
+
+    inputs: tuple[Path, ...]
+    camera: str = ""
+    image_size: tuple[int, int] | None = None
+    focal_px: float | None = None
+    date: str = ""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Fields of a `MountingFile`."""
+        return {
+            "camera": self.camera,
+            "image_size": self.image_size,
+            "focal_px": self.focal_px,
+            "date": self.date,
+            "inputs": tuple((p.name, sha256(p)) for p in self.inputs if p.is_file()),
+        }
+
+
+def provenance(
+    inputs: Sequence[Path],
+    cameras: Sequence[BrownCamera] = (),
+    photo: Path | None = None,
+    date: str = "",
+) -> Provenance:
+    """Gather where a calibration comes from.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        The files.
+    cameras : sequence of BrownCamera
+        Of the block; of several none is named.
+    photo : Path, optional
+        An image of the camera; its Exif names camera, size, focal length and, without `date`, the
+        day.
+    date : str
+        Of the data, ISO.
+
+    Returns
+    -------
+    Provenance
+        What is known.
+
+    Raises
+    ------
+    InputError
+        The image is not there or is damaged.
+    """
+    own = Provenance(tuple(dict.fromkeys(inputs)), date=date)
+    if len(cameras) == 1:
+        (camera,) = cameras
+        size = (camera.width, camera.height)
+        own = replace(own, camera=camera.name, image_size=size, focal_px=camera.of("f"))
+    if photo is None:
+        return own
+    if not is_file(photo):
+        raise InputError.at_line(photo, None, "does not exist; give an image of the camera")
+    with opened(photo) as stream:
+        tags = camera_tags(stream, photo.name)
+        try:
+            day = time_taken(stream, photo.name).date().isoformat()
+        except ValueError:
+            day = ""
+    return replace(
+        own,
+        camera=tags.model or own.camera,
+        image_size=own.image_size or tags.image_size,
+        focal_px=own.focal_px or tags.focal_px,
+        date=date or day,
+    )
+
+
+class Estimate(Protocol):
+    """A lever arm that a core estimated."""
+
+    @property
+    def lever_arm_m(self) -> Array:
+        """The lever arm (3,), camera axes, m."""
+
+    @property
+    def sigma_m(self) -> Array:
+        """Its standard errors (3,), m."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedMounting:
+    """The result of a verb.
+
+    Parameters
+    ----------
+    mounting : MountingFile
+        What goes into the file.
+    title : str
+        Of the page.
+    headline : str
+        What was found, in one line.
+    components : tuple of (str, str, str)
+        Component, verdict ("determined" or "not determined"), value or reason.
+    details : tuple of str
+        Further sentences.
+    document : dict
+        Figures for machines.
+    charts : callable
+        Makes the charts of the page.
+    files : tuple of Path
+        What was written.
+    """
+
+    mounting: MountingFile
+    title: str
+    headline: str
+    components: tuple[tuple[str, str, str], ...]
+    details: tuple[str, ...]
+    document: dict[str, Any]
+    charts: Callable[[], Sequence[Chart]]
+    files: tuple[Path, ...] = field(default=())
+
+    @property
+    def refusal(self) -> DataError | None:
+        """Why the data support no answer; None where anything was determined."""
+        if self.mounting.values():
+            return None
+        reason = self.mounting.not_determined.get("antenna_m", "")
+        return DataError(f"nothing was determined: {reason}")
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        width = max(len(name) for name, _, _ in self.components)
+        lines = [self.headline]
+        lines += [f"  {name:<{width}}  {word}: {text}" for name, word, text in self.components]
+        lines += self.details
+        lines += [f"wrote {path}" for path in self.files]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return {
+            "verb": self.mounting.verb,
+            "headline": self.headline,
+            "components": [
+                {"component": name, "verdict": word, "text": text}
+                for name, word, text in self.components
+            ],
+            "mounting": self.mounting.values(),
+            "not_determined": dict(self.mounting.not_determined),
+            "details": list(self.details),
+            "files": list(self.files),
+            **self.document,
+        }
+
+
+def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
+    """Write mounting.toml and, beside it, a document for machines and the page.
+
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
+    out : Path
+        The file; document and page have its name with the endings .json and .html.
+    force : bool
+        Whether a file that was made from none of the same inputs is overwritten.
+
+    Returns
+    -------
+    CalibratedMounting
+        With the names of its files.
+
+    Raises
+    ------
+    UsageError
+        A file would overwrite an input, or a mounting of other inputs.
+    """
+    page, document = out.with_suffix(".html"), out.with_suffix(".json")
+    given = [Path(path) for path in result.document.get("inputs", ())]
+    inputs = {path.resolve() for path in given}
+    for path in (out, document, page):
+        if path.resolve() in inputs:
+            raise UsageError(f"{path}: is an input, which stays as it is; give another --out FILE")
+    if not force and out.is_file():
+        own = {digest for _, digest in result.mounting.inputs}
+        others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
+        if own != others and not own & others:
+            raise UsageError(
+                f"{out}: is there, and was made from none of these inputs; give another file with"
+                " --out, or --force"
+            )
+    if not force and (reason := other_results(document, given, one_is_enough=True)):
+        raise UsageError(f"{reason}; give another file with --out, or --force")
+    result = replace(result, files=(out, document, page))
+    with together():
+        write_mounting_file(result.mounting, out)
+        files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
+        made = json_ready(result.as_dict()) | made_from(files, document, [out])
+        twin = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        atomic_write(document, twin)
+        atomic_write(page, page_of(result).html())
+    return result
+
+
+def _within(directory: Path) -> list[Path]:
+    """List the files of a directory that is an input, such as a model of COLMAP."""
+    return sorted(path for path in directory.rglob("*") if path.is_file())
+
+
+def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
+    """Return a result with its difference to another lever arm.
+
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
+    other : Path
+        A mounting.toml.
+
+    Returns
+    -------
+    CalibratedMounting
+        With a sentence more.
+
+    Raises
+    ------
+    InputError
+        The file is wrong, or has no lever arm with standard errors.
+    """
+    file, _ = read_mounting_file(other)
+    if file.antenna_m is None or file.antenna_cov is None:
+        problem = "has no antenna_m with standard errors in [calibration.sigma] to compare with"
+        raise InputError.at_line(other, None, problem)
+    mounting = result.mounting
+    if mounting.antenna_m is None or mounting.antenna_cov is None:
+        return result
+    difference = lever_arm_difference(
+        file.antenna_m, file.antenna_cov, mounting.antenna_m, mounting.antenna_cov
+    )
+    line = f"against {other.name} ({file.verb or 'by hand'}): {difference.summary()}"
+    document = result.document | {
+        "difference_m": difference.difference_m,
+        "difference_agrees": difference.agrees,
+        "inputs": (*result.document.get("inputs", ()), other),
+    }
+    made = replace(mounting, verdict=(*mounting.verdict, line))
+    return replace(result, mounting=made, details=(line, *result.details), document=document)
+
+
+def page_of(result: CalibratedMounting) -> VerbPage:
+    """Return the page of a calibration.
+
+    Parameters
+    ----------
+    result : CalibratedMounting
+        What was found.
+
+    Returns
+    -------
+    VerbPage
+        With its charts.
+    """
+    mood, why = _mood(result)
+    rows = [(escape(a), escape(b), escape(c)) for a, b, c in result.components]
+    verdicts = "<h2>What was determined</h2>\n" + table(rows, ("component", "verdict", "value"))
+    return VerbPage(
+        result.title,
+        result.headline,
+        mood,
+        why,
+        result.charts(),
+        (verdicts,),
+        (listed("Notes", result.details),),
+        result.document.get("inputs", ()),
+    )
+
+
+def _mood(result: CalibratedMounting) -> tuple[str, str]:
+    """Return the colour of the bar, and why it has it."""
+    if (refusal := result.refusal) is not None:
+        return "bad", str(refusal)
+    named: dict[str, list[str]] = {}
+    for name, word, _ in result.components:
+        if word != "determined" and name != "imu_m":
+            named.setdefault(word, []).append(name)
+    if named:
+        return "doubtful", "; ".join(f"{word}: {', '.join(own)}" for word, own in named.items())
+    return "good", "every component that these data can show is determined"
+
+
+def metashape_line(mounting: MountingFile) -> str:
+    """Return what Metashape takes of a mounting, in words; empty where it takes nothing.
+
+    Parameters
+    ----------
+    mounting : MountingFile
+        The mounting.
+
+    Returns
+    -------
+    str
+        Of the tab "GPS/INS Offset".
+    """
+    location, angles = metashape_offset(
+        mounting.antenna_m, mounting.boresight, mounting.camera_from_body
+    )
+    parts = []
+    if location is not None:
+        parts.append("X Y Z " + " ".join(f"{v:.4f}" for v in location) + " m")
+    if angles is not None:
+        parts.append("yaw pitch roll " + " ".join(f"{v:.4f}" for v in np.degrees(angles)) + " deg")
+    return f"Metashape, GPS/INS Offset: {', '.join(parts)}" if parts else ""
+
+
+def millimetres(values: Array, sign: str = "+") -> str:
+    """Return three lengths in words.
+
+    Parameters
+    ----------
+    values : ndarray, (3,)
+        m.
+    sign : str
+        "+" of values, empty of standard errors.
+
+    Returns
+    -------
+    str
+        Such as "[+462.0, -1.0, -65.0] mm".
+    """
+    return "[" + ", ".join(f"{1e3 * v:{sign}.1f}" for v in values) + "] mm"

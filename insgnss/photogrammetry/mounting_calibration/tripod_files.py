@@ -1,0 +1,259 @@
+"""`insgnss calibrate tripod`: poses of setups and pins of a tachymeter, as files."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import DataError, InputError
+from ...io.formats.orientation.mounting_file import MountingFile
+from ...records import Array
+from ...report.charts.chart import Chart
+from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
+from .poses import (
+    CameraPoses,
+    PlaceOptions,
+    PoseSigma,
+    Positions,
+    joined,
+    read_camera_poses,
+    read_positions,
+)
+from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .readings import advice, attitude_readings, named_reading, position_readings
+
+LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
+MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
+RULER_M = 0.05  # standard error of a lever arm measured by hand
+PIN_M = 0.001  # of a theodolite on a few metres, where the table has none
+
+
+@dataclass(frozen=True)
+class TripodOptions:
+    """How the files of setups are to be understood.
+
+    Parameters
+    ----------
+    pose_sigma : PoseSigma
+        Of poses whose file has no standard deviations.
+    pin_sigma_m : float
+        Of pins whose table has none, m.
+    places : PlaceOptions
+        CRS of the pins.
+    photo : Path or None
+        An image of the camera.
+    date : str
+        Of the data, ISO.
+    """
+
+    pose_sigma: PoseSigma = field(default_factory=PoseSigma)
+    pin_sigma_m: float = PIN_M
+    places: PlaceOptions = field(default_factory=PlaceOptions)
+    photo: Path | None = None
+    date: str = ""
+
+
+def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> CalibratedMounting:
+    """Estimate the lever arm from camera to antenna of setups on a tripod.
+
+    Parameters
+    ----------
+    poses : Path
+        Camera poses, one a setup.
+    pins : Path
+        Tips of the pin in the antenna's place, by the names of the poses.
+    options : TripodOptions
+        What the files do not say.
+
+    Returns
+    -------
+    CalibratedMounting
+        The lever arm with its verdict.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, or both do not belong together.
+    """
+    camera, pin = _in_one_frame(read_camera_poses(poses), pins, options.places)
+    first, second, notes = joined(camera.images, pin.names, poses, pins, 1)
+    notes = (*camera.notes, *notes)
+    camera = camera.taken(first)
+    pin_cov = pin.cov
+    if pin_cov is None:
+        pin_cov = np.broadcast_to(options.pin_sigma_m**2 * np.eye(3), (len(pin.names), 3, 3))
+        notes += (f"{pins.name} has no standard deviations: {1e3 * options.pin_sigma_m:g} mm",)
+    if camera.cov is None:
+        notes += (f"{poses.name} has no standard deviations: {options.pose_sigma}",)
+    setups = TripodSetups(
+        camera.position,
+        camera.C,
+        camera.with_sigma(options.pose_sigma),
+        pin.position[second],
+        pin_cov[second],
+    )
+    result = _estimated(setups, poses, pins, camera.opk)
+    inputs = (poses, pins)
+    cameras = () if camera.block is None else camera.block.cameras
+    origin = provenance(inputs, cameras, options.photo, options.date or camera.date)
+    reason = _undetermined(result)
+    value = f"{millimetres(result.lever_arm_m)} +- {millimetres(result.sigma_m, '')}"
+    verdict = result.summary().split("; ")
+    mounting = MountingFile(
+        verb="calibrate tripod",
+        antenna_m=None if reason else result.lever_arm_m,
+        antenna_cov=None if reason else result.cov,
+        verdict=tuple(verdict),
+        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
+        **origin.given,
+    )
+    line = metashape_line(mounting)
+    return CalibratedMounting(
+        mounting,
+        "Lever arm from a tripod",
+        verdict[0],
+        (
+            ("antenna_m", "not determined", reason)
+            if reason
+            else ("antenna_m", "determined", value),
+            ("imu_m", "not determined", NO_IMU),
+        ),
+        (*verdict[1:], *notes, *([line] if line else [])),
+        _document(result, camera.images, inputs),
+        lambda: _charts(result, setups, camera.images),
+    )
+
+
+def _in_one_frame(
+    camera: CameraPoses, pins: Path, places: PlaceOptions
+) -> tuple[CameraPoses, Positions]:
+    """Return poses and pins in the same axes.
+
+    Raises
+    ------
+    InputError
+        One of them has a place on the Earth and the other has none.
+    """
+    pin = read_positions(pins, places, camera.plane)
+    if pin.plane is None and camera.frame == "geocentric":
+        problem = "are local coordinates, the poses geocentric; give the CRS of the pins, --crs"
+        raise InputError.at_line(pins, None, problem)
+    if pin.plane is not None:
+        return camera.in_plane(pin.plane), pin
+    return camera, pin
+
+
+def _estimated(setups: TripodSetups, poses: Path, pins: Path, opk: Array | None) -> TripodLeverArm:
+    """Estimate the lever arm; refuse what no tripod is, with the way in which it would fit."""
+    far = np.linalg.norm(setups.pin_m - setups.position_m, axis=1)
+    try:
+        result = tripod_lever_arm(setups)
+    except DataError as refusal:
+        raise InputError(f"{poses}, {pins}: {refusal}") from None
+    scatter = _scatter(setups)
+    bad = scatter > MISFIT_M and result.variance_factor > MISFIT_FACTOR  # NaN of one setup
+    if far.max() <= LONGEST_M and not bad:
+        return result
+    words = _other_readings(setups, opk, poses, pins)
+    if far.max() > LONGEST_M:
+        row = int(np.argmax(far))
+        raise InputError(
+            f"{pins}: the pin of setup {row + 1} is {far[row]:.2f} m from the camera of"
+            f" {poses.name} (limit {LONGEST_M:g} m): another unit, or other axes than those of the"
+            f" poses{advice(words)}"
+        )
+    raise InputError(
+        f"{poses}, {pins}: lever arms of {len(far)} setups scatter by {1e3 * scatter:.0f} mm (limit"
+        f" {1e3 * MISFIT_M:g} mm), {np.sqrt(result.variance_factor):.0f} times what their standard"
+        " deviations say: poses and pins are not of the same setups, axes and scale"
+        f"{advice(words)}"
+    )
+
+
+def _scatter(setups: TripodSetups) -> float:
+    """Return the rms distance of the setups' lever arms from their median, m."""
+    each = np.einsum("nji,nj->ni", setups.C_mc, setups.pin_m - setups.position_m)
+    off = np.linalg.norm(each - np.median(each, axis=0), axis=1)
+    # with one setup nothing scatters: a lever arm that is too long then stands for it
+    return float(np.sqrt((off**2).mean())) if len(each) > 1 else float(np.linalg.norm(each[0]))
+
+
+def _other_readings(
+    setups: TripodSetups, opk: Array | None, poses: Path, pins: Path
+) -> tuple[str, ...]:
+    """Return the way in which pins or poses would fit, in words."""
+
+    def size(value: TripodSetups) -> float:
+        arm = np.linalg.norm(value.pin_m - value.position_m, axis=1).max()
+        return _scatter(value) if arm < LONGEST_M else max(float(arm), _scatter(value))
+
+    def of_pins(pin: Array) -> float:
+        return size(replace(setups, pin_m=pin))
+
+    def of_poses(C: Array) -> float:
+        return size(replace(setups, C_mc=C))
+
+    as_it_is = size(setups)
+    words = named_reading(as_it_is, position_readings(setups.pin_m), of_pins, MISFIT_M)
+    if words:
+        return (f"of {pins.name} {words}",)
+    angles = attitude_readings(setups.C_mc, opk)
+    words = named_reading(as_it_is, angles, of_poses, MISFIT_M)
+    if words:
+        return (f"of {poses.name} {words}",)
+    centres = {
+        key: value
+        for key, value in position_readings(setups.position_m).items()
+        if "rows" not in key
+    }
+    words = named_reading(
+        as_it_is, centres, lambda c: size(replace(setups, position_m=c)), MISFIT_M
+    )
+    return (f"of {poses.name} {words}",) if words else ()
+
+
+def _undetermined(result: TripodLeverArm) -> str:
+    """Say why the lever arm is not determined; empty where it is."""
+    used = int((~result.outlier).sum())
+    if used < 2:
+        return (
+            f"from one setup [{', '.join(f'{v:+.4f}' for v in result.lever_arm_m)}] m, which"
+            " nothing checks; add two setups, turned against it"
+        )
+    if result.sigma_m.max() > RULER_M:
+        return (
+            f"standard error {result.sigma_m.max():.3f} m (limit {RULER_M:g} m, a ruler does"
+            " better): better poses, or more setups"
+        )
+    return ""
+
+
+def _document(
+    result: TripodLeverArm, names: Sequence[str], inputs: tuple[Path, ...]
+) -> dict[str, Any]:
+    return {
+        "lever_arm_m": result.lever_arm_m,
+        "sigma_m": result.sigma_m,
+        "cov_m2": result.cov,
+        "spread_m": result.spread_m,
+        "variance_factor": result.variance_factor,
+        "factor_limit": result.factor_limit,
+        "attitude_span_deg": result.attitude_span_deg,
+        "setups": [
+            {"setup": name, "lever_arm_m": each, "left_out": bool(out)}
+            for name, each, out in zip(names, result.each_m, result.outlier, strict=True)
+        ],
+        "inputs": inputs,
+    }
+
+
+def _charts(result: TripodLeverArm, setups: TripodSetups, names: Sequence[str]) -> Sequence[Chart]:
+    from ...report.figures.mounting import Scatter, scattered
+    from ..lever_arm.tripod import setup_lever_arms
+
+    each, cov = setup_lever_arms(setups)
+    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    data = Scatter(tuple(names), each, sigma, result.outlier, result.lever_arm_m, result.sigma_m)
+    return [scattered(data, "setup", "Lever arm of each setup, in camera axes")]

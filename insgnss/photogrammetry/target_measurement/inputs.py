@@ -1,0 +1,188 @@
+"""Exterior orientation, camera and ground points in one frame, and what is predicted of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...base.errors import DataError, InputError
+from ...flight.config.block_file import BlockFile, GroundTableInput
+from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
+from ...io.formats.blocks.ground_points import GroundTable
+from ...io.formats.orientation.eo_json import read_one_camera
+from ...records import ExteriorOrientation
+from ...records.block import BrownCamera, InteriorCovariance
+from ..block_adjustment.inputs import ground_in_plane, ground_of, refuse_field_of_view
+from ..block_adjustment.vehicle.places import Vehicle, placed_vehicle
+from ..targets.prediction import VISIBILITY, Predictions, predict
+from .request import Request
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """A flight and its ground points.
+
+    Parameters
+    ----------
+    request : Request
+        What was asked for.
+    eo : ExteriorOrientation
+        The exterior orientation.
+    camera : BrownCamera
+        The camera of all images.
+    ground : GroundTable
+        Ground points in the tangent plane.
+    given : GroundTable
+        The same as their file has them.
+    crs : str or None
+        CRS of `given`; None of the tangent plane.
+    predictions : Predictions
+        Pixels of all points in all images, with what was asked to be added to their covariance.
+    notes : tuple of str
+        What was assumed, sentence by sentence.
+    vehicle : Vehicle or None
+        Whose target the points are, one an image: point k in its image alone.
+    """
+
+    request: Request
+    eo: ExteriorOrientation
+    camera: BrownCamera
+    ground: GroundTable
+    given: GroundTable
+    crs: str | None
+    predictions: Predictions
+    notes: tuple[str, ...]
+    vehicle: Vehicle | None = None
+
+
+def inputs_of(request: Request) -> Inputs:
+    """Read and join the files of a request.
+
+    Parameters
+    ----------
+    request : Request
+        The request.
+
+    Returns
+    -------
+    Inputs
+        Of points of which at least one lies in an image.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    DataError
+        No ground point lies in any image.
+    """
+    eo = read_one_camera(request.eo, "a search for targets")
+    camera = read_camera_toml(request.camera)
+    camera_cov = read_camera_covariance(request.camera)
+    refuse_field_of_view(camera)
+    notes: list[str] = []
+    if not len(eo.images):
+        raise InputError.at_line(request.eo, None, "no image; process the flight with its camera")
+    vehicle, own_crs = None, None
+    if request.vehicle is not None:
+        vehicle = _vehicle(request, eo, notes)
+        ground = given = _as_ground(vehicle)
+        seen = _predicted(vehicle, eo, camera, camera_cov)
+    else:
+        table = GroundTableInput(file=request.ground, crs=request.crs, geoid=request.geoid)
+        read, own_crs = ground_of(request.ground, None)
+        in_plane = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
+        if in_plane is None or read is None:
+            raise InputError.at_line(request.ground, None, "no ground point; write one line each")
+        ground, given = in_plane, read
+        seen = predict(
+            camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
+        )
+    if not seen.visible.any():
+        raise DataError(_unseen(eo, ground, camera, seen))
+    extra = request.search_px**2 * np.eye(2)
+    widened = Predictions(
+        seen.image, seen.point, seen.uv, seen.cov + extra, seen.by_point, seen.visibility
+    )
+    if camera_cov is None:
+        notes.append(
+            f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"
+            " are too small by what it is not"
+        )
+    crs = None if vehicle is not None else request.crs or own_crs
+    return Inputs(request, eo, camera, ground, given, crs, widened, tuple(notes), vehicle)
+
+
+def _vehicle(request: Request, eo: ExteriorOrientation, notes: list[str]) -> Vehicle:
+    """Return the vehicle's target at the exposures of all images."""
+    assert request.vehicle is not None
+    options = replace(request.vehicle, file=request.ground, crs=request.crs, geoid=request.geoid)
+    names = [f"{options.target}{image}" for image in eo.images]
+    return placed_vehicle(options, eo.images, names, eo, notes)
+
+
+def _as_ground(vehicle: Vehicle) -> GroundTable:
+    """Return the places of a target as ground points, each of its own image."""
+    n = len(vehicle.images)
+    cov = vehicle.cov.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+    return GroundTable(vehicle.points, vehicle.exposures.position_m, cov, np.zeros(n, dtype=bool))
+
+
+def _predicted(
+    vehicle: Vehicle,
+    eo: ExteriorOrientation,
+    camera: BrownCamera,
+    camera_cov: InteriorCovariance | None,
+) -> Predictions:
+    """Predict the target in the image that saw it, place by place."""
+    ground, row = _as_ground(vehicle), {name: i for i, name in enumerate(eo.images)}
+    image = np.array([row[name] for name in vehicle.images], dtype=np.int64)
+    each = [
+        predict(
+            camera,
+            eo.position_m[i : i + 1],
+            eo.C_mc[i : i + 1],
+            eo.cov[i : i + 1],
+            ground.position_m[k : k + 1],
+            ground.cov[k : k + 1],
+            camera_cov,
+        )
+        for k, i in enumerate(image.tolist())
+    ]
+    uv, cov, by_point, visibility = (
+        np.concatenate([getattr(one, name) for one in each])
+        for name in ("uv", "cov", "by_point", "visibility")
+    )
+    return Predictions(image, np.arange(image.size), uv, cov, by_point, visibility)
+
+
+def _unseen(
+    eo: ExteriorOrientation, ground: GroundTable, camera: BrownCamera, seen: Predictions
+) -> str:
+    """Say why no ground point lies in any image."""
+    n = len(ground.points)
+    why = {word: int((seen.visibility == k).sum()) for k, word in enumerate(VISIBILITY)}
+    apart = np.linalg.norm(
+        ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2
+    )  # images x points
+    i, p = np.unravel_index(int(apart.argmin()), apart.shape)
+    above = float(np.median(eo.position_m[:, 2]) - np.median(ground.position_m[:, 2]))
+    words = ", ".join(f"{count} {word}" for word, count in why.items() if count)
+    if above <= 0.0:
+        advice = (
+            f"the images lie {-above:.0f} m below the points: heights are of another reference"
+            " (geoid, ellipsoid), or the points of another place"
+        )
+    elif why["behind the camera"] > 0.9 * len(seen):
+        advice = "the cameras look up: their axes are others, look at the mounting of the flight"
+    elif apart.min() > 2.0 * above:
+        advice = (
+            "they are of another place, or in other axes than the images: name their CRS, --crs"
+        )
+    else:
+        advice = (
+            "axes of the camera, its mounting or its camera constant are not those of the images"
+        )
+    return (
+        f"no ground point lies in any image ({n} points, {len(eo.images)} images: {words}); the"
+        f" nearest, {ground.points[p]!r}, is {apart[i, p]:.0f} m beside {eo.images[i]!r} and the"
+        f" images are {above:.0f} m above the points; {advice}"
+    )

@@ -1,0 +1,215 @@
+"""Tables of targets, and the files of other programs.
+
+predictions.csv     every ground point in every image, with its ellipse
+image_points.csv    what was measured, as `insgnss adjust` takes it
+ground_points.csv   the ground points in the axes of the orientation
+target_positions.csv, target_sizes.csv    of a vehicle, in the place of ground_points.csv
+rejected.csv        what was not measured, each with its reason
+markers.xml         Metashape
+pix4d_marks.csv     PIX4Dmatic
+gcp_list.txt        OpenDroneMap
+targets.json        everything that was found
+targets.html        the contact sheet
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...geodesy.frames import TangentPlane
+from ...io.formats.blocks.columns import write_table
+from ...io.formats.blocks.gcp_list import write_gcp_list
+from ...io.formats.blocks.ground_points import GroundTable, write_ground_points
+from ...io.formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
+from ...io.formats.markers.metashape_markers import write_metashape_markers
+from ...io.formats.markers.pix4d_marks import write_pix4d_marks
+from ...io.formats.orientation.exported import quoted_names
+from ...io.formats.vehicle.target_positions import TargetPositions, write_target_positions
+from ...io.formats.vehicle.target_sizes import write_target_sizes
+from ...records.block import ImageObservations
+from ..targets.prediction import VISIBILITY
+from .inputs import Inputs
+from .sizes import target_sizes
+from .windows import Window
+
+PREDICTIONS = "predictions.csv"
+IMAGE_POINTS, GROUND_POINTS, REJECTED = "image_points.csv", "ground_points.csv", "rejected.csv"
+POSITIONS, SIZES = "target_positions.csv", "target_sizes.csv"
+COLUMNS = (
+    *("image", "point", "x", "y", "sigma_x", "sigma_y", "correlation"),
+    *("semi_major", "semi_minor", "direction", "visibility"),
+)
+GEOGRAPHIC = "EPSG:4979"
+
+
+def write_predictions(inputs: Inputs, path: Path) -> None:
+    """Write where ground points are expected, data_specs/target_predictions.md.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    path : Path
+        The file, written whole or not at all.
+
+    Raises
+    ------
+    InputError
+        A name that the table cannot hold.
+    UsageError
+        The file cannot be written.
+    """
+    images = quoted_names(inputs.eo.images, ",")
+    points = quoted_names(inputs.ground.points, ",", "point")
+    seen = inputs.predictions
+    ellipse = seen.ellipse
+    rows = np.arange(len(seen)) if inputs.request.whole else np.flatnonzero(seen.visible)
+
+    def lines() -> Iterator[str]:
+        for row in rows.tolist():
+            names = f"{images[seen.image[row]]},{points[seen.point[row]]}"
+            u, v = seen.uv[row]
+            pixel = f"{u:.3f},{v:.3f}" if np.isfinite(u) else ","
+            word = VISIBILITY[seen.visibility[row]]
+            if not seen.visible[row]:
+                yield f"{names},{pixel},,,,,,,{word}\n"
+                continue
+            C, (a, b, along) = seen.cov[row], ellipse[row]
+            su, sv = np.sqrt(np.diagonal(C))
+            shape = f"{su:.4g},{sv:.4g},{C[0, 1] / (su * sv):.4f},{a:.4g},{b:.4g}"
+            yield f"{names},{pixel},{shape},{np.degrees(along):.2f},{word}\n"
+
+    comments = (
+        f"ground points in images: {PIXEL_ORIGIN}",
+        "of one standard deviation: sigma_x sigma_y, semi-axes of the ellipse, px; direction of the"
+        " larger one, deg from x to y",
+    )
+    write_table(path, comments, COLUMNS, lines())
+
+
+def measured_points(inputs: Inputs, windows: list[Window]) -> ImagePoints:
+    """Return what stands of the measurements, as image observations.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    windows : list of Window
+        All windows.
+
+    Returns
+    -------
+    ImagePoints
+        One observation an accepted window.
+    """
+    seen, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
+    rows = np.array([w.row for w in good], dtype=np.int64)
+    matches = [w.measurement.match for w in good]
+    uv = np.array([m.uv for m in matches if m is not None]).reshape(-1, 2)
+    cov = np.array([m.cov for m in matches if m is not None]).reshape(-1, 2, 2)
+    images, image = np.unique(seen.image[rows], return_inverse=True)
+    points, point = np.unique(seen.point[rows], return_inverse=True)
+    return ImagePoints(
+        tuple(inputs.eo.images[k] for k in images),
+        tuple(inputs.ground.points[k] for k in points),
+        ImageObservations(
+            image.astype(np.int64),
+            point.astype(np.int64),
+            uv,
+            np.sqrt(np.diagonal(cov, axis1=1, axis2=2)),
+        ),
+    )
+
+
+def write_rejected(inputs: Inputs, windows: list[Window], path: Path) -> None:
+    """Write what was rejected, data_specs/target_rejections.md.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    windows : list of Window
+        All windows.
+    path : Path
+        The file.
+    """
+    seen = inputs.predictions
+    images = quoted_names(inputs.eo.images, ",")
+    points = quoted_names(inputs.ground.points, ",", "point")
+
+    def lines() -> Iterator[str]:
+        for w in windows:
+            if w.measurement.accepted:
+                continue
+            image, point = images[seen.image[w.row]], points[seen.point[w.row]]
+            u, v = seen.uv[w.row]
+            match = w.measurement.match
+            pixel = "," if match is None else f"{match.uv[0]:.3f},{match.uv[1]:.3f}"
+            yield f'{image},{point},{u:.3f},{v:.3f},{pixel},"{w.measurement.rejected}"\n'
+
+    head = ("image", "point", "predicted_x", "predicted_y", "matched_x", "matched_y", "reason")
+    write_table(path, (f"targets that were not measured: {PIXEL_ORIGIN}",), head, lines())
+
+
+def write_measured(inputs: Inputs, windows: list[Window], into: Path) -> list[str]:
+    """Write the tables and the files of other programs.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    windows : list of Window
+        All windows; at least one is accepted.
+    into : Path
+        Directory of the files.
+
+    Returns
+    -------
+    list of str
+        What could not be written, sentence by sentence.
+    """
+    measured = measured_points(inputs, windows)
+    write_image_points(measured, into / IMAGE_POINTS)
+    plane = TangentPlane(*inputs.eo.origin)
+    axes = (f"tangent plane of {inputs.request.eo.name}, m",)
+    if inputs.vehicle is None:
+        write_ground_points(inputs.ground, into / GROUND_POINTS, axes)
+    else:
+        own = inputs.vehicle
+        time = own.time if np.isfinite(own.time).all() else None
+        places = TargetPositions(
+            own.images, time, inputs.eo.gps_week, inputs.ground.position_m, inputs.ground.cov
+        )
+        write_target_positions(places, into / POSITIONS, axes)
+        write_target_sizes(target_sizes(inputs, windows), into / SIZES)
+    notes: list[str] = []
+    ground, crs = _in_crs(inputs, plane)
+    camera = inputs.camera
+    for name, write in (
+        ("markers.xml", lambda path: write_metashape_markers(measured, ground, crs, camera, path)),
+        ("pix4d_marks.csv", lambda path: write_pix4d_marks(measured, path)),
+        ("gcp_list.txt", lambda path: write_gcp_list(measured, ground, crs, path)),
+    ):
+        try:
+            write(into / name)
+        except InputError as refusal:
+            notes.append(f"no {name}: {refusal}")
+    return notes
+
+
+def _in_crs(inputs: Inputs, plane: TangentPlane) -> tuple[GroundTable, str]:
+    """Ground points in a CRS that every program knows: their own where it is one code, else
+    longitude, latitude and height above the ellipsoid.
+    """
+    crs = inputs.crs
+    if crs is not None and re.fullmatch(r"EPSG:\d+", crs) and inputs.request.geoid is None:
+        return inputs.given, crs
+    datum = inputs.eo.datum or GEOGRAPHIC
+    lat, lon, h = plane.geodetic_from_position(inputs.ground.position_m)
+    position = np.column_stack([np.degrees(lon), np.degrees(lat), h])
+    axes = plane.C_mn(lat, lon) @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    cov = axes.transpose(0, 2, 1) @ inputs.ground.cov @ axes
+    return GroundTable(inputs.ground.points, position, cov, inputs.ground.check), datum

@@ -1,0 +1,435 @@
+"""The two jobs of `insgnss targets`: predict and measure."""
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import DataError, UsageError
+from ...base.files import atomic_write, json_ready
+from ...base.output.staging import together
+from ...base.provenance import made_from, paths_named_by, refuse_other_results
+from ..targets.measurement import Rules
+from .inputs import Inputs, inputs_of
+from .photographs import Photographs, photographs_in
+from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
+from .products import REJECTED as REJECTED_TABLE
+from .request import DIRECTORY, Request
+from .sheet import PAGE, write_sheet
+from .trials import advice
+from .windows import Window, windows_of
+
+DOCUMENT = "targets.json"
+FEW = 0.2
+"""Share of the targets below which it is likelier that files do not belong together than that the
+others are covered: of a survey's targets four of five are there."""
+OTHER_SIZE = 0.02
+"""Least difference of the targets from the size that was given that is told, of it."""
+JUDGED = 5
+"""Windows below which a share says nothing."""
+
+
+def _quiet(_: str) -> None:
+    """No progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionResult:
+    """Where ground points are expected.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight, its ground points and their predictions.
+    figures : dict
+        What `--json` prints.
+    files : tuple of Path
+        The table.
+    """
+
+    inputs: Inputs
+    figures: dict[str, Any]
+    files: tuple[Path, ...]
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        lines = [str(self.figures["headline"])]
+        lines += [f"note: {note}" for note in self.figures["notes"]]
+        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return self.figures
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementResult:
+    """Targets measured in the photographs of a flight.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight, its ground points and their predictions.
+    windows : tuple of Window
+        What became of each.
+    figures : dict
+        What targets.json holds.
+    files : tuple of Path
+        The products.
+    refusal : DataError or None
+        Why no observations were written; None where they were.
+    """
+
+    inputs: Inputs
+    windows: tuple[Window, ...]
+    figures: dict[str, Any]
+    files: tuple[Path, ...]
+    refusal: DataError | None
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        lines = [str(self.figures["headline"])]
+        reasons: Mapping[str, int] = self.figures["rejected_by"]
+        lines += [f"  {count} rejected: {reason}" for reason, count in reasons.items()]
+        lines += [f"note: {note}" for note in self.figures["notes"]]
+        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+        return self.figures
+
+
+LARGEST_SHARE = 0.2  # of a photograph that a target may fill
+
+
+def predict_targets(
+    request: Request,
+    out: Path | None = None,
+    progress: Callable[[str], None] = _quiet,
+    write: bool = True,
+    *,
+    force: bool = False,
+) -> PredictionResult:
+    """Predict the ground points of a flight in its images.
+
+    Parameters
+    ----------
+    request : Request
+        Files of the flight.
+    out : Path, optional
+        The table; by default predictions.csv in a directory beside the orientation.
+    progress : callable
+        Is called with the name of each step.
+    write : bool
+        Whether to write the table.
+    force : bool
+        Whether a file that is no such table is overwritten.
+
+    Returns
+    -------
+    PredictionResult
+        The result.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    DataError
+        No ground point lies in any image.
+    UsageError
+        The table cannot be written, or would overwrite a file of others.
+    """
+    progress("reading exterior orientation, camera and ground points")
+    inputs = inputs_of(request)
+    seen = inputs.predictions
+    rows = np.flatnonzero(seen.visible)
+    ellipse = seen.ellipse[rows]
+    count = np.bincount(seen.point[rows], minlength=len(inputs.ground.points))
+    some = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
+    headline = (
+        f"{int((count > 0).sum())} of {len(count)} {_noun(inputs)} lie in"
+        f" {np.unique(seen.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)} times;"
+        f" larger semi-axis of their ellipses {some}"
+    )
+    figures: dict[str, Any] = {
+        "headline": headline,
+        "images": len(inputs.eo.images),
+        "points": {
+            name: int(n) for name, n in zip(inputs.ground.points, count.tolist(), strict=True)
+        },
+        "visible": len(rows),
+        "median_semi_major_px": float(np.median(ellipse[:, 0])),
+        "notes": [*inputs.notes, *_unseen_points(inputs, count)],
+    }
+    files: tuple[Path, ...] = ()
+    if write:
+        path = out or request.eo.parent / DIRECTORY / PREDICTIONS
+        _refuse_overwriting(request, [path, path.with_suffix(".json")])
+        progress(f"writing {path}")
+        with together() as staging:
+            table = staging.tree(path.parent) / path.name
+            write_predictions(inputs, table)
+            document = table.with_suffix(".json")
+            figures |= made_from(paths_named_by(request), document, [table])
+            text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
+            atomic_write(document, text + "\n")
+            for new, goal in () if force else staging.changed():
+                _refuse_foreign(new, goal)
+        files = (path, path.with_suffix(".json"))
+    return PredictionResult(inputs, figures, files)
+
+
+def _refuse_foreign(new: Path, goal: Path) -> None:
+    """Refuse to overwrite what has not the header of the table that takes its place."""
+    with new.open("rb") as own, goal.open("rb") as other:
+        if own.readline() != other.readline():
+            raise UsageError(
+                f"targets predict: {goal} is there and no table of predictions; give another --out,"
+                " or --force"
+            )
+
+
+def measure_targets(
+    request: Request,
+    out: Path | None = None,
+    progress: Callable[[str], None] = _quiet,
+    write: bool = True,
+    rules: Rules | None = None,
+    force: bool = False,
+) -> MeasurementResult:
+    """Measure the ground points of a flight in its photographs.
+
+    Parameters
+    ----------
+    request : Request
+        Files of the flight, its photographs and what the targets look like.
+    out : Path, optional
+        Directory of the products; by default a directory beside the orientation.
+    progress : callable
+        Is called with the name of each step.
+    write : bool
+        Whether to write the products.
+    rules : Rules, optional
+        Limits.
+    force : bool
+        Whether results of another flight are overwritten.
+
+    Returns
+    -------
+    MeasurementResult
+        The result; where nearly nothing was found, with a refusal and without observations.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or files do not belong together.
+    DataError
+        No ground point lies in any image that has a photograph.
+    UsageError
+        The products cannot be written, or no photographs are given.
+    """
+    if request.images is None:
+        raise UsageError("targets measure: IMAGES is missing, the directory of the photographs")
+    directory = out or request.eo.parent / DIRECTORY
+    if write:
+        own = (request.eo, request.ground)
+        refuse_other_results("targets measure", directory / DOCUMENT, own, force, True)
+    _ = request.target.signal, request.target.code  # a target that cannot be, before all reading
+    progress("reading exterior orientation, camera and ground points")
+    inputs = inputs_of(request)
+    _refuse_size(inputs)
+    photographs = photographs_in(request.images, inputs.eo.images)
+    windows = windows_of(inputs, photographs, rules or Rules(), progress)
+    figures = _figures(inputs, photographs, windows)
+    if not windows:
+        raise DataError(
+            f"no ground point lies in an image that has a photograph in {request.images}; the"
+            " photographs of the others are missing there"
+        )
+    refusal = _refusal(figures)
+    if refusal is not None:
+        trial = advice(inputs, photographs, rules or Rules(), progress)
+        refusal = _refusal(figures, trial)
+    files: tuple[Path, ...] = ()
+    if write:
+        progress(f"writing {directory}")
+        files = _written(inputs, photographs, windows, figures, refusal, directory)
+    return MeasurementResult(inputs, tuple(windows), figures, files, refusal)
+
+
+def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
+    """Say which ground points lie in no image."""
+    names = [name for name, n in zip(inputs.ground.points, count, strict=True) if not n]
+    if not names:
+        return []
+    some = ", ".join(names[:5]) + (" ..." if names[5:] else "")
+    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {some}"]
+
+
+def _noun(inputs: Inputs) -> str:
+    """What the points are called."""
+    return "ground points" if inputs.vehicle is None else "places of the vehicle's target"
+
+
+def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) -> dict[str, Any]:
+    """Numbers of a measurement."""
+    seen, good = inputs.predictions, [w for w in windows if w.measurement.accepted]
+    matches = [w.measurement.match for w in good]
+    sigma = [float(np.sqrt(np.trace(m.cov) / 2.0)) for m in matches if m is not None]
+    off = [m.uv - seen.uv[w.row] for w, m in zip(good, matches, strict=True) if m is not None]
+    count = np.zeros((len(inputs.ground.points), 2), dtype=int)
+    for w in windows:
+        count[seen.point[w.row]] += (1, int(w.measurement.accepted))
+    rows = np.flatnonzero(seen.visible)
+    without = sum(photographs.files[i] is None for i in np.unique(seen.image[rows]).tolist())
+    notes = [
+        *inputs.notes,
+        *_unseen_points(inputs, np.bincount(seen.point[rows], minlength=len(count))),
+    ]
+    if without:
+        notes.append(f"{without} images that show ground points have no photograph")
+    if photographs.strangers:
+        names = [path.name for path in photographs.strangers]
+        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
+        notes.append(f"{len(names)} photographs have no pose in the orientation: {some}")
+    notes += _size(inputs, windows)
+    never = [
+        name
+        for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
+        if looked and not measured
+    ]
+    if never and good:
+        some = ", ".join(never[:5]) + (" ..." if never[5:] else "")
+        notes.append(
+            f"{len(never)} of {len(count)} ground points were measured in no photograph: {some}"
+        )
+    headline = (
+        f"{len(good)} of {len(windows)} targets measured, of"
+        f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
+        f" {len({int(seen.image[w.row]) for w in good})} photographs"
+    )
+    if sigma:
+        shift = float(np.sqrt(np.mean(np.square(off))))
+        headline += f"; sigma {np.median(sigma):.2f} px, {shift:.1f} px rms from their predictions"
+    reasons = Counter(_kind(w.measurement.rejected) for w in windows if w.measurement.rejected)
+    return {
+        "headline": headline,
+        "windows": len(windows),
+        "measured": len(good),
+        "rejected_by": dict(reasons.most_common()),
+        "points": {
+            name: {"windows": looked, "measured": measured}
+            for name, (looked, measured) in zip(inputs.ground.points, count.tolist(), strict=True)
+        },
+        "median_sigma_px": float(np.median(sigma)) if sigma else None,
+        "rms_from_prediction_px": float(np.sqrt(np.mean(np.square(off)))) if off else None,
+        "signal": inputs.request.target.kind,
+        "size_m": inputs.request.target.size_m,
+        "notes": notes,
+    }
+
+
+def _refuse_size(inputs: Inputs) -> None:
+    """Refuse targets that would fill the photograph: a size in centimetres, as a rule."""
+    seen, size = inputs.predictions, inputs.request.target.size_m
+    rows = np.flatnonzero(seen.visible)
+    away = inputs.ground.position_m[seen.point[rows]] - inputs.eo.position_m[seen.image[rows]]
+    width = size * inputs.camera.of("f") / float(np.median(np.linalg.norm(away, axis=1)))
+    most = LARGEST_SHARE * min(inputs.camera.width, inputs.camera.height)
+    if width > most:
+        raise UsageError(
+            f"targets: --size {size:g}: targets of {size:g} m are {width:.0f} px wide, and"
+            f" {most:.0f} are the most (a fifth of the image); give metres"
+        )
+
+
+def _size(inputs: Inputs, windows: list[Window]) -> list[str]:
+    """Say that targets have another size than was given."""
+    matches = [w.measurement.match for w in windows if w.measurement.accepted]
+    areas = [abs(float(np.linalg.det(m.M))) for m in matches if m is not None]
+    if len(areas) < JUDGED:
+        return []
+    given = inputs.request.target.size_m
+    fitting = given / float(np.median(np.sqrt(areas)))
+    if abs(fitting / given - 1.0) < OTHER_SIZE:
+        return []
+    return [
+        f"targets look {fitting / given:.3f} times as large as --size {given:g}: {fitting:.4g} m"
+        " fits better, or the images are lower or higher above them than their orientation says"
+    ]
+
+
+def _kind(reason: str) -> str:
+    """A reason without the numbers of its window: the rule."""
+    for start, rule in (
+        ("its ring says", "another number in its ring"),
+        ("a second place", "another place that is as likely"),
+    ):
+        if reason.startswith(start):
+            return rule
+    return re.sub(r" ?-?\d+(\.\d+)? ?", " ", reason, count=1).replace(" ,", "").strip()
+
+
+def _refusal(figures: dict[str, Any], trial: str = "") -> DataError | None:
+    """Why so few targets are no answer, with what finds them; None of enough."""
+    measured, n = figures["measured"], figures["windows"]
+    if measured and (n < JUDGED or measured >= FEW * n):
+        return None
+    reasons = figures["rejected_by"]
+    most = ", ".join(f"{count} with {reason}" for reason, count in list(reasons.items())[:2])
+    guesses = (
+        "If the targets can be seen there beside their ellipses, the orientation is worse than its"
+        " covariances: --search-px. If they cannot, check size and kind of the targets (--signal,"
+        " --size), the CRS of the ground points, and whether these are the photographs and the"
+        " camera of this orientation"
+    )
+    return DataError(
+        f"{measured} of {n} targets found ({most}): nearly nothing is where it is expected, so no"
+        f" observations are written; {trial or f'{PAGE} shows the windows. {guesses}'}"
+    )
+
+
+def _written(
+    inputs: Inputs,
+    photographs: Photographs,
+    windows: list[Window],
+    figures: dict[str, Any],
+    refusal: DataError | None,
+    directory: Path,
+) -> tuple[Path, ...]:
+    """Write the products, all of them or none; of a refusal the sheet and what was rejected."""
+    with together() as staging:
+        into = staging.tree(directory)
+        if refusal is None:
+            figures["notes"] += write_measured(inputs, windows, into)
+        write_rejected(inputs, windows, into / REJECTED_TABLE)
+        rejected = figures["windows"] - figures["measured"]
+        mood = "bad" if refusal else "good" if not rejected else "doubtful"
+        headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
+        write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
+        seen = np.unique(inputs.predictions.image[[w.row for w in windows]])
+        looked = [photographs.files[k] for k in seen.tolist()]
+        own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
+        figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
+        figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
+        text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
+        atomic_write(into / DOCUMENT, text + "\n")
+        files = staging.goals()
+        _refuse_overwriting(inputs.request, files)
+    return files
+
+
+def _refuse_overwriting(request: Request, goals: Sequence[Path]) -> None:
+    """Refuse products in the place of inputs."""
+    inputs = (request.eo, request.ground, request.camera, request.target.picture)
+    taken = {path.resolve() for path in inputs if path is not None}
+    for goal in goals:
+        if goal.resolve() in taken:
+            raise UsageError(
+                f"the product {goal} would overwrite an input; give another place by --out"
+            )

@@ -1,0 +1,131 @@
+"""targets.html: the contact sheet, every window with its prediction, its match and its verdict."""
+
+import base64
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...base.files import atomic_write
+from ...report.markup import document, escape, sentence
+from .inputs import Inputs
+from .windows import Window
+
+PAGE = "targets.html"
+MOST = 3000
+"""Windows on a page; beyond, those that stand are thinned out evenly, those rejected never."""
+_STYLE = """<style>
+main { max-width: none } .sheet { display: flex; flex-wrap: wrap; gap: .7rem }
+.window { width: 190px; font-size: 12px; line-height: 1.3 }
+.window svg { width: 190px; height: 190px; border: 3px solid var(--ok); background: #000;
+  image-rendering: pixelated }
+.window.bad svg { border-color: var(--bad) } .window.bad .why { color: var(--bad) }
+</style>
+"""
+
+
+def write_sheet(
+    inputs: Inputs,
+    windows: Sequence[Window],
+    headline: str,
+    mood: str,
+    notes: Sequence[str],
+    path: Path,
+) -> None:
+    """Write the contact sheet: one page, without scripts or outside files.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    windows : sequence of Window
+        All windows.
+    headline, mood : str
+        What is said of them, "good", "doubtful" or "bad".
+    notes : sequence of str
+        Sentences below it.
+    path : Path
+        The file, written whole or not at all.
+    """
+    title = f"{inputs.request.ground.name}: targets in images"
+    atomic_write(path, document(title, headline, mood, _body(inputs, windows, notes)))
+
+
+def _body(inputs: Inputs, windows: Sequence[Window], notes: Sequence[str]) -> Iterator[str]:
+    yield _STYLE
+    yield (
+        "<p>Yellow: where the point is expected, with the ellipse of three standard deviations."
+        " Green cross: where the target was measured; red cross: a match that was rejected, with"
+        " the reason below. Grey values are stretched. The windows of a point should look alike:"
+        " a target that sits beside its cross, or a cross on something else, is to be taken out of"
+        " image_points.csv.</p>\n"
+    )
+    if notes:
+        yield "<ul>" + "".join(f"<li>{escape(sentence(note))}</li>" for note in notes) + "</ul>\n"
+    good = [w for w in windows if w.measurement.accepted]
+    bad = len(windows) - len(good)
+    room = max(MOST - bad, 200)
+    keep = set(range(len(good)))
+    if len(good) > room:
+        keep = set(np.linspace(0, len(good) - 1, room).astype(int).tolist())
+        yield f"<p>{room} of the {len(good)} windows with a measurement are shown.</p>\n"
+    shown = {id(w) for k, w in enumerate(good) if k in keep}
+    for p, name in enumerate(inputs.ground.points):
+        own = [w for w in windows if inputs.predictions.point[w.row] == p]
+        if not own:
+            continue
+        stand = sum(w.measurement.accepted for w in own)
+        yield f"<h2>{escape(name)}: measured in {stand} of {len(own)} images</h2>\n"
+        yield '<div class="sheet">\n'
+        own.sort(key=lambda w: w.measurement.accepted)
+        for w in own:
+            if not w.measurement.accepted or id(w) in shown:
+                yield _window(inputs, w)
+        yield "</div>\n"
+
+
+def _window(inputs: Inputs, window: Window) -> str:
+    """One window as a drawing with its caption."""
+    seen, got = inputs.predictions, window.measurement
+    uv = seen.uv[window.row] - window.corner
+    values, vectors = np.linalg.eigh(seen.cov[window.row])
+    a, b = 3.0 * np.sqrt(np.maximum(values[::-1], 0.0))
+    turn = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+    height, width = window.grey.shape
+    stroke = max(width, height) / 190.0 * 1.6
+    parts = [
+        f'<image href="data:image/png;base64,{_png(window)}" width="{width}" height="{height}"/>',
+        f'<ellipse cx="{uv[0]:.2f}" cy="{uv[1]:.2f}" rx="{a:.2f}" ry="{b:.2f}" fill="none"'
+        f' stroke="#ffd400" stroke-width="{stroke:.2f}"'
+        f' transform="rotate({turn:.1f} {uv[0]:.2f} {uv[1]:.2f})"/>',
+    ]
+    caption = [escape(inputs.eo.images[seen.image[window.row]])]
+    if got.match is not None:
+        u, v = got.match.uv - window.corner
+        colour, arm = ("#00e08a" if got.accepted else "#ff4d40"), 6.0 * stroke
+        parts.append(
+            f'<path d="M{u - arm:.2f} {v:.2f}H{u + arm:.2f}M{u:.2f} {v - arm:.2f}V{v + arm:.2f}"'
+            f' stroke="{colour}" stroke-width="{stroke:.2f}"/>'
+        )
+        su, sv = np.sqrt(np.diagonal(got.match.cov))
+        caption.append(
+            f"{got.match.uv[0]:.2f} &plusmn; {su:.2f}, {got.match.uv[1]:.2f} &plusmn; {sv:.2f} px"
+        )
+    if got.rejected:
+        caption.append(f'<span class="why">{escape(got.rejected)}</span>')
+    if window.code is not None:
+        caption.append(f"ring {window.code.number}")
+    kind = "window" if got.accepted else "window bad"
+    return (
+        f'<div class="{kind}"><svg viewBox="0 0 {width} {height}">{"".join(parts)}</svg><br>'
+        f"{'<br>'.join(caption)}</div>\n"
+    )
+
+
+def _png(window: Window) -> str:
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(window.grey).save(out, "PNG")
+    return base64.b64encode(out.getvalue()).decode("ascii")

@@ -1,0 +1,85 @@
+"""What would have found the targets: another size, the other brightness, a wider search."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ...base.errors import InputError
+from ..targets.measurement import Rules
+from ..targets.prediction import Predictions
+from .inputs import Inputs
+from .photographs import Photographs
+from .request import Target
+from .windows import windows_of
+
+FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
+WIDER_PX = (
+    10.0,
+    30.0,
+)  # the second: half a degree of bore-sight that was not estimated, at 3500 px
+SAMPLE = 6
+"""Windows that are tried, of as many images as there are."""
+MOST = 0.5
+"""Share of them that must be found for an advice."""
+
+
+def advice(
+    inputs: Inputs, photographs: Photographs, rules: Rules, progress: Callable[[str], None]
+) -> str:
+    """Say what finds the targets where nearly none was found.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    photographs : Photographs
+        Files of its images.
+    rules : Rules
+        Limits.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    str
+        What to ask for, with how many are found then; empty where no trial helps.
+    """
+    seen = inputs.predictions
+    taken = np.array([photographs.files[i] is not None for i in seen.image])
+    rows = np.flatnonzero(seen.visible & taken)
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, SAMPLE).astype(int))]
+    plain = replace(rules, clear=-1.0)  # no shadow is looked for
+    for words, target, wider_px in _trials(inputs.request.target):
+        progress(f"trying {words}")
+        some = Predictions(
+            seen.image[rows],
+            seen.point[rows],
+            seen.uv[rows],
+            seen.cov[rows] + wider_px**2 * np.eye(2),
+            seen.by_point[rows],
+            seen.visibility[rows],
+        )
+        request = replace(inputs.request, target=target)
+        trial = replace(inputs, request=request, predictions=some)
+        try:
+            windows = windows_of(trial, photographs, plain, lambda _: None)
+        except InputError:  # a target that cannot be, such as bars wider than long
+            continue
+        measured = sum(w.measurement.accepted for w in windows)
+        if measured > MOST * rows.size:
+            return f"with {words} {measured} of {rows.size} that were tried are found"
+    return ""
+
+
+def _trials(target: Target) -> Iterator[tuple[str, Target, float]]:
+    """What is tried, as the command line says it, with its target and its wider search."""
+    for wider_px in WIDER_PX:
+        yield f"--search-px {wider_px:g}", target, wider_px
+    if target.kind in ("disc", "cross", "ring"):
+        words = "without --dark" if target.dark else "--dark"
+        yield words, replace(target, dark=not target.dark), 0.0
+    for factor in FACTORS:
+        size = float(f"{factor * target.size_m:.3g}")
+        arm = None if target.arm_m is None else factor * target.arm_m
+        yield f"--size {size:g}", replace(target, size_m=size, arm_m=arm), 0.0

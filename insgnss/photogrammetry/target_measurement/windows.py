@@ -1,0 +1,185 @@
+"""All targets of all photographs, with the verdict on each."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.advance import through
+from ..targets.codes import LEAST_CLEAR, Reading, Ring, read_ring
+from ..targets.measurement import Measurement, Rules, measure
+from ..targets.neighbours import LIMIT, disagreeing
+from .inputs import Inputs
+from .photographs import Photographs, read_grey
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+SHOWN_SIGMAS = 3.0
+SHOWN_PX = (24, 60)  # least and largest half of a window on the contact sheet
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A ground point in a photograph.
+
+    Parameters
+    ----------
+    row : int
+        Row of the prediction.
+    measurement : Measurement
+        What became of it.
+    grey : ndarray of uint8
+        Grey values about the prediction, for the contact sheet.
+    corner : tuple of int
+        Column and row of the image at which `grey` begins.
+    code : Reading or None
+        What a ring-coded target says.
+    """
+
+    row: int
+    measurement: Measurement
+    grey: Bytes
+    corner: tuple[int, int]
+    code: Reading | None = None
+
+
+def windows_of(
+    inputs: Inputs, photographs: Photographs, rules: Rules, progress: Callable[[str], None]
+) -> list[Window]:
+    """Measure the targets of all photographs.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    photographs : Photographs
+        Files of its images.
+    rules : Rules
+        Limits.
+    progress : callable
+        Is called with the name of each step.
+
+    Returns
+    -------
+    list of Window
+        Of all points that are predicted in photographs that are there, in the order of the
+        predictions.
+
+    Raises
+    ------
+    InputError
+        A photograph cannot be read, or is of another size than the camera.
+    """
+    seen, target = inputs.predictions, inputs.request.target
+    signal, ring = target.signal, target.code
+    numbers = [
+        number_in(name) if inputs.vehicle is None else target.number
+        for name in inputs.ground.points
+    ]
+    size = (inputs.camera.width, inputs.camera.height)
+    rows = np.flatnonzero(seen.visible)
+    todo = [i for i in np.unique(seen.image[rows]) if photographs.files[i] is not None]
+    out: list[Window] = []
+    progress(f"measuring in {len(todo)} photographs")
+    for i in through(todo):
+        path = photographs.files[i]
+        assert path is not None
+        own = rows[seen.image[rows] == i]
+        grey = read_grey(path, size)
+        for row in own.tolist():
+            uv, cov, by_point = seen.uv[row], seen.cov[row], seen.by_point[row]
+            got = measure(grey, signal, uv, cov, by_point, rules=rules)
+            code = None
+            if ring is not None:
+                got, code = _decoded(got, grey, ring, numbers[seen.point[row]])
+            out.append(Window(row, got, *_shown(grey, uv, cov, got), code))
+    return list(_held_together(inputs, out))
+
+
+def number_in(name: str) -> int | None:
+    """Return the number at the end of a point's name, which its ring-coded target says.
+
+    Parameters
+    ----------
+    name : str
+        Such as "G17".
+
+    Returns
+    -------
+    int or None
+        Such as 17; None of a name without.
+    """
+    digits = re.search(r"(\d+)$", name)
+    return int(digits[1]) if digits else None
+
+
+def _decoded(
+    got: Measurement, grey: NDArray[np.float32], ring: Ring, wanted: int | None
+) -> tuple[Measurement, Reading | None]:
+    """Reject a measurement whose ring does not say the number of its point."""
+    if got.match is None or not got.accepted:
+        return got, None
+    code = read_ring(grey, ring, got.match.uv, got.match.to_pixel)
+    if code is None:
+        why = "its ring leaves the image, or does not contrast"
+    elif code.clear < LEAST_CLEAR:
+        why = (
+            f"its ring is not clear: a segment {code.clear:.2f} of the contrast from the middle of"
+            f" dark and bright, below {LEAST_CLEAR:g}"
+        )
+    elif wanted is None:
+        why = f"its ring says {code.number}; the name of the point has no number"
+    elif code.number != wanted:
+        why = f"its ring says {code.number}, not {wanted}"
+    else:
+        return got, code
+    return replace(got, rejected=why), code
+
+
+def _shown(
+    grey: NDArray[np.float32], uv: Array, cov: Array, got: Measurement
+) -> tuple[Bytes, tuple[int, int]]:
+    """Grey values about a prediction, stretched to eight bits, and where they begin."""
+    half = SHOWN_SIGMAS * float(np.sqrt(np.diagonal(cov).max())) + 4.0
+    if got.match is not None:
+        reach = np.abs(got.match.uv - uv).max() + 12.0
+        half = max(half, float(reach))
+    half = float(np.clip(half + 14.0, *SHOWN_PX))
+    low = np.maximum(np.floor(uv - half).astype(int), 0)
+    high = np.minimum(np.ceil(uv + half).astype(int), grey.shape[::-1])
+    cut = grey[low[1] : high[1], low[0] : high[0]]
+    if not cut.size:
+        return np.zeros((1, 1), dtype=np.uint8), (0, 0)
+    dark, bright = np.percentile(cut, [0.5, 99.5])
+    stretched = np.clip((cut - dark) / max(float(bright - dark), 1e-9), 0.0, 1.0) * 255.0
+    return stretched.astype(np.uint8), (int(low[0]), int(low[1]))
+
+
+def _held_together(inputs: Inputs, windows: list[Window]) -> Iterator[Window]:
+    """Reject what other images of the same point contradict."""
+    seen = inputs.predictions
+    rejected: dict[int, float] = {}
+    for p in range(len(inputs.ground.points)):
+        own = [
+            (k, w.measurement.match)
+            for k, w in enumerate(windows)
+            if seen.point[w.row] == p and w.measurement.accepted
+        ]
+        matches = [match for _, match in own if match is not None]
+        if len(matches) < 3:
+            continue
+        rows = np.array([windows[k].row for k, _ in own])
+        B, P = seen.by_point[rows], inputs.ground.cov[p]
+        off = np.array([match.uv for match in matches]) - seen.uv[rows]
+        cov = seen.cov[rows] - B @ P @ B.transpose(0, 2, 1)
+        cov = cov + np.array([match.cov for match in matches])
+        size = disagreeing(off, cov, B, P)
+        rejected |= {k: float(s) for (k, _), s in zip(own, size, strict=True) if np.isfinite(s)}
+    for k, window in enumerate(windows):
+        if k in rejected:
+            why = f"{rejected[k]:.1f} sigmas from what the other images say, above {LIMIT:g}"
+            window = replace(window, measurement=replace(window.measurement, rejected=why))
+        yield window

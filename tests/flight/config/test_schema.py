@@ -1,0 +1,196 @@
+"""The schema of the options: what is declared once is what reader, page, help and messages say."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import render_options
+
+from insgnss.base.errors import OptionError
+from insgnss.base.wording import spoken_as
+from insgnss.flight.config.block_file import BLOCK_TABLES
+from insgnss.flight.config.command_line import add_options, given_of, names_of
+from insgnss.flight.config.flight_file import TABLES
+from insgnss.flight.config.kinds import PLAIN
+from insgnss.flight.config.load import known_keys, load_flight
+from insgnss.flight.config.values import READERS
+from insgnss.gnss.ppk_options import EngineSettings
+from insgnss.io.options.schema import check, declared, option, options_of
+
+SPECS = Path(__file__).parents[3] / "data_specs"
+PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"
+READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
+RAW = READY.replace(
+    'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
+)
+ALL = [
+    (f"{file}{name}", item, options_of(name, tables[name]))
+    for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))
+    for name in tables
+    for item in options_of(name, tables[name])
+]
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Writes a flight file beside the files that it may name, and loads it."""
+    for name in ("imu.csv", "gnss.txt"):
+        (tmp_path / name).write_text("1 2 3\n")
+
+    def write_and_load(text):
+        (tmp_path / "flight.toml").write_text(text)
+        return load_flight(tmp_path)
+
+    return write_and_load
+
+
+def test_the_pages_are_rendered_from_the_schema():
+    """Oracle: the pages themselves; `python scripts/render_options.py` brings them up to date."""
+    pages = [path.read_text(encoding="utf-8") for path in (PAGE, BLOCK_PAGE)]
+    for page in pages:
+        assert render_options.rendered(page) == page, "run python scripts/render_options.py"
+    assert all(f"<!-- rendered: {part} -->" in "".join(pages) for part in render_options.PARTS)
+
+
+def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
+    """Oracle: the page; one row is taken out, one range is changed."""
+    page = PAGE.read_text(encoding="utf-8")
+    behind = page.replace("number, deg, 0 to 60", "number, deg, 0 to 90").replace(
+        "| `gnss.ratio`", ""
+    )
+    (tmp_path / "page.md").write_text(behind, encoding="utf-8")
+    render_options.main(tmp_path / "page.md")
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.parametrize(
+    ("item", "others"),
+    [(item, others) for _, item, others in ALL],
+    ids=[f"{name}.{item.name}" for name, item, _ in ALL],
+)
+def test_every_option_is_whole(item, others):
+    """Oracle: the house rule: a meaning, a reader, a range the default lies in, no name twice."""
+    assert len(item.option.meaning) > 5
+    assert item.kind in READERS or item.kind == "tables"
+    assert item.option.low < item.option.high
+    if item.kind in ("number", "whole") and isinstance(item.default, int | float):
+        assert item.option.low <= item.default <= item.option.high
+    if item.choices and isinstance(item.default, str) and item.kind != "letters":
+        assert item.default in item.choices
+    names = [other.name for other in others]
+    assert names.count(item.name) == 1
+    assert render_options.value_words(item)
+    assert render_options.default_words(item)
+
+
+def test_every_reader_is_used():
+    """Oracle: the declarations."""
+    assert set(READERS) == {item.kind for _, item, _ in ALL} - {"tables"}
+    assert set(PLAIN) < set(READERS)
+
+
+def test_a_type_without_a_reader_is_refused():
+    """Oracle: a table of our own."""
+
+    @dataclass(frozen=True)
+    class Odd:
+        value: complex = option(0j, "no TOML value")
+
+    with pytest.raises(TypeError, match="say by kind"):
+        _ = declared(Odd)["value"].kind
+
+
+def test_arguments_are_made_of_the_declarations():
+    """Oracle: a table of our own."""
+
+    @dataclass(frozen=True)
+    class Table:
+        angle_deg: float = option(
+            15.0, "lowest angle", unit="deg", low=0.0, high=60.0, cli="--angle", metavar="DEG"
+        )
+        pair: tuple[float, float] = option((3.0, 1.0), "two numbers", cli="--pair")
+        on: bool = option(True, "do it", cli="--off", cli_meaning="leave it")
+        names: tuple[str, ...] = option((), "words at 50 %", cli="--names")
+        hidden: float = option(1.0, "of the file only")
+
+    parser = argparse.ArgumentParser()
+    add_options(parser, [Table])
+    text = " ".join(parser.format_help().split())
+    assert "--angle DEG lowest angle, deg, 0 to 60 (default: 15)" in text
+    assert "two numbers (default: 3 1)" in text
+    assert "words at 50 %" in text
+    assert "hidden" not in text
+    assert given_of(parser.parse_args([]), Table) == {}
+    words = ["--angle", "20", "--pair", "1", "2", "--off", "--names", "a", "b", "c"]
+    found = given_of(parser.parse_args(words), Table)
+    assert found == {"angle_deg": 20.0, "pair": (1.0, 2.0), "on": False, "names": ("a", "b", "c")}
+
+
+@pytest.mark.parametrize(
+    ("values", "of_the_file", "of_the_verb"),
+    [
+        (
+            {"max_age_s": 9e3},
+            "gnss.max_age_s = 9000.0: must be 0.01 to 3600",
+            "--max-age 9000.0: must be",
+        ),
+        ({"max_age_s": float("nan")}, "gnss.max_age_s = nan: must be", "--max-age nan: must be"),
+        (
+            {"frequencies": 4},
+            "gnss.frequencies = 4: must be 1, 2 or 3",
+            "--frequencies 4: must be 1, 2 or 3",
+        ),
+        (
+            {"systems": "GX"},
+            "gnss.systems = 'GX': must be letters of GREJC",
+            "--systems GX: must be",
+        ),
+        (
+            {"base_point": "pole"},
+            "gnss.base_point = 'pole': must be apc, arp or marker",
+            "--base-point pole: must",
+        ),
+        (
+            {"acceleration_mps2": (3.0, 0.0)},
+            "gnss.acceleration_mps2 = (3.0, 0.0): must",
+            "--acceleration 3.0 0.0: must",
+        ),
+        (
+            {"rtklib_options": {"pos1-elmask": "10"}},
+            (
+                "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elevation_mask_deg"
+                " sets it"
+            ),
+            "--rtklib-options: pos1-elmask is not to be set there: --mask sets it",
+        ),
+    ],
+)
+def test_an_error_carries_its_key_and_speaks_as_the_caller(values, of_the_file, of_the_verb):
+    """Oracle: sentences written by hand."""
+    with pytest.raises(OptionError) as plain:
+        EngineSettings(**values)
+    assert plain.value.key == f"gnss.{next(iter(values))}"
+    assert str(plain.value).startswith(of_the_file)
+    with spoken_as(names_of()), pytest.raises(OptionError) as spoken:
+        EngineSettings(**values)
+    assert str(spoken.value).startswith(of_the_verb)
+
+
+def test_values_in_range_pass():
+    """Oracle: the ends of the ranges, which are allowed."""
+    for values in (
+        {"max_age_s": 0.01},
+        {"max_age_s": 3600.0},
+        {"systems": "G"},
+        {"frequencies": 3},
+    ):
+        check(EngineSettings(**values), "gnss")
+
+
+def test_unknown_keys_find_their_way():
+    """Oracle: the tables by eye: sub-tables are known."""
+    keys = known_keys()
+    assert {"imu.units", "imu.further.units", "gnss.covariance.scale"} <= set(keys)
+    assert "lever_m" not in keys["imu"]
+    assert "further" not in keys["imu.further"]

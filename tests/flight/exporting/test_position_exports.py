@@ -1,0 +1,108 @@
+"""Camera positions of PPK in the files of bundle adjustments."""
+
+import numpy as np
+import pytest
+
+from insgnss.cli import main
+from insgnss.io.formats.positions.camera_positions import write_camera_positions
+from insgnss.records.camera_positions import CameraPositions
+
+
+@pytest.fixture
+def file(tmp_path):
+    cov = np.tile(np.diag([0.03, 0.04, 0.05]) ** 2, (2, 1, 1))
+    lat, lon = np.radians([46.57, 46.571]), np.radians([6.54, 6.541])
+    positions = CameraPositions(
+        ("a.jpg", "b.jpg"),
+        np.array([10.0, 12.0]),
+        lat,
+        lon,
+        np.array([700.0, 701.0]),
+        cov,
+        np.ones(2),
+        np.array([1.0, 0.0]),
+        2024,
+    )
+    write_camera_positions(positions, tmp_path / "camera_positions.csv")
+    return tmp_path / "camera_positions.csv"
+
+
+@pytest.mark.parametrize(
+    ("form", "product", "line"),
+    [
+        (
+            "metashape",
+            "metashape_positions.csv",
+            "a.jpg,6.5400000000,46.5700000000,700.0000,0.04000,0.03000,0.05000",
+        ),
+        (
+            "pix4d_matic",
+            "pix4d_positions.csv",
+            "a.jpg,46.5700000000,6.5400000000,700.0000,0.03536,0.05000",
+        ),
+        (
+            "odm",
+            "geo.txt",
+            "a.jpg 6.5400000000 46.5700000000 700.0000 NaN NaN NaN 0.03536 0.05000",
+        ),
+    ],
+)
+def test_each_program_gets_its_columns(file, capsys, form, product, line):
+    """Oracle: the lines by hand, of what the programs' manuals state of their columns."""
+    assert main(["export", str(file), form]) == 0
+    assert line in (file.parent / product).read_text().splitlines()
+    assert "1 of 2 positions are of the antenna" in capsys.readouterr().out
+
+
+def test_a_projected_system_takes_them_along(file):
+    """Oracle: the approximate formulas of swisstopo by hand, to a metre."""
+    assert main(["export", str(file), "odm", "--crs", "EPSG:2056"]) == 0
+    head, line = (file.parent / "geo.txt").read_text().splitlines()[:2]
+    assert head == "EPSG:2056"
+    phi, lam = (46.57 * 3600 - 169028.66) / 1e4, (6.54 * 3600 - 26782.5) / 1e4
+    east = (
+        2600072.37 + 211455.93 * lam - 10938.51 * lam * phi - 0.36 * lam * phi**2 - 44.54 * lam**3
+    )
+    north = 1200147.07 + 308807.95 * phi + 3745.25 * lam**2 + 76.63 * phi**2
+    north += 119.79 * phi**3 - 194.56 * lam**2 * phi
+    assert [float(word) for word in line.split()[1:3]] == pytest.approx([east, north], abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["colmap"], "needs attitudes"),
+        (["metashape", "--frame", "tangent"], "geographic coordinates or a projected CRS"),
+        (["metashape", "--set", "a=b"], "take no --set"),
+    ],
+)
+def test_what_positions_cannot_be_is_refused(file, capsys, words, message):
+    """Oracle: one line, exit code 2, nothing written."""
+    before = sorted(file.parent.iterdir())
+    assert main(["export", str(file), *words]) == 2
+    assert message in capsys.readouterr().err
+    assert sorted(file.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "crs"), [([], "EPSG::4979"), (["--crs", "EPSG:2056"], "EPSG::2056")]
+)
+def test_metashape_gets_a_script_of_its_columns(file, capsys, monkeypatch, words, crs):
+    """Oracle: the letters of Metashape's importReference over the header of the csv."""
+    from test_import_helpers import run_in_metashape
+
+    assert main(["export", str(file), "metashape", *words, "--json"]) == 0
+    script = file.parent / "metashape_positions_import.py"
+    assert str(script) in capsys.readouterr().out
+    calls = run_in_metashape(script, monkeypatch)
+    assert calls["crs"] == calls["chunk_crs"] == ("CRS", crs)
+    assert calls["angles"] is None
+    header = (file.parent / "metashape_positions.csv").read_text().splitlines()[0].split(",")
+    assert len(calls["columns"]) == len(header)
+    assert header[calls["columns"].index("X")] == "X_acc"
+
+
+def test_a_system_of_another_place_is_told(file, capsys):
+    """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
+    assert main(["export", str(file), "odm", "--crs", "EPSG:32732", "-q"]) == 0
+    assert "2 of 2 images lie outside: is it the right CRS?" in capsys.readouterr().out

@@ -1,0 +1,287 @@
+"""Which columns `insgnss inspect` takes of tables as other tools name them, and what it says of
+those it cannot take.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insgnss.base.errors import InputError
+from insgnss.flight.inspection.sources import as_long_as
+from insgnss.flight.inspection.tables.clocks import is_clock_of, seconds_and_nanoseconds
+from insgnss.flight.inspection.tables.grids import Table, tables_of_file
+from insgnss.flight.inspection.tables.names import Grid
+from insgnss.flight.inspection.tables.roles import gnss_roles, imu_roles
+from insgnss.flight.inspection.tables.tabular import sources_of_table
+from insgnss.io.formats import read_gnss, read_imu
+from insgnss.records import GnssFixes, ImuSamples
+
+ROS = "field.angular_velocity. field.linear_acceleration."
+N = 400
+
+
+def table(**columns):
+    """A table of text with these columns; the six channels of an IMU where they are named."""
+    names = tuple(columns)
+    values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(
+        float
+    )
+    return Table(Grid(values, names), names)
+
+
+def channels(*names):
+    rng = np.random.default_rng(1)
+    return {name: rng.normal(size=N) + (9.8 if k == 5 else 0.0) for k, name in enumerate(names)}
+
+
+GYRO, ACC = ("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z")
+SIX = channels(*GYRO, *ACC)
+
+
+def test_prefixes_of_messages_are_dropped():
+    """Oracle: the header that rostopic echo -p writes."""
+    names = [f"{head}{c}" for head in ROS.split() for c in "xyz"]
+    grid = table(
+        time=1.53e18 + 5e6 * np.arange(N), **{"field.header.seq": np.arange(N), **channels(*names)}
+    ).grid
+    roles = imu_roles(grid)
+    assert [grid.names[roles.columns[c]] for c in ("gx", "gy", "gz", "ax", "ay", "az")] == names
+    assert roles.clocks == {0: "ns"}
+
+
+def test_ticks_of_xsens_and_no_counter_for_a_clock():
+    """Oracle: the manual of the MTi: SampleTimeFine counts 100 us."""
+    grid = table(PacketCounter=np.arange(N), SampleTimeFine=5e5 + 100.0 * np.arange(N), **SIX).grid
+    assert imu_roles(grid).clocks == {1: "100 us"}
+    assert imu_roles(table(PacketCounter=np.arange(N), **SIX).grid).clocks == {}
+
+
+def test_a_clock_of_unknown_name_is_told_by_its_values():
+    """Oracle: the only column that increases evenly."""
+    grid = table(Uhrwerk=81234.0e9 + 9980040.0 * np.arange(N), **SIX).grid
+    assert imu_roles(grid).clocks == {0: "ns"}
+
+
+def test_a_clock_since_1970_comes_before_one_since_the_start():
+    """Oracle: the header of a phone's Sensor Logger; the absolute clock alone puts the fixes on GPS
+    time.
+    """
+    grid = table(seconds_elapsed=0.01 * np.arange(N), time=1.53e18 + 1e7 * np.arange(N), **SIX).grid
+    assert next(iter(imu_roles(grid).clocks)) == 1
+
+
+def test_a_column_that_ends_in_nothing_is_no_clock():
+    """Oracle: by hand; a second column of ticks is one, one whose last row is not known is none."""
+    ticks = 1e3 * np.arange(N, dtype=float)
+    broken = ticks.copy()
+    broken[-1] = np.nan
+    grid = table(time=np.arange(N), ms=ticks, broken=broken).grid
+    assert is_clock_of(grid, 1, 0)
+    assert not is_clock_of(grid, 2, 0)
+
+
+def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
+    """Oracle: the sum of both columns, which rises by 0.01 s."""
+    names = ("header.stamp.secs", "header.stamp.nsecs")
+    assert seconds_and_nanoseconds((*names, "seq")) == {0: 1}
+    rows = [
+        ",".join(
+            map(
+                str,
+                [
+                    1530608382 + k // 100,
+                    k % 100 * 10000000,
+                    *(column[k] for column in SIX.values()),
+                ],
+            )
+        )
+        for k in range(N)
+    ]
+    (tmp_path / "imu.csv").write_text("\n".join([",".join([*names, *SIX]), *rows]) + "\n")
+    (found,) = tables_of_file(tmp_path / "imu.csv")
+    (source,) = sources_of_table(tmp_path / "imu.csv", found)
+    assert source.keys["columns"]["nsec"] == names[1]
+    assert source.keys["units"]["time"] == "unix"
+    assert np.ptp(source.span) == pytest.approx(0.01 * (N - 1), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            {"frame": 1.0 + np.arange(N) % 2, **SIX, "temp": 20.0},
+            "gyros and accelerometers without a column of time among frame gyro_x",
+        ),
+        (
+            {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in GYRO}, "temp": 20.0},
+            "gyros without accelerometers or a column of time among frame gyro_x",
+        ),
+        (
+            {"frame": 1.0 + np.arange(N) % 2, **{k: SIX[k] for k in ACC}, "temp": 20.0},
+            "accelerometers without gyros or a column of time among frame acc_x",
+        ),
+    ],
+)
+def test_what_a_table_lacks_is_said(tmp_path, columns, message):
+    """Oracle: the columns that were left out."""
+    with pytest.raises(InputError, match=message):
+        sources_of_table(tmp_path / "x.csv", table(**columns))
+
+
+def fixes(**more):
+    t = 0.2 * np.arange(N)
+    place = {
+        "lat": 46.5 + 1e-5 * np.sin(0.1 * t),
+        "lon": 6.5 + 1e-5 * np.cos(0.1 * t),
+        "alt": 510.0 + 0.0 * t,
+    }
+    return {"time": 2e5 + t, **(place | more)}
+
+
+def test_integers_of_a_receiver():
+    """Oracle: u-blox and PX4 write 1e-7 deg and mm; degrees stay degrees."""
+    whole = {
+        "lat": np.round(1e7 * fixes()["lat"]),
+        "lon": np.round(1e7 * fixes()["lon"]),
+        "alt": 510123.0,
+    }
+    assert gnss_roles(table(**fixes(**whole)).grid).units == {"angle": "1e-7 deg", "length": "mm"}
+    assert gnss_roles(table(**fixes()).grid).units == {"angle": "deg"}
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "roles"),
+    [
+        ({"eph": 0.03, "epv": 0.05}, {"sd_ne", "sd_u"}),
+        ({"hacc": 0.03, "vacc": 0.05}, {"sd_ne", "sd_u"}),
+        ({f"field.position_covariance{k}": 4e-4 for k in (0, 4, 8)}, {"var_e", "var_n", "var_u"}),
+        ({"eph": 0.0, "epv": 0.05}, set()),
+        ({"sd_n": 0.1, "sd_e": 0.1, "sd_u": 0.1, "hacc": 0.1}, {"sd_n", "sd_e", "sd_u"}),
+    ],
+)
+def test_accuracies_by_other_names_are_taken(sigmas, roles):
+    """Oracle: what PX4, phones and ROS call their accuracies; one that is not positive is none."""
+    assert {
+        name
+        for name in gnss_roles(table(**fixes(**sigmas)).grid).columns
+        if name.startswith(("sd", "var"))
+    } == roles
+
+
+def test_fixes_of_unknown_names_are_told_by_their_values(tmp_path):
+    """Oracle: names that no list holds, on a track that moves like a vehicle."""
+    t = np.arange(N)
+    columns = dict(
+        zip(
+            ("uhr", "fi", "la", "ho"),
+            (2e5 + 0.2 * t, 46.5 + 2e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * np.sin(t)),
+            strict=True,
+        )
+    )
+    (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
+    assert source.role == "gnss"
+    assert source.keys["columns"] == {"tow": "uhr", "lat": "fi", "lon": "la", "h": "ho"}
+
+
+@pytest.mark.parametrize(("name", "above_geoid"), [("alt_msl", True), ("h", False)])
+def test_heights_above_the_geoid_are_looked_at_and_left_open(name, above_geoid, tmp_path):
+    """Oracle: what the reader refuses; the draft names it with the key that is to be filled in."""
+    t = np.arange(N)
+    columns = {"time": 2e5 + 0.2 * t, "lat": 46.5 + 2e-6 * t, "lon": 6.5 + 1e-6 * t}
+    columns[name] = 510.0 + 0.1 * np.sin(t)
+    (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
+    assert ("undulation_m" in source.keys) == above_geoid
+    assert ("above the geoid" in source.why.get("undulation_m", "")) == above_geoid
+
+
+def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):
+    """Oracle: fixes of 100 s, and a clock whose 100 us would be taken for ms by its step alone."""
+    (source,) = sources_of_table(tmp_path / "x.csv", table(Time=100.0 * np.arange(N), **SIX))
+    assert source.keys["units"]["time"] == "ms"
+    t, zero = np.linspace(0.0, 1000.0, N), np.zeros((N, 3))
+    imu = ImuSamples(t, zero, zero, "mean_rate", None, "x.csv")
+    cov = np.broadcast_to(np.eye(3), (N, 3, 3))
+    gnss = GnssFixes(0.1 * t, t, t, t, cov, None, None, None, None, "g")
+    assert as_long_as(source, imu, gnss).keys["units"]["time"] == "0.1 ms"
+    longer = GnssFixes(0.7 * t, t, t, t, cov, None, None, None, None, "g")
+    assert as_long_as(source, imu, longer) == source
+
+
+@pytest.mark.parametrize(
+    ("gyro", "accel", "clock"),
+    [
+        ("gyro_{}_rps", "acc_{}_ms2", "time"),
+        ("gyro_{}_deg_per_h", "acc_{}_mg", "time_ms"),
+        ("gyro_{}_deg_hr", "accel_{}_m_per_s_2", "TimeUS"),
+        ("Gyro{}Dps", "Acc{}_mpers2", "timestamp_s"),
+        ("omega_{}_degps", "f_{}_g", "gps_time_us"),
+    ],
+)
+def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, clock):
+    """Oracle: the reader's own units and samples of the same file, read as inspect drafts it."""
+    names = [*(gyro.format(c) for c in "xyz"), *(accel.format(c) for c in "xyz")]
+    tick = {"ms": 1e3, "US": 1e6, "us": 1e6}.get(clock[-2:], 1.0)
+    rows = np.column_stack([tick * (200.0 + 0.01 * np.arange(N)), *SIX.values()])
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, rows, fmt="%.6f", delimiter=",", header=",".join([clock, *names]), comments="")
+    (source,) = [
+        source for table in tables_of_file(path) for source in sources_of_table(path, table)
+    ]
+    assert source.role == "imu"
+    drafted = read_imu(path, columns=source.keys.get("columns"), units=source.keys.get("units"))
+    assert drafted.units == source.header_units
+    assert drafted.notes == ()
+    np.testing.assert_allclose(drafted.time, 200.0 + 0.01 * np.arange(N), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npy"])
+@pytest.mark.parametrize(
+    ("lat", "lon", "h"),
+    [("lat_rad", "lon_rad", "alt_mm"), ("LatRad", "LonRad", "Alt_cm"), ("latrad", "lonrad", "h_m")],
+)
+def test_fixes_with_units_behind_names_are_drafted_as_the_reader_takes_them(
+    tmp_path, suffix, lat, lon, h
+):
+    """Oracle: the place that was written, in rad and m; at 0.01 rad by 0.1 rad the values alone
+    could be degrees as well.
+    """
+    factor = {"mm": 1e3, "cm": 1e2}.get(h[-2:], 1.0)
+    t = np.arange(60.0)
+    rows = np.column_stack([2e5 + t, 0.01 + 1e-6 * t, np.full(60, 0.1), factor * (510.0 + 0.1 * t)])
+    path = tmp_path / f"fixes{suffix}"
+    if suffix == ".csv":
+        np.savetxt(
+            path, rows, fmt="%.9f", delimiter=",", header=f"tow,{lat},{lon},{h}", comments=""
+        )
+    else:
+        record = np.zeros(60, dtype=[(name, float) for name in ("tow", lat, lon, h)])
+        for name, column in zip(record.dtype.names, rows.T, strict=True):
+            record[name] = column
+        np.save(path, record)
+    (source,) = [
+        source for table in tables_of_file(path) for source in sources_of_table(path, table)
+    ]
+    assert "angle" not in source.keys.get("units", {})
+    fixes = read_gnss(
+        path,
+        columns=source.keys.get("columns"),
+        units=source.keys.get("units"),
+        sigma_m=[1.0, 1.0, 1.0],
+    )
+    np.testing.assert_allclose(fixes.lat, rows[:, 1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(fixes.height, 510.0 + 0.1 * t, rtol=0, atol=1e-6)
+    assert fixes.notes == ()
+
+
+def test_a_course_that_its_name_calls_degrees_is_in_radians_where_its_values_are():
+    """Oracle: a logger of the SwissLog recordings, whose CourseDeg runs from -pi to pi; a course
+    that its header calls rad is in rad.
+    """
+    place = fixes(**{"speed": 3.0, "CourseDeg": np.linspace(-3.1, 3.1, N)})
+    (source,) = sources_of_table(Path("log.csv"), table(**place))
+    assert source.keys["units"] == {"course": "rad"}
+    (source,) = sources_of_table(
+        Path("log.csv"), table(**fixes(**{"speed": 3.0, "course [rad]": np.linspace(-3.1, 3.1, N)}))
+    )
+    assert "units" not in source.keys

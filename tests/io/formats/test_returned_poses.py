@@ -1,0 +1,388 @@
+"""What bundle adjustments give back: the layouts as their programs write them, put together here
+from scipy's rotations, or by the program's own package, read back to the poses that they are of.
+"""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ba_scene import Array, D, block, framed
+from format_pages import UNREADABLE, on_page
+from numpy.testing import assert_allclose
+from oracles import oracle
+from pyproj import CRS
+from scipy.spatial.transform import Rotation
+
+from insgnss.base.errors import InputError, UsageError
+from insgnss.io.formats.bundle.bentley import write_bentley
+from insgnss.io.formats.bundle.colmap import write_colmap
+from insgnss.io.formats.bundle.inpho import write_inpho_prj
+from insgnss.io.formats.bundle.micmac import write_micmac_xml
+from insgnss.io.formats.returned.crs import kind_of_definition, kind_of_wkt
+from insgnss.io.formats.returned.reading import RETURNED, read_returned_poses, returned_form
+from insgnss.photogrammetry.mounting_calibration.poses import read_camera_poses
+from insgnss.records import FramedOrientation
+
+OFFSET = np.array([2530000.0, 1158000.0, 500.0])
+PINHOLE = "SIMPLE_PINHOLE 5120 3840 5607 2560 1920"
+Writer = Callable[[FramedOrientation, Path], Path]
+
+
+def opk_deg(C: Array) -> Array:
+    """Intrinsic XYZ of the camera right, up, back, by scipy."""
+    return np.asarray(Rotation.from_matrix(C @ D).as_euler("XYZ", degrees=True))
+
+
+def joined(*values: object, by: str = " ") -> str:
+    return by.join(x if isinstance(x, str) else f"{x:.10f}" for x in values) + "\n"
+
+
+def metashape_opk_text(eo: FramedOrientation, path: Path) -> Path:
+    """Metashape, Export cameras, Omega Phi Kappa: names without ending, matrix frame to camera."""
+    text = f"# Cameras ({len(eo.images)})\n"
+    text += "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33\n"
+    for name, x, C in zip(eo.images, eo.coordinates, eo.C_fc, strict=True):
+        R = (C @ D).T.reshape(9)
+        text += joined(name.partition(".")[0], *x, *opk_deg(C), *R, by="\t")
+    (path / "cameras.txt").write_text(text)
+    return path / "cameras.txt"
+
+
+def metashape_reference(eo: FramedOrientation, path: Path) -> Path:
+    """Metashape, Export reference: WKT 1 with the datum's shift, estimated values, one without."""
+    wkt = CRS.from_epsg(2056).to_wkt("WKT1_GDAL").replace("\n", "")
+    shift = 'SPHEROID["Bessel 1841",6377397.155,299.1528128,AUTHORITY["EPSG","7004"]],TOWGS84['
+    wkt = wkt.replace(shift.removesuffix("TOWGS84["), shift + "674.374,15.056,405.346,0,0,0,0],")
+    assert "TOWGS84" in wkt
+    text = f"# CoordinateSystem: {wkt}\n#Label,X/Easting,Y/Northing,Z/Altitude,Omega,Phi,Kappa,"
+    text += "Error_(m),X_est,Y_est,Z_est,Omega_est,Phi_est,Kappa_est\n"
+    for name, x, C in zip(eo.images, eo.coordinates, eo.C_fc, strict=True):
+        first = [*(x + 3.0), 1.0, 2.0, 3.0, 5.0]
+        text += joined(name, *first, *x, *opk_deg(C), by=",")
+    text += "9999.tif,2531000,1158000,600,,,,,,,,,,\n"
+    (path / "reference.csv").write_text(text)
+    return path / "reference.csv"
+
+
+def metashape_reference_ypr(eo: FramedOrientation, path: Path) -> Path:
+    """The same with yaw, pitch, roll of true north, in a projected CRS, tabs between."""
+    text = f"# CoordinateSystem: {CRS.from_epsg(2056).to_wkt('WKT1_GDAL')}\n".replace("\n ", " ")
+    text += "#Label\tX_est\tY_est\tZ_est\tYaw_est\tPitch_est\tRoll_est\n"
+    for name, x, C in zip(eo.images, eo.coordinates, eo.C_Ec, strict=True):
+        a, p, r = Rotation.from_matrix(C @ D).as_euler("ZXY", degrees=True)
+        text += joined(name, *x, -a, p, r, by="\t")
+    (path / "reference.txt").write_text(text)
+    return path / "reference.txt"
+
+
+def beside_pix4d(path: Path) -> None:
+    (path / "p_offset.xyz").write_text(joined(*OFFSET))
+    (path / "p_wkt.prj").write_text(CRS.from_epsg(2056).to_wkt("WKT1_GDAL"))
+
+
+def pix4d_external(eo: FramedOrientation, path: Path) -> Path:
+    beside_pix4d(path)
+    text = "imageName X Y Z Omega Phi Kappa\n"
+    for name, x, C in zip(eo.images, eo.coordinates - OFFSET, eo.C_fc, strict=True):
+        text += joined(name, *x, *opk_deg(C))
+    (path / "p_calibrated_external_camera_parameters.txt").write_text(text)
+    return path / "p_calibrated_external_camera_parameters.txt"
+
+
+def pix4d_camera(eo: FramedOrientation, path: Path) -> Path:
+    beside_pix4d(path)
+    text = "fileName imageWidth imageHeight \ncamera matrix K [3x3]\nradial distortion [3x1]\n"
+    text += "tangential distortion [2x1]\ncamera position t [3x1]\ncamera rotation R [3x3]\n"
+    text += "camera model m = K [R|-Rt] X\n\n"
+    for name, x, C in zip(eo.images, eo.coordinates - OFFSET, eo.C_fc, strict=True):
+        text += f"{name} 5120 3840\n5607 0 2560\n0 5607 1920\n0 0 1\n0.1 0.2 0.3\n0.01 0.02\n"
+        text += joined(*x) + "".join(joined(*row) for row in C.T)
+    (path / "p_calibrated_camera_parameters.txt").write_text(text)
+    return path / "p_calibrated_camera_parameters.txt"
+
+
+def opensfm(eo: FramedOrientation, path: Path) -> Path:
+    """doc/source/dataset.rst: rotation vector of world to camera, translation -R C."""
+    lat, lon, height = eo.frame.origin
+    shots = {
+        name: {
+            "rotation": Rotation.from_matrix(C.T).as_rotvec().tolist(),
+            "translation": (-C.T @ x).tolist(),
+            "camera": "v2",
+        }
+        for name, x, C in zip(eo.images, eo.coordinates, eo.C_fc, strict=True)
+    }
+    place = {"latitude": np.degrees(lat), "longitude": np.degrees(lon), "altitude": height}
+    model = {"cameras": {"v2": {"projection_type": "fisheye"}}, "shots": shots, "points": {}}
+    (path / "reconstruction.json").write_text(json.dumps([model | {"reference_lla": place}]))
+    return path / "reconstruction.json"
+
+
+def metashape_xml(eo: FramedOrientation, path: Path) -> Path:
+    """Export cameras, Agisoft XML: transforms into the chunk, the chunk's into ECEF."""
+    rows = ""
+    for k, (name, x, C) in enumerate(zip(eo.images, eo.coordinates, eo.C_fc, strict=True)):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = C, x
+        numbers = " ".join(f"{v:.12f}" for v in T.ravel())
+        rows += f'<camera id="{k}" label="{name}"><transform>{numbers}</transform></camera>'
+    chunk = "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0</translation>"
+    chunk += "<scale>1</scale></transform>"
+    reference = f"<reference>{CRS.from_epsg(4326).to_wkt('WKT1_GDAL')}</reference>"
+    text = f'<document version="2.0.0"><chunk label="c"><cameras>{rows}</cameras>'
+    (path / "cameras.xml").write_text(f"{text}{reference}{chunk}</chunk></document>")
+    return path / "cameras.xml"
+
+
+def bentley(eo: FramedOrientation, path: Path) -> Path:
+    write_bentley(eo, path / "blocks.xml")
+    return path / "blocks.xml"
+
+
+def inpho(eo: FramedOrientation, path: Path) -> Path:
+    write_inpho_prj(eo, path / "inpho.prj", focal_mm=35.0, ground_m=500.0)
+    return path / "inpho.prj"
+
+
+def micmac(eo: FramedOrientation, path: Path) -> Path:
+    write_micmac_xml(eo, path / "Ori-X")
+    return path / "Ori-X"
+
+
+def colmap(eo: FramedOrientation, path: Path) -> Path:
+    write_colmap(eo, path / "model", PINHOLE)
+    return path / "model"
+
+
+def colmap_binary(eo: FramedOrientation, path: Path) -> Path:
+    """pycolmap's own binary model."""
+    pycolmap = oracle("pycolmap")
+    write_colmap(eo, path / "text", PINHOLE, shift=(0.0, 0.0, 0.0))
+    (path / "binary").mkdir()
+    pycolmap.Reconstruction(str(path / "text")).write_binary(str(path / "binary"))
+    return path / "binary"
+
+
+CASES: dict[str, tuple[Writer, str, str, str]] = {  # writer, frame, format, kind and CRS read
+    "metashape_opk_text": (metashape_opk_text, "EPSG:2056", "metashape_opk_text", " "),
+    "metashape_reference": (
+        metashape_reference,
+        "EPSG:2056",
+        "metashape_reference",
+        "projected EPSG:2056",
+    ),
+    "metashape_reference ypr": (
+        metashape_reference_ypr,
+        "EPSG:2056",
+        "metashape_reference",
+        "projected EPSG:2056",
+    ),
+    "metashape_xml": (metashape_xml, "geocentric", "metashape_xml", "geocentric "),
+    "pix4d_external": (pix4d_external, "EPSG:2056", "pix4d_external", "projected EPSG:2056"),
+    "pix4d_camera": (pix4d_camera, "EPSG:2056", "pix4d_camera", "projected EPSG:2056"),
+    "opensfm": (opensfm, "tangent plane", "opensfm", "tangent plane "),
+    "micmac": (micmac, "geocentric", "micmac_xml", "geocentric "),
+    "micmac local": (micmac, "tangent plane", "micmac_xml", " "),
+    "bentley": (bentley, "EPSG:32632", "bentley", "projected EPSG:32632"),
+    "bentley geographic": (bentley, "geographic", "bentley", "geographic "),
+    "inpho": (inpho, "EPSG:2056", "inpho_prj", " "),
+    "colmap": (colmap, "EPSG:2056", "colmap", " "),
+    "colmap binary": (colmap_binary, "tangent plane", "colmap", " "),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_poses_read_back(tmp_path: Path, name: str) -> None:
+    """Oracle: the scene; scipy's angles, pycolmap's model; the file shows its own format."""
+    write, where, form, kind = CASES[name]
+    eo = framed(block(), where)
+    path = write(eo, tmp_path)
+    head = "" if path.is_dir() else path.read_bytes()[:16384].decode("latin-1")
+    assert returned_form(path, head) == form
+    got = read_returned_poses(path, form)
+    assert tuple(image.partition(".")[0] for image in got.images) == tuple(
+        image.partition(".")[0] for image in eo.images
+    )
+    assert f"{got.kind} {got.crs}" == kind
+    scale = [6.4e6, 6.4e6, 1.0] if where == "geographic" else 1.0
+    assert np.abs((got.position - eo.coordinates) * scale).max() < 2e-4
+    C = eo.C_Ec if got.true_north else eo.C_fc
+    assert np.abs(got.C - C).max() < 1e-8
+    if got.angles is not None:
+        assert got.angles.shape == (len(eo.images), 3)
+    assert got.origin == (pytest.approx(eo.frame.origin) if name == "opensfm" else ())
+    if name == "metashape_reference":
+        assert got.notes == ("1 images without estimated pose are left out",)
+
+
+def test_every_format_has_a_case() -> None:
+    """Oracle: the registry."""
+    assert {form for _, _, form, _ in CASES.values()} == set(RETURNED)
+
+
+def test_the_page_reads(tmp_path: Path) -> None:
+    """Oracle: the numbers of the page; both examples are the same image, one less its offset."""
+    for form in ("metashape_opk_text", "pix4d_external"):
+        (tmp_path / form).write_text(on_page("returned", form))
+    a = read_returned_poses(tmp_path / "metashape_opk_text", "metashape_opk_text")
+    b = read_returned_poses(tmp_path / "pix4d_external", "pix4d_external")
+    assert_allclose(a.C, b.C)
+    assert_allclose(a.position - b.position, [[2530000.0, 1158000.0, 0.0]])
+    assert "no <project>_offset.xyz beside it" in b.notes[0]
+
+
+def test_bentley_of_angles_and_other_axes(tmp_path: Path) -> None:
+    """Oracle: the vendor's sample (formats.md B8): the angles of this matrix with XRightYDown; up
+    in the image is the other way round; an adjusted pose goes before the imported one.
+    """
+    photo = "<Photo><ImagePath>a/{}.jpg</ImagePath>{}</Photo>"
+    turned = "<Rotation><Omega>179.65234715</Omega><Phi>0.04985630</Phi><Kappa>179.90654657</Kappa>"
+    centre = "<Center><x>1</x><y>2</y><z>3</z></Center>"
+    adjusted = (
+        f"<Pose>{turned}</Rotation>{centre}<Metadata>{centre.replace('1', '9')}</Metadata></Pose>"
+    )
+    groups = "".join(
+        f"<Photogroup><CameraOrientation>{axes}</CameraOrientation>{photo.format(axes, adjusted)}"
+        "</Photogroup>"
+        for axes in ("XRightYDown", "XRightYUp", "XDownYLeft")
+    )
+    lone = f"<Photogroup>{photo.format('none', '')}</Photogroup>"
+    text = (
+        "<BlocksExchange><SpatialReferenceSystems><SRS><Id>4</Id><Definition>ENU:46.5,6.5</Definition>"
+        f"</SRS></SpatialReferenceSystems><Block><SRSId>4</SRSId>{groups}{lone}</Block></BlocksExchange>"
+    )
+    (tmp_path / "b.xml").write_text(text)
+    got = read_returned_poses(tmp_path / "b.xml", "bentley")
+    R = Rotation.from_euler("XYZ", [179.65234715, 0.04985630, 179.90654657], degrees=True)
+    assert_allclose(got.C[0], R.as_matrix(), atol=1e-12)
+    assert_allclose(got.C[1], R.as_matrix() @ D, atol=1e-12)
+    # x down and y left in the image: x of the program is our y, its y our -x
+    axes = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    assert_allclose(got.C[2], R.as_matrix() @ axes, atol=1e-12)
+    assert got.position.tolist() == [[1.0, 2.0, 3.0]] * 3
+    assert got.kind == "tangent plane"
+    assert_allclose(np.degrees(got.origin[:2]), [46.5, 6.5])
+    assert got.notes == ("1 photographs without pose are left out",)
+
+
+def test_damaged_files_are_one_line(tmp_path: Path) -> None:
+    """Oracle: what is wrong with each."""
+    eo = framed(block(), "EPSG:2056")
+    opk, camera = metashape_opk_text(eo, tmp_path), pix4d_camera(eo, tmp_path)
+    text = opk.read_text()
+    for change, message in (
+        (text.replace("8002\t", "8002\t1\t"), r":4: 17 fields, expected 16"),
+        (text.replace("\t0.9", "\t0.5"), "matrix is not that of omega"),
+        ("# nothing\n", "no image has a pose"),
+        (text + text.splitlines()[-1] + "\n", "is there twice"),
+    ):
+        opk.write_text(change)
+        with pytest.raises(InputError, match=message):
+            read_returned_poses(opk, "metashape_opk_text")
+    whole = camera.read_text()
+    for change, message in (
+        (whole.rpartition("\n0.01 0.02")[0], "an image has 10 lines"),
+        (whole.replace("0.9", "0.5"), "is no rotation"),
+    ):
+        camera.write_text(change)
+        with pytest.raises(InputError, match=message):
+            read_returned_poses(camera, "pix4d_camera")
+    with pytest.raises(InputError, match=r"is in degrees; give <project>_calibrated_external"):
+        read_returned_poses(
+            pix4d_external(eo, tmp_path).rename(
+                tmp_path / "p_calibrated_external_camera_parameters_wgs84.txt"
+            ),
+            "pix4d_external",
+        )
+    (tmp_path / "b.xml").write_text("<BlocksExchange><Block>")
+    with pytest.raises(InputError, match="is no XML"):
+        read_returned_poses(tmp_path / "b.xml", "bentley")
+    (tmp_path / "i.prj").write_text("$PHOTO\n  $PHOTO_NUM : 1\n$END\n")
+    with pytest.raises(InputError, match="no image has a pose"):
+        read_returned_poses(tmp_path / "i.prj", "inpho_prj")
+    with pytest.raises(InputError, match="the CRS 'PROJCS nonsense' is unknown"):
+        kind_of_wkt("PROJCS nonsense", "x")
+    with pytest.raises(UsageError, match="did you mean 'bentley'"):
+        read_returned_poses(tmp_path / "b.xml", "bently")
+
+
+PLACES = {  # of a number that is read, in a file of each case
+    "metashape_opk_text": r"(?<=8001\t)[^\t]*",
+    "metashape_reference": r"(?<=8002\.tif,)(.*,)[^,]*(?=\n)",
+    "metashape_reference ypr": r"(?<=8002\.tif\t)(.*\t)[^\t]*(?=\n)",
+    "pix4d_external": r"(?<=8001\.tif )[^ ]*",
+    "pix4d_camera": r"(?<=\n0\.01 0\.02\n)[^ ]*",
+    "micmac": r"(?<=<L2>)[^ ]*",
+    "bentley": r"(?<=<M_11>)[^<]*",
+    "bentley geographic": r"(?<=<z>)[^<]*",
+    "inpho": r"(?<=2018\n)(\s+[-.\d]+\s+)[-.\d]+",
+    "colmap": r"(?<=\n2 )[^ ]*",
+}
+
+
+@pytest.mark.parametrize("value", UNREADABLE)
+@pytest.mark.parametrize("name", PLACES)
+def test_a_value_that_cannot_be_read_is_named(tmp_path: Path, name: str, value: str) -> None:
+    """Oracle: the value that was written."""
+    write, where, form, _ = CASES[name]
+    path = write(framed(block(), where), tmp_path)
+    file = next(path.glob("Orientation-*"), path / "images.txt") if path.is_dir() else path
+    place = re.search(PLACES[name], file.read_text())
+    assert place is not None
+    head, tail = place.string[: place.start()], place.string[place.end() :]
+    file.write_text(f"{head}{''.join(place.groups(''))}{value}{tail}", encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(str(file))) as refusal:
+        read_returned_poses(path, form)
+    assert value in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("metashape_reference", "8002.tif,", "8002.tif,1,", "fields, the header has"),
+        ("pix4d_external", "8001.tif ", "8001.tif 1,", ":2: 8 fields, expected 7"),
+        ("bentley", "<Metadata><SRSId>0<", "<Metadata><SRSId>7<", "SRSId '7' is no <SRS> of it"),
+        (
+            "bentley",
+            "<Photogroup>",
+            "<Photogroup><CameraOrientation/>",
+            "Orientation '' is unknown",
+        ),
+        ("colmap", "# shift: ", "# shift: 1 # ", "where a finite number must stand"),
+    ],
+)
+def test_what_once_was_taken_for_something_else(
+    tmp_path: Path, name: str, old: str, new: str, message: str
+) -> None:
+    """Oracle: the fault that was written; decimal commas moved the columns behind them."""
+    write, where, form, _ = CASES[name]
+    path = write(framed(block(), where), tmp_path)
+    file = path / "images.txt" if path.is_dir() else path
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_returned_poses(path, form)
+
+
+@pytest.mark.parametrize(
+    "origin", ["46.5", "46,5,6,5", "6.5\N{MINUS SIGN},6", "nan,6", "91,6", "1_0,6"]
+)
+def test_an_origin_that_is_none(origin: str) -> None:
+    """Oracle: a latitude up to 90 degrees, a longitude and perhaps a height."""
+    with pytest.raises(InputError, match="is not ENU:latitude,longitude"):
+        kind_of_definition(f"ENU:{origin}", "x.xml")
+
+
+@pytest.mark.parametrize("name", ["bentley", "pix4d_external"])
+def test_the_calibration_of_the_mounting_reads_them(tmp_path: Path, name: str) -> None:
+    """Oracle: the same poses in the axes of a plane, to the digits of the file."""
+    write, where, _, _ = CASES[name]
+    eo = framed(block(), where)
+    got = read_camera_poses(write(eo, tmp_path))
+    assert got.plane is not None
+    lat, lon, h = got.plane.geodetic_from_position(got.position)
+    assert np.abs(np.column_stack([lat, lon]) - eo.geodetic[:, :2]).max() < 1e-10
+    assert np.abs(h - eo.geodetic[:, 2]).max() < 1e-3

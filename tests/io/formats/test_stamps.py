@@ -1,0 +1,122 @@
+"""Stamps that are dates, and stamps that were printed with too few digits; refusals that count."""
+
+import numpy as np
+import pytest
+
+from insgnss.base.errors import InputError
+from insgnss.io.formats import read_gnss, read_imu
+from insgnss.io.formats.text.dates import seconds_of_dates
+from insgnss.io.formats.text.stamps import spread_evenly, unrepeated
+
+
+def wandering(rate_hz, n=20000, drift=2e-6):
+    """Instants of a sensor whose clock wanders by some parts in a million."""
+    k = np.arange(n)
+    return 1e5 + k / rate_hz + drift * np.sin(2.0 * np.pi * k / n) * n / rate_hz / 6.0
+
+
+@pytest.mark.parametrize("rounded", [np.round, np.floor])
+@pytest.mark.parametrize("rate_hz", [99.7, 128.0, 166.64, 397.0])
+def test_rounded_stamps_are_spread_evenly(rate_hz, rounded):
+    """Oracle: the instants, but for a constant that nothing shows: half of a digit where stamps are
+    truncated, up to that where the rate is a simple fraction of the digit's.
+    """
+    time = wandering(rate_hz)
+    time = np.delete(time, slice(7000, 7400))
+    stamps = rounded(1e3 * time) / 1e3
+    spread, (note,) = spread_evenly(stamps)
+    late = np.mean(time - spread)
+    assert abs(late) < 0.55e-3
+    assert np.sqrt(np.mean((spread + late - time) ** 2)) < 0.06e-3
+    assert np.abs(spread + late - time).max() < 0.3e-3
+    assert "rounded to 1 ms" in note.found
+
+
+def test_rows_that_share_a_rounded_stamp_are_all_kept(tmp_path):
+    """Oracle: 100 Hz in stamps of 10 ms, one row in a hundred stamped a digit late or early."""
+    rng = np.random.default_rng(4)
+    time = np.round(20.0 + 0.01 * np.arange(6000), 2)
+    stamps = time.copy()
+    stamps[50::200] += 0.01
+    stamps[150::200] -= 0.01
+    table = np.column_stack([np.round(stamps, 2), rng.normal(size=(6000, 6))])
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, table, fmt=["%.2f", *["%.6f"] * 6])
+    imu = read_imu(path)
+    np.testing.assert_allclose(imu.time, time, atol=1e-9)
+    assert "60 stamps repeat beside one that is skipped" in imu.notes[0].found
+
+
+def test_rows_that_contradict_each_other_are_no_rounded_stamps():
+    """Oracle: repeated stamps without a skipped one beside them, or far from it, stay."""
+    stamps = np.round(20.0 + 0.01 * np.arange(6000), 2)
+    for rows in (stamps, np.delete(stamps, 3000)):
+        again = np.insert(rows, 4500, rows[4500])
+        assert unrepeated(again)[0] is again
+        assert spread_evenly(again)[0] is again
+
+
+def test_stamps_of_an_uneven_sensor_and_even_ones_stay():
+    """Oracle: the stamps as they are: jitter is no rounding, and steps of 10 ms need nothing."""
+    rng = np.random.default_rng(3)
+    uneven = np.cumsum(rng.uniform(0.017, 0.023, 5000))
+    late = np.unique(np.round(wandering(100.0) + np.abs(rng.normal(0.0, 1.5e-3, 20000)), 3))
+    jittery = np.round(wandering(99.7) + 0.6e-3 * np.sin(np.arange(20000) / 9.0), 3)
+    for stamps in (np.round(uneven, 3), late, jittery, 0.01 * np.arange(5000)):
+        spread, notes = spread_evenly(stamps)
+        assert spread is stamps
+        assert notes == ()
+    exact = wandering(128.0)
+    assert spread_evenly(exact)[0] is exact
+
+
+def test_samples_are_read_with_spread_stamps(tmp_path):
+    """Oracle: the instants of a file with three decimals."""
+    time = np.arange(2000) / 128.0
+    path = tmp_path / "imu.csv"
+    table = np.column_stack([time, np.zeros((2000, 5)), np.full(2000, -9.8)])
+    np.savetxt(path, table, fmt=["%.3f", *["%.4f"] * 6])
+    imu = read_imu(path)
+    assert np.abs(imu.time - time).max() < 0.3e-3
+    assert "spread evenly" in imu.notes[0].found
+
+
+DATES = (
+    ("2015_11_26_15_00_02_617", 1448550002.617),
+    ("2015_11_26_15_00_02_5", 1448550002.005),
+    ("2015-11-26T15:00:02.617Z", 1448550002.617),
+    ("2015-11-26T15:00:02", 1448550002.0),
+    ("2015/11/26-15:00:02.5", 1448550002.5),
+    ("2015_11_26_15_00_02_617123", 1448550002.617123),
+)
+
+
+@pytest.mark.parametrize(("text", "seconds"), DATES)
+def test_dates(text, seconds):
+    """Oracle: date -u -d '2015-11-26 15:00:02' +%s, and that counts of three digits are ms."""
+    assert seconds_of_dates([text])[0] == pytest.approx(seconds, abs=1e-6)
+    assert seconds_of_dates([text, "nonsense"]) is None
+    assert seconds_of_dates([text.replace("_11_", "_13_").replace("-11-", "-13-")]) is None or (
+        "/" in text
+    )
+
+
+def test_fixes_with_dates_for_stamps(tmp_path):
+    """Oracle: week 1872, Thursday 15:00:19 of GPS time, 17 leap seconds; the scale is told."""
+    path = tmp_path / "g.txt"
+    rows = [f"2015_11_26_15_00_{k:02d}_250,46.5{k},6.5,500.0,1,1,2" for k in range(2, 40)]
+    path.write_text("time,lat,lon,h,sd_n,sd_e,sd_u\n" + "\n".join(rows) + "\n")
+    fixes = read_gnss(path)
+    assert fixes.gps_week == 1872
+    assert fixes.time[0] == pytest.approx(4 * 86400.0 + 15 * 3600.0 + 2.25 + 17.0)
+    assert any("taken for UTC" in note.found for note in fixes.notes)
+
+
+def test_lines_of_another_length_are_counted(tmp_path):
+    """Oracle: the lines that were cut here, one in ten."""
+    path = tmp_path / "imu.csv"
+    rows = [f"{0.01 * k:.2f},0,0,0,0,0,-9.8" for k in range(500)]
+    rows[7::10] = [row[:8] for row in rows[7::10]]
+    path.write_text("tow,gx,gy,gz,ax,ay,az\n" + "\n".join(rows) + "\n")
+    with pytest.raises(InputError, match="50 of 500 lines have another number of fields than 7"):
+        read_imu(path)

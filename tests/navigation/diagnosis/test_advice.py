@@ -1,0 +1,244 @@
+"""What is said of a constant that the innovations contradict: numbers, signs, thresholds."""
+
+import re
+from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from insgnss.geodesy.rotation import right_angle_rotations
+from insgnss.navigation.diagnosis.advice import advice, unseen, variance_check
+from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
+from insgnss.navigation.diagnosis.variances import VarianceHypothesis
+from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
+
+ASKEW = Mounting(
+    antenna_m=[0.46, 0.1, -0.6],
+    imu_m=[0.113, 0.02, -0.05],
+    camera_from_body=[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+    boresight=boresight_from_angles("opk", [4.0, -3.0, 30.0]),
+)
+LEVEL = Mounting(antenna_m=[0.31, -0.12, 0.55], imu_m=[0.03, 0.0, 0.01], camera_from_body=np.eye(3))
+LEVER = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
+# ten minutes at 10 m/s
+SOLUTION: Any = SimpleNamespace(
+    nav=np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]]),
+    time=np.array([0.0, 600.0]),
+    problem=SimpleNamespace(inc=SimpleNamespace(nominal_s=0.02)),
+)
+
+
+def hypothesis(values: dict[str, tuple[float, float]], evidence: float = 50.0) -> Hypothesis:
+    value, sigma = np.array(list(values.values())).T
+    return Hypothesis(tuple(values), evidence, tuple(values), value, sigma, 1.0, evidence)
+
+
+def told(values: dict[str, tuple[float, float]], evidence: float = 50.0):
+    return advice(ASKEW, SOLUTION, hypothesis(values, evidence))
+
+
+def test_advised_numbers_are_what_the_flight_file_lacks():
+    """Oracle: vector addition; the mounting with the advised antenna has the lever arm that was
+    estimated, to its last digit, whichever components are suspected.
+    """
+    for lever in ([0.2, -0.05, 0.15], [0.2, 0.0, 0.0]):
+        values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True) if v}
+        (arm,) = told(values)
+        numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", arm.advice)
+        assert numbers is not None
+        advised = replace(ASKEW, antenna_m=[float(v) for v in numbers[1].split(",")])
+        wanted = ASKEW.antenna_lever_b + np.array(lever)
+        assert np.abs(advised.antenna_lever_b - wanted).max() < 1e-3
+    (clock,) = told({"GNSS time offset": (-0.02, 0.001)})
+    assert "add -0.0200 to gnss.time_offset_s" in clock.advice
+    assert "0.20 m at 10.0 m/s" in clock.found
+    (rate,) = told({"GNSS clock rate": (2e-5, 2e-6)})
+    assert "gains +20 +- 2 ppm" in rate.found
+    assert "0.06 m of half the flight" in rate.found
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sigma", "evidence", "verdict"),
+    [
+        (LEVER[0], 0.021, 0.004, 5.1, "contradiction"),
+        (LEVER[0], 0.021, 0.004, 4.9, "note"),  # not strong
+        (LEVER[0], -0.019, 0.001, 50.0, "note"),  # negligible
+        (LEVER[2], -0.3, 0.049, 50.0, "contradiction"),
+        (LEVER[2], -0.3, 0.051, 50.0, "note"),  # the flight determines it to no better than 5 cm
+        ("GNSS time offset", 0.0021, 1e-4, 5.1, "contradiction"),  # 21 mm at 10 m/s
+        ("GNSS time offset", -0.0019, 1e-4, 50.0, "note"),
+        ("GNSS clock rate", 7e-6, 1e-6, 50.0, "contradiction"),  # 21 mm after five minutes
+        ("GNSS clock rate", -6e-6, 1e-6, 50.0, "note"),
+        ("GNSS clock rate", 7e-6, 1e-6, 4.9, "note"),
+        ("gyro z scale factor", 0.01, 1e-4, 500.0, "note"),
+        ("accel x from y", 0.01, 1e-4, 500.0, "note"),
+    ],
+)
+def test_what_contradicts_the_flight_file(name, value, sigma, evidence, verdict):
+    """Oracle: the rule of `navigation.diagnosis.advice`: strong evidence (5), and 2 cm of
+    position.
+    """
+    (check,) = told({name: (value, sigma)}, evidence)
+    assert check.verdict == verdict
+
+
+def test_the_most_significant_comes_first_and_rivals_are_named():
+    """Oracle: sigmas by hand; the groups of the rivals."""
+    values = {LEVER[0]: (0.05, 0.015), "GNSS time offset": (-0.047, 0.001)}
+    assert [check.name for check in told(values)] == ["GNSS time offset", "antenna lever arm"]
+    rival = replace(hypothesis({LEVER[0]: (0.1, 0.01)}), groups=(LEVER[0], LEVER[2]))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [rival])
+    assert (
+        "does not tell it from antenna lever arm forward and antenna lever arm down" in check.found
+    )
+    assert check.verdict == "contradiction"
+    of_imu = replace(rival, groups=("accelerometer scale factors",))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [of_imu])
+    assert check.verdict == "note"
+    both = replace(rival, groups=("accelerometer scale factors", "GNSS time offset"))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [both])
+    assert check.verdict == "contradiction"
+    assert "camera.clock" in check.advice
+    assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
+
+
+@pytest.mark.parametrize(
+    ("offset", "named"), [(-0.010, True), (-0.005, True), (-0.0021, False), (0.01, False)]
+)
+def test_samples_that_are_no_means_are_named_with_the_key_that_mends_them(offset, named):
+    """Oracle: the middle of the sample's interval by hand. At 50 Hz an instantaneous rate is 10 ms
+    after the middle of the interval that it is taken for, the second of two halves 5 ms; both have
+    the fixes look early. Following the advice about the fixes instead moved images by 16 sigmas.
+    """
+    (check,) = told({"GNSS time offset": (offset, 1e-4)})
+    assert ("imu.quantity" in check.advice) == named
+    assert (f"add {-offset:+.4f} to imu.time_offset_s" in check.advice) == named
+
+
+def test_scale_factors_in_percent_the_most_significant_first():
+    """Oracle: by hand."""
+    values = {f"gyro {axis} scale factor": (0.01 * k, 1e-3) for k, axis in enumerate("xyz", 1)}
+    (check,) = told(values)
+    assert check.name == "IMU scale factors"
+    assert check.found.startswith("gyro z scale factor +3.00 +- 0.10 %, gyro y scale factor +2.00")
+    assert "filter.scale_factor = true" in check.advice
+
+
+def test_whose_noise_is_named():
+    """Oracle: the family."""
+    fixes = VarianceHypothesis("GNSS sigmas", 100.0, {"fixes.position": 2.0})
+    assert variance_check(fixes).name == "GNSS sigmas"
+    imu = VarianceHypothesis("IMU white noise", 100.0, {"gyro.white_noise": 3.0})
+    check = variance_check(imu)
+    assert (check.name, check.verdict) == ("IMU noise", "note")
+    assert "gyro.white_noise 3.00" in check.found
+    assert "tune --flight" in check.advice
+
+
+def test_an_offset_that_the_exposures_share_costs_them_nothing():
+    """At 10 m/s a flight that tells the stamps to 5 ms tells them to 50 mm along track, and would
+    not show 200 mm; where the same clock stamps the exposures neither is said.
+    """
+    flight: Any = SimpleNamespace(**vars(SOLUTION), nav_covariance=lambda: np.eye(9)[None] * 1e-4)
+    names = (*LEVER, "GNSS time offset")
+    wide = np.array([0.2, 0.2, 0.2, 0.05])
+    known = np.array([1e-3, 1e-3, 1e-3, 5e-3])  # m, s
+    evidence = ConstantsEvidence(
+        names, names, wide, np.zeros(4), np.diag((wide / known) ** 2), np.zeros(4)
+    )
+    own = unseen(flight, evidence)
+    assert own is not None
+    assert "to 5 ms (50 mm along track); it would not show errors of GNSS time" in own.found
+    assert own.verdict == "note"
+    shared = unseen(flight, evidence, events_with_fixes=True)
+    assert shared is not None
+    assert "to 5 ms (which moves no exposure: the same clock stamps them)" in shared.found
+    assert "mm along track" not in shared.found
+    assert shared.verdict == "ok"
+
+
+def test_antenna_and_imu_are_offered_alike_where_images_depend_on_both():
+    """Oracle: vector addition; the mounting with either of the advised places has the lever arm
+    that was estimated, and the camera stands elsewhere by as much.
+    """
+    lever = np.array([0.2, -0.05, 0.15])
+    values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True)}
+    (arm,) = advice(ASKEW, SOLUTION, hypothesis(values), exposures=True)
+    assert arm.advice.startswith("mounting.imu_m = [")
+    assert "filter.lever_arm" not in arm.advice
+    wanted = ASKEW.antenna_lever_b + lever
+    cameras = []
+    for key in ("antenna_m", "imu_m"):
+        numbers = re.search(rf"mounting\.{key} = \[(.*?)\]", arm.advice)
+        assert numbers is not None
+        advised = replace(ASKEW, **{key: [float(v) for v in numbers[1].split(",")]})
+        assert np.abs(advised.antenna_lever_b - wanted).max() < 2e-3
+        cameras.append(advised.camera_lever_b)
+    apart = re.search(r"the images of one are (\S+) m off", arm.advice)
+    assert apart is not None
+    assert float(apart[1]) == pytest.approx(
+        float(np.linalg.norm(cameras[0] - cameras[1])), abs=2e-3
+    )
+
+
+def test_an_exact_lever_arm_is_contradicted_and_not_estimated():
+    """Oracle: the contract; a sigma of 0 states it as exact."""
+    values = {LEVER[0]: (0.2, 0.004)}
+    (arm,) = advice(replace(ASKEW, antenna_sigma_m=0.0), SOLUTION, hypothesis(values))
+    assert arm.verdict == "contradiction"
+    assert arm.found.startswith("another one explains the innovations, from the IMU off by")
+    assert "stated as exact" in arm.expected
+    assert "filter.lever_arm" not in arm.advice
+    assert "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated" in arm.advice
+    (arm,) = told(values)
+    assert "exact" not in str(arm)
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "position_m", "hidden"),
+    [(0.0049, 0.004, None), (0.0068, 0.004, "27 mm"), (0.0068, 0.01, None)],
+)
+def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
+    """Oracle: four sigma of what the flight tells, against 2 cm and three sigma of the positions.
+    A lever arm 2 cm off, known to 7 mm, moved images of 5 mm by 4 sigma in silence.
+    """
+    alone = dict(zip(LEVER, (forward_m, 0.003, 0.003), strict=True)) | {"GNSS time offset": 1e-4}
+    constants: Any = SimpleNamespace(requested=(), exact=(), known_to=lambda: alone)
+    P = np.diag([position_m**2] * 3)[None]
+    solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, nav_covariance=lambda: P)
+    check = unseen(solution, constants)
+    assert check is not None
+    if hidden is None:
+        assert check.verdict == "ok"
+    else:
+        assert check.verdict == "note"
+        assert f"not show errors of antenna lever arm forward below {hidden}" in check.found
+
+
+def test_a_camera_that_is_turned_is_named_with_its_matrix():
+    """Oracle: vector algebra; the lever arm of the true T minus that of the stated one, for all 23
+    turns by right angles. A lever arm that no turn explains gets the old advice.
+    """
+    turned = replace(LEVEL, boresight=ASKEW.boresight)
+    for stated, T in product((LEVEL, turned), right_angle_rotations()[1:]):
+        true = replace(stated, camera_from_body=T)
+        off = true.antenna_lever_b - stated.antenna_lever_b
+        values = {name: (v, 0.002) for name, v in zip(LEVER, off, strict=True) if abs(v) > 1e-9}
+        (arm,) = advice(stated, SOLUTION, hypothesis(values, 50.0))
+        if np.abs(off).max() > 0.02:
+            matrix = T.astype(int).tolist()
+            assert f"another mounting.camera_from_body = {matrix} would" in arm.advice
+    off = dict(zip(LEVER, [(0.1, 0.002), (0.0, 0.002), (0.0, 0.002)], strict=True))
+    (arm,) = advice(LEVEL, SOLUTION, hypothesis(off, 50.0))
+    assert "camera_from_body" not in arm.advice
+
+
+def test_what_a_right_flight_may_show_does_not_stand_out():
+    """Oracle: the largest evidence with wide sigmas of 160 right flights, 2.7."""
+    values = {LEVER[0]: (0.05, 0.01)}
+    (weak,) = advice(LEVEL, SOLUTION, hypothesis(values, 2.7))
+    (shown,) = advice(LEVEL, SOLUTION, hypothesis(values, 3.1))
+    assert (weak.beyond_chance, shown.beyond_chance) == (False, True)

@@ -1,0 +1,180 @@
+"""Whose noise is larger than its model says."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from flown import fly, start_near
+
+from insgnss.navigation.diagnosis import variances
+from insgnss.navigation.diagnosis.candidates import ErrorModel
+from insgnss.navigation.diagnosis.variances import (
+    SHARES,
+    SLOW_S,
+    VarianceHypothesis,
+    VarianceSearch,
+    with_variances,
+)
+from insgnss.navigation.filter.layout import FixErrors, state_layout
+from insgnss.navigation.filter.solution import Solution, solve
+from insgnss.navigation.innovations.likelihood import evaluate
+from insgnss.navigation.noise_model.model import load_noise_model
+
+SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
+NAVCHIP = load_noise_model("navchip")
+
+
+def louder(white: float, driving: float):
+    """NavChip with its noise times these."""
+
+    def axis(a):
+        gm = tuple(replace(g, driving_noise=driving * g.driving_noise) for g in a.gauss_markov)
+        walk = driving * a.random_walk
+        return replace(a, white_noise=white * a.white_noise, random_walk=walk, gauss_markov=gm)
+
+    triads = {s: tuple(axis(a) for a in getattr(NAVCHIP, s)) for s in ("gyro", "accel")}
+    return replace(NAVCHIP, **triads)
+
+
+def solved(white: float = 1.0, driving: float = 1.0, sigmas: float = 1.0) -> Solution:
+    """A flight whose sensors have so many times the noise that its model says."""
+    flown = fly(
+        240.0, seed=41, imu_hz=100.0, noise=louder(white, driving), layout=state_layout(NAVCHIP)
+    )
+    ep = flown.problem.epochs
+    epochs = ep._replace(position_cov=ep.position_cov / sigmas**2)
+    problem = replace(flown.problem, epochs=epochs)
+    return solve(problem, start_near(replace(flown, problem=problem), SIGMA), separations=0)
+
+
+def search(solution: Solution) -> VarianceSearch:
+    return VarianceSearch(solution, lambda _: None)
+
+
+def test_nothing_promises_where_nothing_is_wrong():
+    """Oracle: the simulator."""
+    assert search(solved()).promising() == ()
+    assert search(solved()).strongest() is None
+
+
+@pytest.mark.parametrize(
+    ("planted", "families", "factor"),
+    [
+        ({"white": 6.0}, ("IMU white noise", "IMU bias noise"), None),
+        pytest.param({"driving": 8.0}, ("IMU bias noise",), None, marks=pytest.mark.slow),
+        ({"sigmas": 2.0}, ("GNSS sigmas",), 2.0),
+        pytest.param({"sigmas": 0.5}, ("GNSS sigmas",), 0.5, marks=pytest.mark.slow),
+    ],
+)
+@pytest.mark.slow
+def test_the_right_family_wins(planted, families, factor):
+    """Oracle: what was planted. White noise and fast Gauss-Markov processes of a NavChip are alike
+    to fixes a tenth of a second apart, so either may stand for the other. A factor of the fixes is
+    known to 1 % by 7000 innovations.
+    """
+    winner = search(solved(**planted)).strongest()
+    assert winner is not None
+    assert winner.family in families
+    assert winner.evidence > 20.0
+    if factor is not None:
+        assert winner.factors["fixes.position"] == pytest.approx(factor, rel=0.04)
+
+
+@pytest.mark.slow
+def test_evidence_is_the_gain_less_what_the_factors_cost():
+    """Oracle: (V.2) by hand, of the costs of (L.4) with and without the factor."""
+    looked = search(solved(sigmas=2.0))
+    winner = looked.strongest()
+    assert winner is not None
+    free = np.array([name in winner.factors for name in looked.names])
+    theta = np.where(free, np.log(winner.factors["fixes.position"]), 0.0)
+    gain = looked.nothing.cost - evaluate(looked.search.segments, theta).cost
+    assert looked.nothing.offered == 2400
+    assert winner.evidence == pytest.approx(0.5 * gain - 0.5 * np.log(7200.0), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_what_a_hypothesis_changes_in_the_error_model():
+    """Oracle: hand calculation; fixes that are better than they claim are left as they are."""
+    model = ErrorModel(FixErrors(white_scale=(1.0, 1.0, 2.0), unfixed_white_scale=0.5))
+    winner = search(solved(sigmas=2.0)).strongest()
+    assert winner is not None
+    k = winner.factors["fixes.position"]
+    raised = with_variances(model, winner)
+    assert raised is not None
+    assert raised.fixes.white_scale == pytest.approx((k, k, 2.0 * k))
+    assert raised.fixes.unfixed_white_scale == pytest.approx(0.5 * k)
+    better = replace(winner, factors={"fixes.position": 0.5})
+    assert with_variances(model, better) is None
+    driven = replace(
+        winner,
+        family="IMU bias noise",
+        factors={"gyro.driving_noise": 3.0, "accel.driving_noise": 0.2},
+    )
+    imu = with_variances(model, driven)
+    assert imu is not None
+    assert imu.imu.driving_noise == (3.0, 1.0)
+    own = imu.imu.of(NAVCHIP)
+    assert own.gyro[0].gauss_markov[0].sigma == pytest.approx(
+        3.0 * NAVCHIP.gyro[0].gauss_markov[0].sigma
+    )
+    assert own.accel == NAVCHIP.accel
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "adopted"),
+    [(0.8, 1.8, (1.0, 1.8)), (2.0, 0.5, (2.0, 1.0)), (2.0, 1.8, (2.0, 1.8)), (0.8, 0.9, None)],
+)
+def test_positions_and_velocities_get_their_own_factor(position, velocity, adopted):
+    """Oracle: hand calculation. Velocities of a recorded walk were 1.8 times worse than they
+    claimed beside positions that were right, and nothing was adopted.
+    """
+    factors = {"fixes.position": position, "fixes.velocity": velocity}
+    model = ErrorModel(FixErrors(unfixed_white_scale=0.5, velocity_white_scale=0.5))
+    raised = with_variances(model, VarianceHypothesis("GNSS sigmas", 100.0, factors))
+    if adopted is None:
+        assert raised is None
+        return
+    assert raised is not None
+    k, v = adopted
+    assert raised.fixes.white_scale == (k, k, k)
+    assert raised.fixes.unfixed_white_scale == 0.5 * k
+    assert raised.fixes.velocity_white_scale == 0.5 * v
+
+
+def slow_error(monkeypatch, gain):
+    """What is made of a flight of five minutes whose slow errors have such gains in -2 log L."""
+    part = SimpleNamespace(problem=SimpleNamespace(epochs=SimpleNamespace(time=np.r_[0.0, 300.0])))
+    looked = SimpleNamespace(part=part, nothing=SimpleNamespace(cost=1000.0))
+
+    def evaluated(segments, _):
+        (errors,) = segments
+        own = gain(errors.gm_sigma[0], errors.correlation_time_s)
+        return SimpleNamespace(cost=1000.0 - own)
+
+    monkeypatch.setattr(variances, "_linearised", lambda _, errors: errors)
+    monkeypatch.setattr(variances, "evaluate", evaluated)
+    return VarianceSearch.slow_error(looked, lambda errors: errors, FixErrors())
+
+
+def test_a_slow_error_is_carried_by_its_probability(monkeypatch):
+    """Oracle: value and slope at lag zero of the autocovariance, averaged by hand over one share
+    of each time or none at all, even odds a priori. What the flight speaks against is not carried,
+    of what it shows the largest is taken.
+    """
+    assert slow_error(monkeypatch, lambda c, T: 2.4) is None
+    grid = [(c, T) for c in SHARES for T in SLOW_S]
+    gains = {(c, T): 6.0 - 2.0 * c - 0.01 * T for c, T in grid}
+    odds = {one: np.exp(gain / 2.0) / len(grid) for one, gain in gains.items()}
+    total = 1.0 + sum(odds.values())
+    value = sum(odds[c, T] / total * c**2 for c, T in grid)
+    slope = sum(odds[c, T] / total * c**2 / T for c, T in grid)
+    carried = slow_error(monkeypatch, lambda c, T: 6.0 - 2.0 * c - 0.01 * T)
+    assert carried is not None
+    assert carried.gm_sigma == pytest.approx((value**0.5,) * 3)
+    assert carried.correlation_time_s == pytest.approx(value / slope)
+    assert carried.white_scale == (1.0, 1.0, 1.0)
+    shown = slow_error(monkeypatch, lambda c, T: 30.0 - abs(c - 1.0))
+    assert shown is not None
+    assert (shown.gm_sigma, shown.correlation_time_s) == ((1.5,) * 3, 300.0)

@@ -1,0 +1,147 @@
+"""Blocks that the Damped Bundle Adjustment Toolbox has adjusted, against its printed reports. They
+are not part of the project; where they are absent the tests say so and skip.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insgnss.geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian
+from insgnss.io.formats.blocks.dbat import read_dbat
+from insgnss.photogrammetry.adjust.adjustment import Adjusted, adjusted, residuals_px
+from insgnss.photogrammetry.adjust.groups import control_points
+from insgnss.photogrammetry.adjust.normals import problem_of
+from insgnss.photogrammetry.adjust.precision import Precision, precision_of
+from insgnss.photogrammetry.adjust.start import first_values
+from insgnss.records.block import INTERIOR, ImageBlock
+
+DATA = Path(__file__).parents[4] / "shared" / "data" / "dbat" / "script"
+NAMES = ("Omega", "Phi", "Kappa", "Xc", "Yc", "Zc")
+
+
+def block_of(name: str) -> ImageBlock:
+    if not DATA.is_dir():
+        pytest.skip(f"DBAT's demonstration {name} is not here")
+    return read_dbat(DATA / name / f"{name}.xml")
+
+
+def solved(block: ImageBlock) -> tuple[Adjusted, Precision]:
+    problem = problem_of(block, control_points(block.control))
+    result = adjusted(problem, first_values(block))
+    return result, precision_of(result)
+
+
+def printed(text: str, name: str) -> tuple[float, float, float]:
+    """Value of a parameter, half a unit of its last digit, and standard deviation (NaN if held)."""
+    found = re.search(
+        rf"{name}:\s+Value: +(\S+)[^\n]*(?:\n\s+Deviation: +(\S+))?", text, re.MULTILINE
+    )
+    assert found is not None, name
+    digits, _, exponent = found[1].partition("e")
+    half = 0.5 * 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
+    return float(found[1]), half, float(found[2]) if found[2] else np.nan
+
+
+def compare(found: float, sigma: float, text: str, name: str) -> None:
+    """Value within 0.02 of its sigma, sigma within 1 %, besides what rounding in print leaves."""
+    value, half, deviation = printed(text, name)
+    if np.isnan(deviation):
+        assert sigma == 0.0, name
+        assert found == pytest.approx(value, abs=half), name
+        return
+    assert abs(found - value) <= 0.02 * deviation + half, name
+    three_digits = 0.5 * 10.0 ** (np.floor(np.log10(deviation)) - 2)
+    assert abs(sigma - deviation) <= 0.01 * deviation + three_digits, name
+
+
+def compare_poses(result: Adjusted, precision: Precision, text: str) -> None:
+    opk = opk_from_rotation(result.values.C_mc @ CV_RUB)
+    F = np.linalg.inv(opk_jacobian(opk))
+    cov = precision.pose_cov
+    sigma = np.sqrt(np.einsum("nij,njk,nik->ni", F, cov[:, 3:, 3:], F))
+    photographs = re.split(r"\n +Photo (?=\d+: )", text)[1:]
+    assert len(photographs) == len(opk)
+    for i, photograph in enumerate(photographs):
+        values = [*np.degrees(opk[i]), *result.values.position[i]]
+        sigmas = [*np.degrees(sigma[i]), *np.sqrt(np.diagonal(cov[i])[:3])]
+        for found, s, name in zip(values, sigmas, NAMES, strict=True):
+            compare(found, s, photograph, name)
+
+
+def compare_camera(result: Adjusted, precision: Precision, text: str) -> None:
+    """Pixels become millimetres, y of P2 turns up."""
+    camera = result.problem.block.cameras[0].with_(result.values.interior[0])
+    mm = 1.0 / camera.unit_px
+    factors = {"f": mm, "cx": mm, "cy": mm, "p2": -1.0}
+    sigma = precision.sigma_interior(0)
+    labels = {"f": "Camera Constant", "cx": "principal point x", "cy": "principal point y"}
+    labels |= {k: f"{k.upper()} - radial distortion {k[1]}" for k in ("k1", "k2", "k3")}
+    labels |= {p: f"{p.upper()} - decentering distortion {p[1]}" for p in ("p1", "p2")}
+    labels["b1"] = "off-unit aspect parameter"
+    for name, label in labels.items():
+        factor = factors.get(name, 1.0)
+        found, s = factor * camera.of(name), abs(factor) * sigma[INTERIOR.index(name)]
+        compare(found, float(s), text, label)
+
+
+@pytest.mark.slow
+def test_roma_with_five_parameters() -> None:
+    """Oracle: DBAT's report of 60 images and 90 561 image points: sigma_0 to 2e-6, every printed
+    parameter to 0.02 of its sigma, every standard deviation to 1 %.
+    """
+    block = block_of("romabundledemo")
+    text = (DATA / "romabundledemo" / "result" / "report.txt").read_text()
+    result, precision = solved(block)
+    assert len(block.observations) == 90561
+    assert result.redundancy == 101801
+    assert result.sigma0 == pytest.approx(0.582769, abs=2e-6)
+    assert result.values.interior[0, 0] / block.cameras[0].unit_px == pytest.approx(
+        24.5425002994450807, abs=1e-8
+    )
+    compare_camera(result, precision, text)
+    compare_poses(result, precision, text)
+    rms = np.sqrt((residuals_px(result) ** 2).sum(axis=1).mean())
+    assert rms == pytest.approx(0.618, abs=5e-4)
+    assert np.nansum(precision.redundancy) == pytest.approx(101801, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_roma_with_nine_parameters() -> None:
+    """Oracle: DBAT's report of the same image points, whose fixed image has more digits."""
+    block = block_of("romabundledemo")
+    text = (DATA / "romabundledemo" / "selfcal-report.txt").read_text()
+    camera = replace(block.cameras[0], free=tuple(n for n in INTERIOR if n not in ("b2", "k4")))
+    result, precision = solved(replace(block, cameras=(camera,)))
+    assert result.redundancy == 101797
+    assert result.sigma0 == pytest.approx(0.566548, abs=1e-6)
+    compare_camera(result, precision, text)
+
+
+def test_aerial_block_with_control_and_check_points() -> None:
+    """Oracle: DBAT's report of five aerial images without first orientation: sigma_0, poses,
+    adjusted control and check points with their standard deviations.
+    """
+    block = block_of("sxb")
+    text = (DATA / "sxb" / "result" / "report.txt").read_text()
+    result, precision = solved(block)
+    assert result.redundancy == 1261
+    assert result.sigma0 == pytest.approx(1.1786, abs=2e-6)
+    compare_poses(result, precision, text)
+    found = 0
+    for part in re.findall(r"Posterior\n(.*?)\n +Diff", text, re.DOTALL):
+        for line in part.splitlines()[1:]:
+            number, *values = (word.strip() for word in line.split(",")[:7])
+            p = block.points.index(number)
+            assert result.values.point[p] == pytest.approx(
+                np.array(values[:3], dtype=float), abs=5.01e-4
+            )
+            sigma = np.sqrt(np.diagonal(precision.point_cov[p]))
+            for got, want in zip(sigma, values[3:], strict=True):
+                half = 0.5 * 10.0 ** -len(want.partition(".")[2])
+                assert abs(got - float(want)) <= 0.01 * float(want) + half
+            found += 1
+    assert found == 16
+    assert [c.name for c in precision.components()] == ["image observations", "ground control"]

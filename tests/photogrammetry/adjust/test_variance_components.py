@@ -1,0 +1,89 @@
+"""Weights that agree with the residuals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_blocks import camera, simulated, with_pixels
+from test_precision import POSE_COV, aerial
+
+from insgnss.photogrammetry.adjust.adjustment import adjusted
+from insgnss.photogrammetry.adjust.groups import control_points, weight_of
+from insgnss.photogrammetry.adjust.normals import problem_of
+from insgnss.photogrammetry.adjust.precision import precision_of
+from insgnss.photogrammetry.adjust.variance_components import reweighted
+
+SHAPE = {"strips": 3, "images": 6, "points": 150}
+
+
+def found(seed, pose=1.0, pixels=1.0, **shape):
+    """Factors of a block whose poses and pixels have `pose` and `pixels` times the variances that
+    are stated; by name.
+    """
+    cameras = (camera(free=("f", "cx", "cy")),)
+    made = simulated(seed, cameras=cameras, control_m=0.01, **(SHAPE | shape))
+    seen = made.block.observations
+    block = with_pixels(made.block, seen.uv, seen.sigma_px / np.sqrt(pixels))
+    groups = aerial(made, np.random.default_rng([5, seed]), claimed=POSE_COV / pose)
+    got = reweighted(problem_of(block, groups + control_points(block.control)), made.truth)
+    assert got.converged
+    return {f.name: f for f in got.factors}, got
+
+
+@pytest.mark.parametrize(("pose", "pixels"), [(2.5, 1.0), (6.25, 1.0), (1.0, 2.5), (0.4, 1.0)])
+def test_a_kind_with_incorrect_variances_is_named(pose, pixels) -> None:
+    """Oracle: the simulation: the factor within four of its standard deviations, and no other kind
+    is named.
+    """
+    factors, got = found(71, pose, pixels)
+    for name, truth in (("pose", pose), ("image observations", pixels)):
+        factor = factors[name]
+        assert factor.reweighted
+        assert abs(factor.factor - truth) < 4.0 * factor.sigma
+        assert factor.differs == (truth != 1.0)
+        said = [s for s in got.sentences() if s.startswith(f"{name}: errors are")]
+        assert bool(said) == (truth != 1.0)
+    named = "pose" if pose != 1.0 else "image observations"
+    side = "larger" if max(pose, pixels) > 1.0 else "smaller"
+    assert any(f"{named}: errors are {side} than stated" in s for s in got.sentences())
+
+
+@pytest.mark.slow
+def test_a_right_model_has_components_near_one() -> None:
+    """Oracle: the simulation, eight blocks: means within 0.9 to 1.1 (that of poses scatters by
+    0.03), and nothing is said of them.
+    """
+    values = {"pose": [], "image observations": []}
+    for seed in range(80, 88):
+        factors, got = found(seed, strips=6, images=12, points=400)
+        for name, factor in values.items():
+            factor.append(factors[name].factor)
+        assert not [s for s in got.sentences() if "errors are" in s]
+    assert all(0.9 < np.mean(v) < 1.1 for v in values.values())
+
+
+def test_few_redundant_observations_keep_their_weights() -> None:
+    """Oracle: the stated limit; three control points have nine coordinates."""
+    factors, got = found(72, control=3)
+    control = factors["ground control"]
+    assert not control.reweighted
+    assert control.redundancy < 9.0
+    assert control.sigma == pytest.approx(control.factor * np.sqrt(2.0 / control.redundancy))
+    assert any(s.startswith("ground control:") and "too few to judge" in s for s in got.sentences())
+    P = [g.weight for g in got.precision.result.problem.groups if g.name == "ground control"]
+    assert P[0] == pytest.approx(np.eye(3) / 0.01**2)
+
+
+def test_the_covariance_follows_the_factors() -> None:
+    """Oracle: an adjustment to which the true variances were stated."""
+    made = simulated(73, cameras=(camera(free=()),), control=0, **SHAPE)
+    rng = np.random.default_rng(9)
+    stated = aerial(made, rng, claimed=POSE_COV / 2.5)
+    got = reweighted(problem_of(made.block, stated), made.truth)
+    factor = {f.name: f.factor for f in got.factors}["pose"]
+    weights = [g.weight for g in got.precision.result.problem.groups]
+    assert weights[0] == pytest.approx(weight_of(POSE_COV / 2.5 * factor, "pose"), rel=1e-9)
+    true = [replace(g, weight=weight_of(POSE_COV, "pose")) for g in stated]
+    want = precision_of(adjusted(problem_of(made.block, true), made.truth), 1.0)
+    sigmas = [np.sqrt(np.diagonal(p.pose_cov, 0, 1, 2)) for p in (got.precision, want)]
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.15)  # half of three times 0.1

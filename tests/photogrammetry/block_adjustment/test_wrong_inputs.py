@@ -1,0 +1,330 @@
+"""Files that do not belong to each other: refused or told by name; a good block is neither."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from insgnss import read_eo
+from insgnss.base.errors import DataError, InputError
+from insgnss.cli.main import main
+from insgnss.geodesy.rotation import (
+    CV_RUB,
+    opk_from_rotation,
+    rotation_from_opk,
+    rotation_from_rpy,
+    rotation_from_vector,
+)
+from insgnss.io.formats.blocks.camera_toml import read_camera_toml, write_camera_toml
+from insgnss.io.formats.blocks.ground_points import read_ground_points, write_ground_points
+from insgnss.io.formats.blocks.image_points import read_image_points, write_image_points
+from insgnss.io.formats.orientation.eo_json import write_eo_json
+from insgnss.photogrammetry.block_adjustment.check_points import CheckPoints
+from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
+from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
+from insgnss.photogrammetry.block_adjustment.run import adjust
+from insgnss.records.block import INTERIOR
+
+BLOCK = "01_Observations/Camera/Block"
+EO = "02_Processed/GPS-INS/eo.json"
+
+
+def quiet(_: str) -> None:
+    pass
+
+
+@pytest.fixture
+def copied(flown, tmp_path):
+    return flown.copied(tmp_path / "flight")
+
+
+@pytest.fixture(scope="session")
+def right(flown):
+    return inputs_of(flown.block, quiet)
+
+
+def with_block(inputs, **changes):
+    return replace(inputs, block=replace(inputs.block, **changes))
+
+
+def with_poses(inputs, position=None, C=None):
+    block = inputs.block
+    return with_block(
+        inputs,
+        position_m=block.position_m if position is None else position,
+        C_mc=block.C_mc if C is None else C,
+    )
+
+
+def with_pixels(inputs, change):
+    seen, camera = inputs.block.observations, inputs.block.cameras[0]
+    uv = change(np.array(seen.uv), np.array([camera.width, camera.height], dtype=float))
+    changed = type(seen)(seen.image, seen.point, uv, seen.sigma_px)
+    return with_block(inputs, observations=changed)
+
+
+def with_camera(inputs, **values):
+    (camera,) = inputs.block.cameras
+    interior = np.array(camera.interior)
+    for name, value in values.items():
+        interior[INTERIOR.index(name)] = value
+    return with_block(inputs, cameras=(replace(camera, interior=interior),))
+
+
+def neighbours(inputs):
+    """Each image has the pose of the next one."""
+    block = inputs.block
+    order = np.argsort(inputs.eo_row)
+    source = np.empty_like(order)
+    source[order] = np.roll(order, -1)
+    return with_poses(inputs, block.position_m[source], block.C_mc[source])
+
+
+def exchanged(inputs):
+    rows = np.arange(len(inputs.block.images))
+    rows[[4, 9]] = rows[[9, 4]]
+    return with_poses(inputs, inputs.block.position_m[rows], inputs.block.C_mc[rows])
+
+
+def delayed(inputs):
+    eo, rows = inputs.eo, inputs.eo_row
+    C = rotation_from_vector(-eo.rate_radps[rows]) @ inputs.block.C_mc
+    return with_poses(inputs, inputs.block.position_m - eo.velocity_mps[rows], C)
+
+
+def reversed_angles(inputs):
+    opk = opk_from_rotation(inputs.block.C_mc @ CV_RUB)
+    return with_poses(inputs, C=rotation_from_rpy(opk) @ CV_RUB)
+
+
+def with_ground(inputs, change):
+    block = inputs.block
+    both = {
+        kind: replace(points, position_m=change(np.array(points.position_m)))
+        for kind, points in (("control", block.control), ("check", block.check))
+    }
+    return with_block(inputs, **both)
+
+
+CASES = {
+    "y mirrored": (
+        lambda i: with_pixels(i, lambda uv, s: np.column_stack([uv[:, 0], s[1] - uv[:, 1]])),
+        "y counted upwards",
+    ),
+    "x mirrored": (
+        lambda i: with_pixels(i, lambda uv, s: np.column_stack([s[0] - uv[:, 0], uv[:, 1]])),
+        "x counted from the right",
+    ),
+    "turned by 180 deg": (
+        lambda i: with_pixels(i, lambda uv, s: s - uv),
+        r"turned by \+180 deg about its z axis",
+    ),
+    "right up back": (
+        lambda i: with_poses(i, C=i.block.C_mc @ CV_RUB),
+        r"turned by \+180 deg about its x axis",
+    ),
+    "transposed": (
+        lambda i: with_poses(i, C=np.ascontiguousarray(i.block.C_mc.swapaxes(1, 2))),
+        "transposed",
+    ),
+    "angles composed backwards": (reversed_angles, "composed in the reverse order"),
+    "degrees for radians": (
+        lambda i: with_poses(
+            i,
+            C=rotation_from_opk(np.degrees(opk_from_rotation(i.block.C_mc @ CV_RUB))) @ CV_RUB,
+        ),
+        "none of .* fits; .*another flight.*degrees for radians",
+    ),
+    "named as neighbours": (neighbours, r"each image had the pose of another.*\(-1 in the order"),
+    "two exchanged": (exchanged, r"80\d\d.tif and 80\d\d.tif .* when they are exchanged"),
+    "a second late": (delayed, r"a delay of \+1.00 s"),
+    "principal point from the middle": (
+        lambda i: with_camera(i, cx=30.4, cy=51.9),
+        "cx and cy, the principal point, counted from the middle",
+    ),
+    "easting and northing": (
+        lambda i: with_ground(i, lambda X: X[:, [1, 0, 2]]),
+        "easting and northing were exchanged",
+    ),
+    "feet": (lambda i: with_ground(i, lambda X: X / 0.3048), "in feet"),
+    "heights downwards": (lambda i: with_ground(i, lambda X: X * [1, 1, -1]), "downwards"),
+    "geoid": (
+        lambda i: with_ground(i, lambda X: X - [0.0, 0.0, 50.0]),
+        r"all of them alike, by [+-]0.\d, [+-]0.\d, -50.0 m; heights above .* \(geoid\)",
+    ),
+    "ground points of another place": (
+        lambda i: with_ground(i, lambda X: X[::-1] * [1.7, -0.6, 1.0]),
+        "check ground.crs and the names",
+    ),
+}
+
+
+QUICK = ("y mirrored", "named as neighbours", "a second late", "feet", "geoid")
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow) for c in CASES]
+)
+def test_what_does_not_belong_is_refused_by_name(case, right) -> None:
+    """Oracle: what was planted."""
+    plant, message = CASES[case]
+    with pytest.raises(DataError, match=message):
+        refuse_implausible(plant(right))
+
+
+def test_good_and_tolerable_blocks_pass(right) -> None:
+    """Oracle: nothing is wrong, or what an adjustment estimates: bore-sight, camera constant."""
+    turn = rotation_from_vector(np.radians([4.0, -3.0, 6.0]))
+    (camera,) = right.block.cameras
+    free = replace(camera, free=("f", "cx", "cy"))
+    for inputs in (
+        right,
+        with_poses(right, C=right.block.C_mc @ turn),
+        with_camera(with_block(right, cameras=(free,)), f=1.2 * camera.of("f")),
+        with_pixels(right, lambda uv, s: uv - 0.5),
+    ):
+        refuse_implausible(inputs)
+    held = with_block(right, cameras=(replace(camera, free=()),))
+    with pytest.raises(DataError, match="camera constant does not fit"):
+        refuse_implausible(with_camera(held, f=1.2 * camera.of("f")))
+
+
+def test_too_little_to_go_by(right) -> None:
+    """Oracle: of two images nothing is said, whatever their pixels are."""
+    mirrored = with_pixels(right, lambda uv, s: np.column_stack([uv[:, 0], s[1] - uv[:, 1]]))
+    seen = mirrored.block.observations
+    few = seen.image < 2
+    changed = type(seen)(seen.image[few], seen.point[few], seen.uv[few], seen.sigma_px[few])
+    refuse_implausible(with_block(mirrored, observations=changed))
+
+
+def test_one_image_is_named(right) -> None:
+    """Oracle: the image whose observations are of another scene."""
+    seen = right.block.observations
+    mine = seen.image == 7
+    draw = np.random.default_rng(3)
+    uv = np.where(mine[:, None], draw.uniform(0.0, 3800.0, seen.uv.shape), seen.uv)
+    name = right.block.images[7]
+    with pytest.raises(DataError, match=rf'observations of {name} do .* images.skip = \["{name}"'):
+        refuse_implausible(with_pixels(right, lambda *_: uv))
+
+
+def test_two_ground_points_are_named(right) -> None:
+    """Oracle: the points that have each other's coordinates."""
+    control = right.block.control
+    rows = np.arange(len(control))
+    rows[[1, 2]] = rows[[2, 1]]
+    moved = replace(control, position_m=control.position_m[rows])
+    names = [right.block.points[p] for p in control.point[[1, 2]]]
+    with pytest.raises(DataError, match=f"ground points {names[0]} and {names[1]} lie"):
+        refuse_implausible(with_block(right, control=moved))
+
+
+UNITS = {
+    "millimetres": (lambda uv, s: 0.0039 * uv, "look like millimetres"),
+    "from the middle": (lambda uv, s: uv - s / 2, "as if they counted from the middle"),
+    "exchanged": (lambda uv, s: uv[:, ::-1], "as if x and y were exchanged"),
+    "negative": (lambda uv, s: uv * [1, -1], "as if y counted upwards"),
+    "of half the size": (lambda uv, s: 2.0 * uv, "an image of 2 times the size"),
+    "of twice the size": (lambda uv, s: 0.5 * uv, "upper left quarter"),
+}
+
+
+@pytest.mark.parametrize("case", UNITS)
+def test_pixels_beside_the_image_say_as_what_they_would_fit(case, copied) -> None:
+    """Oracle: what was done to the coordinates."""
+    change, message = UNITS[case]
+    path = copied.directory / BLOCK / "image_points.csv"
+    table = read_image_points(path)
+    seen = table.observations
+    uv = change(np.array(seen.uv), np.array([5120.0, 3840.0]))
+    changed = type(seen)(seen.image, seen.point, uv, seen.sigma_px)
+    write_image_points(replace(table, observations=changed), path)
+    with pytest.raises(InputError, match=message):
+        inputs_of(copied.block, quiet)
+
+
+def test_units_and_names_of_other_files(copied) -> None:
+    """Oracle: what was done to the camera, the names, the coordinates, the header."""
+    folder = copied.directory / BLOCK
+    camera = read_camera_toml(folder / "camera.toml")
+    write_camera_toml(
+        replace(camera, interior=np.array([21.9, *camera.interior[1:]])), folder / "camera.toml"
+    )
+    with pytest.raises(InputError, match=r"camera constant f 21.9 px sees 17\d deg"):
+        inputs_of(copied.block, quiet)
+    write_camera_toml(camera, folder / "camera.toml")
+    table = (folder / "image_points.csv").read_text()
+    (folder / "image_points.csv").write_text(table.replace("\n8", "\nDSC8"))
+    with pytest.raises(InputError, match="no image of the image observations is in the orient"):
+        inputs_of(copied.block, quiet)
+    rows = [",".join(row.split(",")[:3]) for row in table.splitlines()[1:]]
+    (folder / "image_points.csv").write_text("\n".join(rows))
+    with pytest.raises(InputError, match=r"image_points.csv:1: .* does not name y"):
+        inputs_of(copied.block, quiet)
+
+
+def test_points_seen_once_are_counted(copied) -> None:
+    """Oracle: every tie point has a name of its own in each image."""
+    path = copied.directory / BLOCK / "image_points.csv"
+    head, *rows = path.read_text().splitlines()[1:]
+    split = [row.split(",") for row in rows]
+    new = [",".join([i, p if p.startswith("G") else f"{p}_{i}", *rest]) for i, p, *rest in split]
+    path.write_text("\n".join([head, *new, ""]))
+    ties = sum(not p.startswith("G") for _, p, *_ in split)
+    (note,) = [n for n in inputs_of(copied.block, quiet).notes if "measured once" in n]
+    assert note.startswith(f"{ties} of ")
+
+
+def shifted_ground(copied, metres) -> None:
+    path = copied.directory / BLOCK / "ground_points.csv"
+    ground = read_ground_points(path)
+    write_ground_points(replace(ground, position_m=ground.position_m + metres), path)
+
+
+@pytest.mark.slow
+def test_a_large_contradiction_leaves_no_orientation(copied, capsys) -> None:
+    """Oracle: a shift of half a metre of all ground points, which is named; exit 4, no eo.json."""
+    shifted_ground(copied, [0.4, -0.3, 0.0])
+    out = copied.directory / "02_Processed/Adjustment"
+    for path in out.glob("*"):
+        path.unlink()
+    assert main(["adjust", str(copied.directory / "block.toml"), "-q"]) == 4
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert re.search(r"shift of ground control of \+(39|40)\d / -(29|30)\d /", error)
+    assert "no orientation is written" in error
+    assert {path.name for path in out.iterdir()} == {"adjust.json", "adjust.html"}
+    accept = '\n[adjustment]\naccept = ["ground control", "check points"]\n'
+    path = copied.directory / "block.toml"
+    path.write_text(path.read_text() + accept)
+    assert main(["adjust", str(path), "-q"]) == 0
+    assert "CONTRADICTION" in capsys.readouterr().out
+    assert (out / "eo.json").is_file()
+
+
+@pytest.mark.slow
+def test_a_lever_arm_that_hides_in_the_bore_sight_is_told(copied) -> None:
+    """Oracle: 20 cm along the flight, which no variance component shows."""
+    eo = read_eo(copied.directory / EO)
+    moved = eo.position_m + eo.C_mc @ np.array([0.0, 0.2, 0.0])
+    write_eo_json(replace(eo, position_m=moved), copied.directory / EO)
+    result = adjust(copied.block, write=False)
+    assert result.judgement.contradicted
+    assert "a lever arm of " in result.judgement.headline
+    (trial,) = [t for t in result.judgement.trials_made if t.name == "lever arm"]
+    assert abs(trial.value[1] - 0.2) < 4.0 * trial.sigma[1] < 0.2
+
+
+def test_a_shift_of_check_points_is_found_with_its_covariance() -> None:
+    """Oracle: least squares by hand, of points that share most of their error."""
+    draw = np.random.default_rng(8)
+    A = draw.standard_normal((12, 12))
+    P = A @ A.T + np.kron(np.ones((4, 4)), np.eye(3))
+    d = np.tile([1.0, -2.0, 3.0], (4, 1))
+    checks = CheckPoints(np.arange(4), d, P, np.zeros((4, 3, 3)))
+    value, cov = checks.shift()
+    H = np.vstack([np.eye(3)] * 4)
+    assert value == pytest.approx([1.0, -2.0, 3.0])
+    assert cov == pytest.approx(np.linalg.inv(H.T @ np.linalg.inv(P) @ H))
