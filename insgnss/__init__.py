@@ -1,7 +1,7 @@
 """insgnss: raw IMU and GNSS of a mapping drone to the exterior orientation of every image.
 
 The data flow read -> prepare -> align -> filter -> smooth -> orient -> export; each step is a room
-of this package and rooms hand each other the frozen records of :mod:`insgnss.records`.
+of a wing, and wings hand each other the frozen records of :mod:`insgnss.records`.
 
 Public names
 ------------

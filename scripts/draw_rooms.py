@@ -1,9 +1,9 @@
-"""Draw docs/rooms.svg: the rooms of the package and what each stands on, read from the imports.
+"""Draw docs/rooms.svg: the wings of the package and what each imports, read from the sources.
 
     python scripts/draw_rooms.py [--out docs/rooms.svg]
 
-A room is a folder of insgnss/; an arrow says that a room imports another. Arrows that follow from
-others are left out, and so are those to `base`, `geodesy` and `records`, on which all rooms stand.
+A wing is a folder of insgnss/; an arrow says that a wing imports another. Arrows that follow from
+others are left out, and so are those to `base`, `geodesy` and `records`, which all wings import.
 """
 
 import argparse
@@ -16,35 +16,35 @@ GROUND = ("base", "geodesy", "records")
 WIDTH, HEIGHT, GAP_X, GAP_Y = 1.72, 0.46, 0.22, 0.62
 
 
-def imported_rooms(path: Path) -> set[str]:
-    """Return the rooms that a file imports, at its top or inside functions."""
+def imported_wings(path: Path) -> set[str]:
+    """Return the wings that a file imports, at its top or inside functions."""
     package = path.relative_to(PACKAGE.parent).with_suffix("").parts[:-1]
-    rooms = set()
+    wings = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.ImportFrom):
             continue
         base = list(package[: len(package) - node.level + 1]) if node.level else []
         full = [*base, *(node.module.split(".") if node.module else [])]
         names = [full] if len(full) > 1 else [[*full, alias.name] for alias in node.names]
-        rooms |= {name[1] for name in names if name[0] == "insgnss" and len(name) > 1}
-    return rooms
+        wings |= {name[1] for name in names if name[0] == "insgnss" and len(name) > 1}
+    return wings
 
 
 def stands_on() -> dict[str, set[str]]:
-    """Return what each room imports directly, less what follows from others."""
-    rooms = {p.name for p in PACKAGE.iterdir() if p.is_dir() and (p / "__init__.py").exists()}
+    """Return what each wing imports directly, less what follows from others."""
+    wings = {p.name for p in PACKAGE.iterdir() if p.is_dir() and (p / "__init__.py").exists()}
     graph = {
-        room: set().union(*(imported_rooms(p) for p in (PACKAGE / room).rglob("*.py"))) & rooms
-        for room in rooms
+        wing: set().union(*(imported_wings(p) for p in (PACKAGE / wing).rglob("*.py"))) & wings
+        for wing in wings
     }
-    graph = {room: below - {room} - set(GROUND) for room, below in graph.items()}
+    graph = {wing: below - {wing} - set(GROUND) for wing, below in graph.items()}
     reach: dict[str, set[str]] = {}
-    for room in TopologicalSorter(graph).static_order():
-        reach[room] = graph[room].union(*(reach[below] for below in graph[room]))
+    for wing in TopologicalSorter(graph).static_order():
+        reach[wing] = graph[wing].union(*(reach[below] for below in graph[wing]))
     return {
-        room: {b for b in below if not any(b in reach[other] for other in below - {b})}
-        for room, below in graph.items()
-        if room not in GROUND
+        wing: {b for b in below if not any(b in reach[other] for other in below - {b})}
+        for wing, below in graph.items()
+        if wing not in GROUND
     }
 
 
@@ -61,8 +61,8 @@ def main() -> None:
 
     graph = stands_on()
     level: dict[str, int] = {}
-    for room in TopologicalSorter(graph).static_order():
-        level[room] = 1 + max((level[below] for below in graph[room]), default=0)
+    for wing in TopologicalSorter(graph).static_order():
+        level[wing] = 1 + max((level[below] for below in graph[wing]), default=0)
     rows = [sorted(r for r in level if level[r] == k) for k in range(1, max(level.values()) + 1)]
     place: dict[str, tuple[float, float]] = {}
     for k, row in enumerate(rows, start=1):
@@ -70,8 +70,8 @@ def main() -> None:
             r: sum(place[b][0] for b in graph[r]) / len(graph[r]) if graph[r] else 0 for r in row
         }
         row = sorted(row, key=lambda r: (wish[r], r))
-        for i, room in enumerate(row):
-            place[room] = ((i - (len(row) - 1) / 2) * (WIDTH + GAP_X), k * (HEIGHT + GAP_Y))
+        for i, wing in enumerate(row):
+            place[wing] = ((i - (len(row) - 1) / 2) * (WIDTH + GAP_X), k * (HEIGHT + GAP_Y))
     span = max(len(row) for row in rows) * (WIDTH + GAP_X)
     figure, axes = plt.subplots(figsize=(span + 0.3, (len(rows) + 1) * (HEIGHT + GAP_Y)))
     style = {"boxstyle": "round,pad=0.02,rounding_size=0.08", "linewidth": 1.0}
@@ -83,9 +83,9 @@ def main() -> None:
         )
         axes.text(x, y + HEIGHT / 2, text, ha="center", va="center", fontsize=11, color="#1b2733")
 
-    for room, below in graph.items():
+    for wing, below in graph.items():
         for other in below:
-            (x0, y0), (x1, y1) = place[room], place[other]
+            (x0, y0), (x1, y1) = place[wing], place[other]
             arrow = {
                 "arrowstyle": "-|>",
                 "color": "#8aa0b5",
@@ -94,13 +94,13 @@ def main() -> None:
                 "shrinkB": 0,
             }
             axes.annotate("", (x1, y1 + HEIGHT + 0.03), (x0, y0 - 0.02), arrowprops=arrow)
-    for room, (x, y) in place.items():
-        box(x, y, WIDTH, room, "#e8f0f7")
+    for wing, (x, y) in place.items():
+        box(x, y, WIDTH, wing, "#e8f0f7")
     box(
         0,
         0,
         span - GAP_X,
-        "base    geodesy    records        (every room stands on these)",
+        "base    geodesy    records        (every wing stands on these)",
         "#d5e3ee",
     )
     axes.set_xlim(-span / 2, span / 2)

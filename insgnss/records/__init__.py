@@ -1,4 +1,4 @@
-"""The frozen tables that rooms hand to each other, checked once, at birth.
+"""The frozen tables that wings hand to each other, checked once, at birth.
 
 A record holds contiguous float64 arrays that nobody writes to again. Its construction refuses wrong
 shapes, values that are not finite and time that does not increase, naming the record, the field,

@@ -1,10 +1,10 @@
 """What a user can ask for: the options of a flight, each stated once, and the file that gives them.
 
-`schema` says what an option declares. `flight_file`, `imu_options`, `gnss_options`, `ppk_options`,
-`camera_options`, `filter_options` and `covariance` declare all of them, as the dataclasses that the
-rooms work with. `load` reads a flight file into them, by the readers of `values` and `kinds`;
-`keys` takes old names and shared files; `resolve` writes everything out again. `document` renders
-the page data_specs/flight_file.md, and `command_line` the arguments of a verb, from the same
-declarations.
+`io.options.schema` says what an option declares. `flight_file`, `imu_options`, `gnss_options`,
+`filter_options`, `camera_options` of io.options, `ppk_options` and `covariance_model` of gnss
+declare all of them, as the dataclasses that the wings work with. `load` reads a flight file into
+them, by the readers of `values` and `kinds`; `keys` takes old names and shared files; `resolve`
+writes everything out again. `document` renders the page data_specs/flight_file.md, and
+`command_line` the arguments of a verb, from the same declarations.
 Importing the declarations loads the standard library only.
 """

@@ -1,3 +1,3 @@
-"""From recordings to a noise model: read, check, wavelet variances, fit, inference, verdict, files.
-Stands above the rooms.
+"""From recordings to a noise model: read, check, wavelet variances, fit, inference, verdict,
+files.
 """
