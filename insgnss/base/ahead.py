@@ -30,7 +30,7 @@ from .beside import processors
 from .compilation import end_turn, take_turn, unkept
 
 KERNELS = Path(__file__).with_name("kernels.json")
-ROOMS = "navigation.", "calibrate.", "diagnosis."
+ROOMS = "navigation.filter.", "navigation.innovations.", "navigation.diagnosis."
 """Whose kernels are compiled beside: a run needs those of other rooms before a helper has begun."""
 HELPERS = 2  # processes: beside `run_forward`, which takes half of all compiling, one for the rest
 _started: list["subprocess.Popen[bytes]"] = []

@@ -13,8 +13,8 @@ import insgnss
 
 BASE = Path(insgnss.__file__).parent / "base"
 OUTER = """
-from ..base.compilation import njit
-from ..calibrate.inner import inner
+from ...base.compilation import njit
+from ...calibrate.inner import inner
 @njit(cache=True)
 def outer(x):
     return 10.0 * inner(x)
@@ -27,7 +27,7 @@ def inner(x):
 """
 START = """
 from house.base import ahead
-from house.navigation.outer import outer
+from house.navigation.filter.outer import outer
 ahead.processors = lambda: 2
 ahead.compile_ahead()
 ahead.compile_ahead()
@@ -56,13 +56,13 @@ def start(
 ) -> Callable[..., "subprocess.Popen[str]"]:
     """A process that has a kernel compiled ahead, whose callee is in another directory."""
     house = tmp_path / "house"
-    for name in ("", "base", "navigation", "calibrate"):
+    for name in ("", "base", "navigation", "navigation/filter", "calibrate"):
         (house / name).mkdir()
         (house / name / "__init__.py").write_text("")
     for name in ("advance", "ahead", "beside", "compilation"):
         (house / "base" / f"{name}.py").write_bytes((BASE / f"{name}.py").read_bytes())
-    (house / "base" / "kernels.json").write_text('{"navigation.outer.outer": ["f8"]}')
-    (house / "navigation" / "outer.py").write_text(OUTER)
+    (house / "base" / "kernels.json").write_text('{"navigation.filter.outer.outer": ["f8"]}')
+    (house / "navigation" / "filter" / "outer.py").write_text(OUTER)
     (house / "calibrate" / "inner.py").write_text(INNER)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
@@ -90,7 +90,9 @@ def test_the_main_line_takes_what_helpers_compiled(start, tmp_path):
 def test_a_helper_that_fails_costs_nothing(start, tmp_path):
     """Oracle: 10 (1 + 1), by hand, compiled by the main line."""
     (tmp_path / "house" / "base" / "kernels.json").write_text(
-        '{"navigation.outer.outer": ["f8"], "navigation.none": []}'.replace('"f8"', '"i8", "i8"')
+        '{"navigation.filter.outer.outer": ["f8"], "navigation.filter.none": []}'.replace(
+            '"f8"', '"i8", "i8"'
+        )
     )
     printed, _ = start(START + END).communicate(timeout=120)
     assert printed.splitlines()[1] == "20.0 0"
