@@ -1,7 +1,6 @@
 """From a flight file to its products: the steps of a run, in the order of `pipeline`.
 
 pipeline            the one place that knows the order: `process`
-demo                the same on a simulated flight, compared with its truth
 inspect             the checks of a recording alone
 input_files         the files of a flight as records
 recording           the observations on one clock, checked

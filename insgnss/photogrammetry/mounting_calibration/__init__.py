@@ -1,7 +1,7 @@
 """What stands behind `insgnss calibrate tripod | similarity | materialise | mounting`: files in, a
 verdict on each component of the mounting, `mounting.toml` and a page out.
 
-The formulas of the first three stand in `insgnss.navigation.innovations`; here files are read and
+The formulas of the first three stand in `insgnss.photogrammetry.lever_arm`; here files are read and
 joined by names (`poses`), what does not belong together is named (`readings`), and results become
 products (`products`). `calibrate mounting` has its adjustment here, since it processes the flight:
 
