@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 MODULES = sorted((ROOT / "insgnss").rglob("*.py"))
+WINGS = sorted(path.parent.name for path in (ROOT / "insgnss").glob("*/__init__.py"))
 
 # retired word: the standard term that took its place
 PARTS = {  # wherever it stands in a name
@@ -143,3 +146,16 @@ def test_glossary_points_at_what_is_there() -> None:
         text = (ROOT / "docs" / page).read_text(encoding="utf-8")
         missing = [p for p in re.findall(r"`(insgnss/[\w./]+)`", text) if not (ROOT / p).exists()]
         assert missing == [], page
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_docstring_of_a_wing_points_at_what_is_there(wing: str) -> None:
+    """Oracle: the directory's listing; a bare name is beside the path before it."""
+    folder = beside = ROOT / "insgnss" / wing
+    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    for name in re.findall(r"`([\w./]+/[\w.]*|\w+\.(?:py|json))`", text):
+        places = [base / name for base in (folder, ROOT, beside) if (base / name).exists()]
+        assert places, name
+        beside = places[-1] if places[-1].is_dir() else places[-1].parent
+    rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
+    assert not [room for room in sorted(rooms) if f"{room}/" not in text]
