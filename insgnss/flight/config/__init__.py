@@ -3,8 +3,8 @@
 `io.options.schema` says what an option declares. `flight_file`, `imu_options`, `gnss_options`,
 `filter_options`, `camera_options` of io.options, `ppk_options` and `covariance_model` of gnss
 declare all of them, as the dataclasses that the wings work with. `load` reads a flight file into
-them, by the readers of `values` and `kinds`; `keys` takes old names and shared files; `resolve`
-writes everything out again. `document` renders the page data_specs/flight_file.md, and
-`command_line` the arguments of a verb, from the same declarations.
+them, by the readers of `values` and `kinds`; `keys` takes shared files and changes, and
+`Flight.resolved` writes everything out again. `scripts/render_options.py` renders the page
+data_specs/flight_file.md, `command_line` the arguments of a verb, from the same declarations.
 Importing the declarations loads the standard library only.
 """
