@@ -178,8 +178,8 @@ def test_products_take_blas_without_the_package_around_it(house, monkeypatch):
     """
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     (house / "product.py").write_text(PRODUCT)
-    text = (BASE.parent / "navigation" / "kernels" / "blas.py").read_text()
-    (house / "blas.py").write_text(text.replace("...base.compilation", ".compilation"))
+    text = (BASE.parent / "navigation" / "filter" / "kernels" / "blas.py").read_text()
+    (house / "blas.py").write_text(text.replace("....base.compilation", ".compilation"))
     run = "import sys, numpy as np; from house.blas import link_blas; link_blas(); "
     run += "from house.product import product; A = np.arange(4.0).reshape(2, 2); y = product(A); "
     there = "print(y, *(name in sys.modules for name in ('scipy.linalg', 'numba.np.arrayobj')))"

@@ -59,12 +59,12 @@ def test_compiling_ahead_fills_the_cache_and_names_what_fails(
     """Oracle: the files; a kernel by hand that does not exist."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
-    listed = {"formats.text._kernels.count_newlines": ["u1 1 C"]}
+    listed = {"io.formats.text._kernels.count_newlines": ["u1 1 C"]}
     steps: list[str] = []
     finding = compiling.compile_all(steps.append, listed)
     assert (finding.verdict, finding.value[:4]) == ("good", "1 in")
     assert steps[-1] == "compiled 1 of 1 kernels"
     assert len(list((tmp_path / "cache").rglob("*count_newlines*.nbc"))) == 1
-    finding = compiling.compile_all(steps.append, listed | {"formats.text._kernels.none": []})
+    finding = compiling.compile_all(steps.append, listed | {"io.formats.text._kernels.none": []})
     assert finding.verdict == "defect"
-    assert "formats.text._kernels.none" in finding.value
+    assert "io.formats.text._kernels.none" in finding.value

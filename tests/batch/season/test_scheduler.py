@@ -99,7 +99,7 @@ def test_a_scheduler_killed_in_the_middle_leaves_table_page_and_one_line(
                 program.send_signal(signal.SIGKILL)
                 break
         _, errors = run.communicate(timeout=60)
-    assert run.returncode == 4
+    assert run.returncode == 4, errors
     assert errors.count("\n") == 1
     assert f"--scheduler {address}: the scheduler ended or is no longer reached" in errors
     found = [row["status"] for row in read_season(tmp_path / "season.csv")]
