@@ -170,8 +170,12 @@ def _arriving(
             time.sleep(POLL_S)
             continue
         for future in arriving.next_batch(block=False):
-            outcome = _outcome(future, futures[future], time.monotonic() - start)
-            if future.status == "cancelled":  # as all are, once the connection is lost
+            try:
+                outcome = _outcome(future, futures[future], time.monotonic() - start)
+                is_lost = future.status == "cancelled"  # as all are, once the connection is lost
+            except OSError:  # lost while the result was fetched
+                is_lost = True
+            if is_lost:
                 raise DataError(
                     f"--scheduler {scheduler}: the scheduler ended or is no longer reached, {left}"
                     " of the flights are left; start it and its workers and give the same command"
