@@ -100,7 +100,7 @@ def main() -> None:
         0,
         0,
         span - GAP_X,
-        "base    geodesy    records        (every wing stands on these)",
+        "base   geodesy   records   (below every wing)",
         "#d5e3ee",
     )
     axes.set_xlim(-span / 2, span / 2)
