@@ -18,7 +18,7 @@ Where to look
     how a chart becomes a picture: `charts/chart.py` (what a chart is); PNG, PDF, SVG by `drawn.py`
         and `artists.py`, `insgnss figures` by `files.py` there
     the table of images and its flags: `image_table.py`, shown by `Table` in `assets/report.js`
-    the colour of the bar and its reason: `mood.py`
+    the colour of the bar and its reason: `rules/use.py`
     satellites, ratio, age, PDOP of fixes: `fix_series` in `charts/gnss.py`; line by line
         `line_fixes.py`
     the sentence on fixes minus solution: `residuals` of `rules/fixes.py`

@@ -19,7 +19,7 @@ from .charts.encoded import script_safe
 from .charts.run import charts
 from .image_table import image_table, track
 from .markup import charted, document, embedded, escape, folded, table, with_contents
-from .mood import mood
+from .rules.use import mood
 from .rules.wording import millimetres
 from .sections import (
     constants,
@@ -34,7 +34,7 @@ from .summary import plain
 
 LONG_LIST = 40  # rows: a longer list of keys is folded
 SHORT = {  # what the list of contents calls the sections; nothing: not in the list
-    "what-limits-this-flight": "What limits it",
+    "remarks": "Remarks",
     "map": "Map",
     "image-by-image": "Images",
     "line-by-line": "Lines",
@@ -119,10 +119,8 @@ def page(
     data : what the script needs besides by name: "images" and "track" of `image_table`.
     """
     verdict, reason = mood(summary)
-    why = (
-        f'<p class="reason {verdict}"><strong>{verdict.capitalize()}</strong>:'
-        f" {escape(reason)}.</p>\n"
-    )
+    word = summary["use"]["sentence"]
+    why = f'<p class="reason {verdict}"><strong>{escape(word)}</strong>: {escape(reason)}.</p>\n'
     body = "".join(_body(summary, shown, "images" in data))
     blocks = (embedded(name, script_safe(block)) for name, block in data.items())
     return document(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Row, escape, explained, folded, sentence, table, three
+from .rules.use import USE
 from .rules.verdict import MOST_SENTENCES
 from .rules.wording import lengths, millimetres
 
@@ -34,24 +35,22 @@ FIXED = explained(
     " (decimetres)",
 )
 
+NO_MATTER = "These change no image beyond the accuracy that is needed."
 FEW = 3  # remarks that need not be folded away
 
 
 def limits(s: Summary) -> str:
-    """Sentences on what limits the flight, the most important first, each with what would help.
+    """Remarks on the flight, the most important first, each with what would help.
 
-    Many remarks behind a line.
+    Many of them stand behind a line.
     """
     listed: Sequence[Mapping[str, Any]] = s["limits"]
-    first = (
-        ""
-        if any(x["rank"] >= 1.0 for x in listed)
-        else f"<p>{escape(sentence(s['verdict'][0]))}</p>\n"
-    )
+    usable = s["use"]["verdict"] == USE
+    first = f'<p class="soft">{escape(NO_MATTER)}</p>\n' if usable and listed else ""
     matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SENTENCES]
     others = [x for x in listed if x not in matter]
     out = (
-        "<h2>What limits this flight</h2>\n"
+        "<h2>Remarks</h2>\n"
         + first
         + (f"<ol>\n{''.join(map(_limit, matter))}</ol>\n" if matter else "")
     )

@@ -17,6 +17,7 @@ from ..records import Diagnostics, ExteriorOrientation, StateVerdict
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
+from .rules.use import Places, stated_need, use
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import AXES, DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from .statistics import (
@@ -80,8 +81,23 @@ def run_summary(
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
     ranked = limits(figures)
-    listed = [asdict(limit) for limit in ranked]
-    return {"headline": headline(figures), "verdict": verdict(ranked), "limits": listed} | figures
+    figures["use"] = use(figures, _places(diagnostics, eo), *stated_need(flight.get("output")))
+    said = {
+        "headline": f"{figures['use']['sentence']}: {headline(figures)}",
+        "verdict": verdict(ranked),
+        "limits": [asdict(limit) for limit in ranked],
+    }
+    return said | figures
+
+
+def _places(d: Diagnostics, eo: ExteriorOrientation | None) -> Places:
+    """Return what is judged: the images, or without any the epochs of the trajectory."""
+    if eo is not None and eo.images:
+        position, psi = image_sigmas(eo)
+        return Places(eo.time, position, np.degrees(psi), eo.images)
+    of_enu = [1, 0, 2]
+    sigma = d.smoothed_sigma
+    return Places(d.time, sigma[:, :3][:, of_enu], np.degrees(sigma[:, 6:9][:, of_enu]))
 
 
 def plain(value: Any) -> Any:

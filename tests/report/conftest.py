@@ -89,14 +89,14 @@ def make_eo(first_heading_deg: float = 0.02) -> ExteriorOrientation:
 
 
 def summarise(
-    diagnostics: Diagnostics, eo: ExteriorOrientation | None, name: str = "ign8"
+    diagnostics: Diagnostics, eo: ExteriorOrientation | None, name: str = "ign8", **more: Any
 ) -> dict[str, Any]:
     """Summary with a small flight file around it."""
     flight = {
         "name": name,
         "gps_week": 2008,
         "imu": {"file": "imu.csv", "units": {"gyro": "rad/s"}, "columns": None},
-    }
+    } | more
     return run_summary(
         diagnostics,
         eo,

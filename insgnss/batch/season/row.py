@@ -49,7 +49,7 @@ def row_of(report: Mapping[str, Any]) -> Row:
     dict
         None for what it does not hold.
     """
-    from ...report.mood import mood
+    from ...report.rules.use import mood
 
     exposures = report.get("exposures") or {}
     position = (exposures.get("position_mm") or {}).get("median") or [None] * 3

@@ -40,6 +40,7 @@ from ...io.options.schema import (
     register,
     swapped,
 )
+from ...report.rules.use import NEEDS
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
@@ -219,6 +220,23 @@ class Output:
         unit="Hz",
         low=1e-3,
         high=1e4,
+    )
+    need: str | None = option(
+        None,
+        'accuracy that the images are wanted with: "control" (no ground control: 30, 30, 50 mm and'
+        ' 0.02, 0.02, 0.05 deg) or "start values" for an adjustment (1 m, 1 and 2 deg); without any'
+        " need the measure is what receiver and IMU give where all is well",
+        kind="choice",
+        choices=tuple(NEEDS),
+    )
+    need_m: Triple | None = option(
+        None, "wanted standard deviations east, north, up of the images", kind="sigmas", unit="m"
+    )
+    need_deg: Triple | None = option(
+        None,
+        "the same of the rotations about these axes: two of tilt, and heading",
+        kind="sigmas",
+        unit="deg",
     )
     crs: str | None = option(
         None,

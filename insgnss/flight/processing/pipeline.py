@@ -61,6 +61,8 @@ from .segment_checks import (
 )
 from .solve_segments import PreparedFlight, prepare_segments, solve_segments
 
+MOST_REMARKS = 3  # on the terminal; the page has all
+
 
 @dataclass(frozen=True, repr=False)
 class ProcessResult:
@@ -120,7 +122,8 @@ class ProcessResult:
         """Return a few lines for the terminal."""
         exports = self.report.get("exports", ())
         notes = dict.fromkeys(note for export in exports for note in export["notes"])
-        lines = [self.report["headline"], *self.report["verdict"]]
+        remarks = (f"remark: {text}" for text in self.report["verdict"][:MOST_REMARKS])
+        lines = [self.report["headline"], *self.report["use"]["reasons"], *remarks]
         lines += [f"note: {note}" for note in notes]
         lines += [f"wrote {file}" for file in self.files]
         return "\n".join(lines)

@@ -203,6 +203,11 @@ def gyro_bias(f: Figures) -> Iterator[Limit]:
     )
 
 
+def arm_states(f: Figures) -> list[Figures]:
+    """Return the states of the lever arm's error."""
+    return [state for state in f["states"] if state["name"].startswith(LEVER_ARM)]
+
+
 def lever_arm(f: Figures) -> Iterator[Limit]:
     """Yield a lever arm that was estimated far from what the mounting states.
 
@@ -210,7 +215,7 @@ def lever_arm(f: Figures) -> Iterator[Limit]:
     wrong, it cannot tell, and the images stand with that of the IMU. Who states a sigma that holds
     the departure says that it is the antenna's.
     """
-    arm = [state for state in f["states"] if state["name"].startswith(LEVER_ARM)]
+    arm = arm_states(f)
     if f["exposures"] is None or f["standing"] or not arm or "mounting" not in f["flight"]:
         return
     mounting, options = f["flight"]["mounting"], f["flight"]["filter"]

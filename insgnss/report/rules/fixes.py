@@ -58,16 +58,6 @@ def judged(consistency: Figures) -> str:
     return str(consistency["verdict"])
 
 
-def contradicted(f: Figures) -> bool:
-    """Return whether parts of the flight contradict the sigmas.
-
-    They do where the covariance was reset, where forward and backward disagree, or where the
-    solution leaves its own fixes.
-    """
-    somewhere = (_apart(f), separation_once(f), residuals(f))
-    return bool(f["covariance_resets_s"]) or any(any(limits) for limits in somewhere)
-
-
 def residuals(f: Figures) -> Iterator[Limit]:
     """Yield the minute in which the solution is farthest from its own fixes, beyond all claims."""
     r = f["residuals"]

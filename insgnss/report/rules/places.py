@@ -58,17 +58,17 @@ def _on_line(
     median = _median([other[key] for other in f["lines"]])
     images = f", {image_range(line)}" if line["images"] else ""
     where = f"line {line['line']} ({span(line['start_s'], line['end_s'])}{images})"
-    why, help_ = _why(f, line)
+    reason, help_ = why(f, line)
     text = f"{name} sigma {form(line[key])} on {where}, {form(median)} in the median of the lines"
     rank = _ratio(f, line, key)
     yield (
-        Limit(name, rank, f"{text}: {why}", help_)
+        Limit(name, rank, f"{text}: {reason}", help_)
         if rank > 1.0
         else Limit(name, rank, f"weakest line: {text}")
     )
 
 
-def _why(f: Figures, line: Figures) -> tuple[str, str]:
+def why(f: Figures, line: Figures) -> tuple[str, str]:
     """Why a line is weak, and what would help."""
     outage = _outage_on(f, line)
     if outage is not None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
-from .fixes import contradicted, judged, residuals
+from .fixes import judged
 from .wording import Figures, Limit, degrees, lengths, tilt
 
 MOST_SENTENCES = 8
@@ -81,12 +81,7 @@ def headline(figures: Figures) -> str:
         "conservative": "the innovations are smaller than they say",
         "unknown": "no fix supports them",
     }[judged(figures["consistency"]["position"])]
-    if contradicted(figures):
-        support = "but parts of the flight contradict them"
-    elif any(rules_accuracy.lever_arm(figures)):
-        support = f"but {rules_accuracy.EITHER_WRONG}, by its lever arm"
-    text = f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
-    return "; ".join([*(limit.text for limit in residuals(figures)), text])
+    return f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
 
 
 def _images(count: int) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...base.units import STANDARD_GRAVITY
+from ...geodesy.gpstime import calendar_from_gps
 
 Figures = Mapping[str, Any]
 
@@ -60,6 +61,14 @@ def degrees(x: float) -> str:
 def span(start: float, end: float) -> str:
     """A piece of the flight by its time of week."""
     return f"TOW {start:.1f} to {end:.1f} s"
+
+
+def at_time(f: Figures, tow: float) -> str:
+    """Return an instant as clock time and time of week; without a week as the latter alone."""
+    week = f["span"]["gps_week"]
+    if week is None:
+        return f"TOW {tow:.1f} s"
+    return f"{calendar_from_gps(week, tow):%H:%M:%S} UTC (TOW {tow:.1f} s)"
 
 
 def tilt(attitude: Sequence[float]) -> float:

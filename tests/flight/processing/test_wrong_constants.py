@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.report.mood import mood
+from insgnss.report.rules.use import mood
 
 
 @pytest.fixture(scope="module")
@@ -242,7 +242,7 @@ def test_a_wrong_place_of_the_imu_does_not_end_calmly(sim):
     estimated = run(sim, mounting=wrong, filter__lever_arm=True)
     assert np.abs(normalised(sim, estimated)).max() > 10.0
     assert "the place of the images is in doubt" in estimated.report["headline"]
-    assert mood(estimated.report)[0] == "doubtful"
+    assert mood(estimated.report)[0] == "bad"
 
 
 def test_a_sigma_that_cannot_be_is_refused():

@@ -1,0 +1,386 @@
+"""Which images of a flight can be used: `use` of report.json, and the colour of the page.
+
+An image can be used where the standard deviations of its exterior orientation are within a need,
+component by component: positions east, north, up in m, rotations about these axes in deg. They are
+those of the result, enlarged by what the flight itself holds against them,
+
+    s' = sqrt((k s)^2 + d^2)                                                                  (U.1)
+
+with k the factor by which innovations or the separation of forward and backward exceed what the
+sigmas promise, and d the length by which the flight's own data stand off, each for the images that
+it concerns. A remark that lifts no image beyond its need changes nothing for their user.
+
+The flight file states the need (`output.need_m`, `output.need_deg`). Without it the measure is what
+this receiver and this IMU give where all is well: an image is known at least as well as a single
+fix is predicted (`NEED_OF_FIX`), and no worse than `NEED_OF_MEDIAN` times the median image, or than
+the tilt and heading of a good flight (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import accuracy, fixes, places
+from .wording import Figures, at_time, degrees, lengths, millimetres
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+USE, EXCEPT, NO = "use", "except", "no"
+PHRASES = {USE: "Use it", EXCEPT: "Use it except", NO: "Do not use it"}
+MOODS = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
+STATED, USUAL = "stated", "receiver and IMU"  # which need was taken
+
+NEED_OF_FIX = 1.5  # needed sigma over that of a predicted fix: a smoothed image is below 1
+NEED_OF_MEDIAN = 3.0  # needed sigma over the median image's: three times less is another flight
+CHANCE = 3.0  # sigmas of a disagreement at one instant that chance explains: the rest enlarges
+AROUND_S = 60.0  # on both sides of such an instant: fixes and IMU drift for seconds to minutes
+RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the fixes by then
+MOST_PLACES = 4  # of weak images that get a sentence each
+FAR = math.inf  # d of (U.1) where nothing bounds it
+AXES = ("east", "north", "up")
+OPEN = "exposure clock"  # check whose note asks what no data of the flight can answer
+NEEDS = {  # by `output.need`: m east, north, up, and deg about these axes
+    "control": ((0.03, 0.03, 0.05), (0.02, 0.02, 0.05)),  # no ground control: a few cm, half a px
+    "start values": ((1.0, 1.0, 1.0), (1.0, 1.0, 2.0)),  # what a bundle adjustment converges from
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """What the flight holds against the sigmas of its images, by (U.1).
+
+    Parameters
+    ----------
+    text, help : str
+        What is the case, and what to do about it.
+    position, attitude : float or ndarray
+        k of the positions east, north, up and of the rotations.
+    moves_m : float or ndarray
+        d of the positions.
+    span : tuple of float, optional
+        First and last instant, s, of the images that it concerns; None: all.
+    """
+
+    text: str
+    help: str = ""
+    position: "float | Array" = 1.0
+    attitude: float = 1.0
+    moves_m: "float | Array" = 0.0
+    span: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """What is judged: the images, or without a camera the epochs of the trajectory.
+
+    Parameters
+    ----------
+    time : ndarray
+        (n,) s, GPST.
+    position_m, attitude_deg : ndarray
+        (n, 3) standard deviations in the axes east, north, up.
+    names : sequence of str
+        Of the images; empty without a camera.
+    """
+
+    time: Array
+    position_m: Array
+    attitude_deg: Array
+    names: Sequence[str] = ()
+
+    def within(self, span: tuple[float, float] | None) -> Rows:
+        """Return which are within a span of time."""
+        if span is None:
+            return np.ones(self.time.size, bool)
+        return (self.time >= span[0]) & (self.time <= span[1])
+
+    def listed(self, rows: Rows) -> str:
+        """Return how many and which they are, in words."""
+        index = np.flatnonzero(rows)
+        if not self.names:
+            return f"{index.size / self.time.size:.0%} of the trajectory"
+        count = f"{index.size} image{'' if index.size == 1 else 's'}"
+        if index.size == self.time.size:
+            return f"all {count}" if index.size > 1 else count
+        first, last = self.names[index[0]], self.names[index[-1]]
+        return f"{count} ({first})" if index.size == 1 else f"{count} ({first} ... {last})"
+
+
+def stated_need(output: Figures | None) -> tuple[Any, Any]:
+    """Return the needs of a resolved table [output]: m and deg; None for what it does not state."""
+    output = output or {}
+    preset = NEEDS.get(output.get("need") or "", (None, None))
+    stated = output.get("need_m"), output.get("need_deg")
+    return tuple(s or p for s, p in zip(stated, preset, strict=True))  # type: ignore[return-value]
+
+
+def mood(report: Figures) -> tuple[str, str]:
+    """Return the colour of a report, "good", "doubtful" or "bad", and why, without full stop."""
+    judged = report["use"]
+    if judged["reasons"] and judged["verdict"] != USE:
+        return MOODS[judged["verdict"]], "; ".join(judged["reasons"])
+    needs = (
+        f"{lengths([1e3 * x for x in judged['need_m']])} and"
+        f" {' / '.join(f'{x:.2g}' for x in judged['need_deg'])} deg (east, north, up)"
+    )
+    measure = (
+        "as the flight file states it"
+        if judged["measure"] == STATED
+        else (
+            "what this receiver and this IMU give where all is well; output.need_m states another"
+        )
+    )
+    return MOODS[USE], f"every image is known to {needs} or better: {measure}"
+
+
+def use(
+    f: Figures,
+    judged: Places,
+    need_m: Sequence[float] | None = None,
+    need_deg: Sequence[float] | None = None,
+) -> dict[str, Any]:
+    """Return whether and for which images a flight can be used.
+
+    Parameters
+    ----------
+    f : mapping
+        Figures of the run, of `summary`.
+    judged : Places
+        The images, or the epochs of the trajectory.
+    need_m, need_deg : sequence of float, optional
+        (3,) needed standard deviations of positions, m, and rotations, deg; east, north, up.
+
+    Returns
+    -------
+    dict
+        `verdict` ("use", "except", "no"), `sentence`, `images` (names of those not to be used),
+        `reasons`, `need_m`, `need_deg` and `measure` (where the needs are from).
+    """
+    usual = _usual_need(f, judged)
+    needs = [
+        np.array(n if s is None else s) for n, s in zip(usual, (need_m, need_deg), strict=True)
+    ]
+    needed = np.hstack(needs)
+    sigma = np.hstack([judged.position_m, judged.attitude_deg])
+    weak = (sigma > needed).any(axis=1)
+    reasons = list(_weak(f, judged, sigma, needed))
+    doubts = list(_doubts(f))
+    factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
+    for doubt in doubts:
+        k, d = _enlarged(doubt, judged)
+        factor, moved = np.maximum(factor, k), np.hypot(moved, d)
+    beyond = (np.hypot(factor * sigma, moved) > needed).any(axis=1)
+    for doubt in doubts:
+        concerned = beyond & judged.within(doubt.span)
+        k, d = _enlarged(doubt, judged)
+        if (concerned & (np.hypot(k * sigma, d) > needed).any(axis=1) & ~weak).any():
+            reasons.append(f"{doubt.text} ({judged.listed(concerned)}); {doubt.help}")
+    against = list(_against(f))
+    verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
+    return {
+        "verdict": verdict,
+        "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
+        "images": [judged.names[i] for i in np.flatnonzero(beyond)] if judged.names else [],
+        "reasons": [*against, *reasons],
+        "need_m": needs[0].tolist(),
+        "need_deg": needs[1].tolist(),
+        "measure": USUAL if need_m is None and need_deg is None else STATED,
+    }
+
+
+def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
+    """Return what receiver and IMU give where all is well: m and deg, east, north, up."""
+    median_m = np.median(judged.position_m, axis=0)
+    median_deg = np.median(judged.attitude_deg, axis=0)
+    good = [accuracy.GOOD_TILT_DEG, accuracy.GOOD_TILT_DEG, accuracy.GOOD_HEADING_DEG]
+    need_deg = np.maximum(NEED_OF_MEDIAN * median_deg, good)
+    predicted = f["innovations"]["median_sigma_mm"]
+    if predicted is None or f["standing"]:
+        return NEED_OF_MEDIAN * median_m, need_deg
+    most = 0.5 * f["counts"]["fixes"]
+    slow = [np.square(e["sigma_m"]) for e in f["time_correlated_errors"] if e["fixes"] > most]
+    north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow))
+    return NEED_OF_FIX * np.array([east, north, down]), need_deg
+
+
+def _enlarged(doubt: Doubt, judged: Places) -> tuple[Array, Array]:
+    """Return k and d (n, 6) of (U.1) of one doubt."""
+    rows = judged.within(doubt.span)
+    k, d = np.ones((judged.time.size, 6)), np.zeros((judged.time.size, 6))
+    k[rows, :3], k[rows, 3:], d[rows, :3] = doubt.position, doubt.attitude, doubt.moves_m
+    return k, d
+
+
+def _against(f: Figures) -> Iterator[str]:
+    """Yield what forbids the use of all images, whatever their sigmas are."""
+    for check in f["checks"]:
+        if check["verdict"] == "contradiction":
+            advice = f"; {check['advice']}" if check["advice"] else ""
+            yield (
+                f"the check of {check['name']} contradicts the input: {check['found']} (expected:"
+                f" {check['expected']}){advice}"
+            )
+        elif check["verdict"] == "note" and check["name"] == OPEN:
+            yield f"{check['name']}: {check['found']}; {check['advice']}"
+    if not f["counts"]["fixes_used"]:
+        yield "no GNSS position was used, nothing supports the images; check clock, axes and week"
+
+
+def _doubts(f: Figures) -> Iterator[Doubt]:
+    """Yield what the flight holds against its sigmas, and what that does to the images."""
+    if f["standing"]:
+        return
+    for quantity in ("position", "velocity"):
+        c = f["consistency"][quantity]
+        if c is not None and fixes.judged(c) == "overconfident":
+            k = c["size"]
+            text = (
+                f"the GNSS {'positions' if quantity == 'position' else quantity[:-1] + 'ies'}"
+                f" scatter {k:.1f} times as much as their sigmas say, and so may the images"
+            )
+            yield Doubt(
+                text,
+                "check lever arm and clocks, then raise the sigmas of the fixes",
+                k if quantity == "position" else 1.0,
+                k,
+            )
+    yield from _separations(f)
+    yield from _whiteness(f)
+    r = f["residuals"]
+    for piece in r["pieces"] if r is not None else ():
+        mean, sigma = np.array(piece["mean_mm"]), np.array(piece["sigma_mm"])
+        off = np.where(np.abs(mean) > r["limit"] * sigma, np.abs(mean), 0.0)
+        if off.any():
+            yield Doubt(
+                f"the trajectory stands off its own GNSS positions by {millimetres(off.max())} in"
+                f" the mean of {_span(f, piece['begin_s'], piece['end_s'])}",
+                "find out what happened there before these images are used",
+                moves_m=1e-3 * off[[1, 0, 2]],
+                span=(piece["begin_s"], piece["end_s"]),
+            )
+    for time in f["covariance_resets_s"]:
+        yield Doubt(
+            f"the filter lost the GNSS positions before {at_time(f, time)} and began anew there",
+            "look at the GNSS positions before this time: jumps are the receiver's",
+            moves_m=FAR,
+            span=(time - RESET_S, time + RESET_S),
+        )
+    if any(accuracy.lever_arm(f)):
+        off = {s["name"].rsplit(" ", 1)[-1]: abs(s["value"]) for s in accuracy.arm_states(f)}
+        level = math.hypot(off.get("forward", 0.0), off.get("right", 0.0))
+        yield Doubt(
+            "the lever arm from the IMU to the antenna is not what the mounting states, and the"
+            " flight cannot determine whether imu_m or antenna_m is wrong",
+            "measure both; mounting.antenna_sigma_m says how well the antenna's place is known",
+            moves_m=np.array([level, level, off.get("down", 0.0)]),
+        )
+
+
+def _separations(f: Figures) -> Iterator[Doubt]:
+    """Yield the disagreement of forward and backward: on the whole, or at one instant."""
+    separation = f["separation"]
+    k = {}
+    for state, ratios in separation["normalised_rms"].items():
+        limits = [max(fixes.SEPARATION_MATTERS, b or 0.0) for b in separation["bound"][state]]
+        beyond = [r for r, limit in zip(ratios, limits, strict=True) if r and r > limit]
+        k[state] = max(beyond, default=1.0)
+    if max(k.values()) > 1.0:
+        yield Doubt(
+            f"the solutions forward and backward in time disagree by {max(k.values()):.1f} times"
+            " what their sigmas say",
+            "check the IMU's noise model, the sigmas of the fixes, lever arm and clocks",
+            k["position"],
+            max(k["attitude"], k["velocity"]),
+        )
+        return
+    largest = separation["largest"]
+    if largest is not None and largest["sigmas"] > fixes.SEPARATION_ONCE:
+        once = largest["sigmas"] / CHANCE
+        yield Doubt(
+            f"the solutions forward and backward in time disagree by {largest['sigmas']:.1f} sigmas"
+            f" in {largest['state']} at {at_time(f, largest['time_s'])}",
+            "look at the quality of the fixes there, and at the IMU's temperature",
+            once if largest["state"] == "position" else 1.0,
+            once if largest["state"] != "position" else 1.0,
+            span=(largest["time_s"] - AROUND_S, largest["time_s"] + AROUND_S),
+        )
+
+
+def _whiteness(f: Figures) -> Iterator[Doubt]:
+    """Yield innovations with a mean, or with errors that stay from fix to fix.
+
+    The mean of n variables of autocorrelation r^j scatters sqrt((1 + r) / (1 - r)) times as much as
+    that of independent ones.
+    """
+    i = f["innovations"]
+    if i["rms_mm"] is None:
+        return
+    mean, rms = np.abs(i["mean_mm"]), np.array(i["rms_mm"])
+    off = np.where(mean > max(fixes.MEAN_MATTERS, i["lag1_bound_99"]) * rms, mean, 0.0)
+    if off.any():
+        yield Doubt(
+            f"the GNSS positions stand off their prediction by {millimetres(off.max())} in the mean"
+            " of the whole flight",
+            "look for an error of lever arm, clock or datum",
+            moves_m=1e-3 * off[[1, 0, 2]],
+        )
+    lags = np.array([lag or 0.0 for lag in i["lag1"]])
+    lags[lags <= max(fixes.LAG_ONE_MATTERS, i["lag1_bound_99"])] = 0.0
+    if lags.any():
+        k = np.sqrt((1.0 + lags) / np.maximum(1.0 - lags, 1e-3))
+        yield Doubt(
+            f"errors of the GNSS positions stay from one to the next (correlation"
+            f" {lags.max():.2f}), which the sigmas of the images do not hold",
+            'gnss.gm_sigma = "auto" estimates them',
+            k[[1, 0, 2]],
+        )
+
+
+def _weak(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
+    """Yield where the images are beyond their need by the result's own sigmas, and why."""
+    beyond = (sigma > needed).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2)
+    if len(runs) > MOST_PLACES:
+        runs = np.array([[runs[0, 0], runs[-1, 1]]])
+    for begin, end in runs:
+        rows = np.zeros_like(beyond)
+        rows[begin:end] = beyond[begin:end]
+        worst = np.where(rows[:, None], sigma / needed, 0.0)
+        row, column = np.unravel_index(int(worst.argmax()), worst.shape)
+        if column < 3:
+            size, most = (millimetres(1e3 * x[column]) for x in (sigma[row], needed))
+            quantity = f"position {AXES[column]}"
+        else:
+            size, most = degrees(sigma[row, column]), degrees(needed[column])
+            quantity = "heading" if column == 5 else "tilt"
+        why, help_ = _cause(f, float(judged.time[begin]), float(judged.time[end - 1]), column)
+        yield (
+            f"{quantity} is known to {size} only, needed are {most}, in {judged.listed(rows)}"
+            f"{why}{help_}"
+        )
+
+
+def _cause(f: Figures, begin: float, end: float, column: np.intp) -> tuple[str, str]:
+    """Return why images are weak and what helps, each after a separator; nothing where unknown."""
+    outages = [o for o in f["outages"] if o["time_s"] <= end + 1.0]
+    outages = [o for o in outages if o["time_s"] + o["length_s"] >= begin - 1.0]
+    if outages:
+        o = max(outages, key=lambda outage: float(outage["length_s"]))
+        since = at_time(f, o["time_s"])
+        why = f": no GNSS position was used for {o['length_s']:.1f} s from {since} on"
+        return why, "; repeat these images, or give them their sigmas in the adjustment"
+    lines = [line for line in f["lines"] if line["start_s"] <= end and line["end_s"] >= begin]
+    if column == 5 and len(lines) == 1:
+        why, help_ = places.why(f, lines[0])
+        return f": {why}", f"; {help_}"
+    return "", "; give them their sigmas in the adjustment"
+
+
+def _span(f: Figures, begin: float, end: float) -> str:
+    return f"{at_time(f, begin)} to {at_time(f, end)}"

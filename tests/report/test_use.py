@@ -1,0 +1,117 @@
+"""Which images can be used, for which need, and the reason in words."""
+
+import numpy as np
+import pytest
+
+from insgnss.records import Check, MeanResidual
+from insgnss.report.rules.use import NEEDS, mood
+
+FLIGHT = {"output": {"need": None, "need_m": None, "need_deg": None}}
+
+
+def with_need(**need):
+    """A resolved flight file that states a need."""
+    return {"output": FLIGHT["output"] | need}
+
+
+def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; 1.5 times the sigma of a fix, a good flight's tilt and heading."""
+    s = summary(diagnostics(), eo())
+    assert (s["use"]["verdict"], s["use"]["images"], s["use"]["reasons"]) == ("use", [], [])
+    assert s["use"]["need_m"] == pytest.approx([0.03, 0.03, 0.045])
+    assert s["use"]["need_deg"] == [0.05, 0.05, 0.15]
+    assert s["use"]["measure"] == "receiver and IMU"
+    assert s["headline"].startswith("Use it: 30 images")
+    colour, why = mood(s)
+    assert colour == "good"
+    assert "30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.15 deg" in why
+
+
+def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:
+    """Oracle: the one image whose heading sigma was set."""
+    s = summary(diagnostics(), eo(0.31))
+    assert s["use"]["verdict"] == "except"
+    assert s["use"]["images"] == ["8001.tif"]
+    assert s["use"]["sentence"] == "Use it except 1 image (8001.tif)"
+    assert s["use"]["reasons"][0].startswith("heading is known to 0.31 deg only, needed are 0.15")
+    assert mood(s)[0] == "doubtful"
+
+
+@pytest.mark.parametrize(
+    ("need", "verdict"),
+    [
+        ({"need_m": (0.0021, 0.0031, 0.0041)}, "use"),
+        ({"need_m": (0.0021, 0.0029, 0.0041)}, "no"),
+        ({"need_deg": (0.0041, 0.0031, 0.021)}, "use"),
+        ({"need_deg": (0.0041, 0.0031, 0.019)}, "no"),
+        ({"need": "start values", "need_m": (0.0021, 0.0029, 0.0041)}, "no"),
+        *(({"need": name}, "use") for name in NEEDS),
+    ],
+)
+def test_a_stated_need_decides_component_by_component(
+    diagnostics, eo, summary, need, verdict
+) -> None:
+    """Oracle: the sigmas of all images, 2, 3, 4 mm and 0.004, 0.003, 0.02 deg."""
+    s = summary(diagnostics(), eo(), **with_need(**need))
+    assert s["use"]["verdict"] == verdict
+    assert s["use"]["measure"] == "stated"
+
+
+def test_innovations_enlarge_the_sigmas_by_their_factor(diagnostics, eo, summary) -> None:
+    """Oracle: (U.1) with k = 2: 6 mm north are within 6.3 and beyond 5.7."""
+    for need, verdict in ((0.0063, "use"), (0.0057, "no")):
+        s = summary(diagnostics(2.0), eo(), **with_need(need_m=(1.0, need, 1.0)))
+        assert s["use"]["verdict"] == verdict
+    assert "scatter 2.0 times as much" in s["use"]["reasons"][0]
+
+
+def test_images_where_the_trajectory_leaves_its_fixes_are_named(diagnostics, eo, summary) -> None:
+    """Oracle: the images within the piece of time, by hand; east is the second of N, E, D."""
+    d = diagnostics()
+    begin, end = float(d.time[290]), float(d.time[500])
+    off = MeanResidual(begin, end, 210, (0.0, 0.4, 0.0), (0.01, 0.02, 0.03))
+    s = summary(diagnostics(residuals=(off,)), eo())
+    inside = [name for name, t in zip(eo().images, eo().time, strict=True) if begin <= t <= end]
+    assert s["use"]["verdict"] == "except"
+    assert s["use"]["images"] == inside
+    assert "400 mm" in s["use"]["reasons"][0]
+    wide = summary(diagnostics(residuals=(off,)), eo(), **with_need(need_m=(0.41, 0.1, 0.1)))
+    assert wide["use"]["verdict"] == "use"
+
+
+def test_images_near_a_covariance_reset_are_named(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; 30 s on both sides of it."""
+    d = diagnostics()
+    reset = float(d.time[700])
+    s = summary(diagnostics(covariance_resets=np.array([reset])), eo())
+    near = [n for n, t in zip(eo().images, eo().time, strict=True) if abs(t - reset) <= 30.0]
+    assert (s["use"]["verdict"], s["use"]["images"]) == ("except", near)
+
+
+def test_what_forbids_the_use_of_all_images_has_its_reason(diagnostics, eo, summary) -> None:
+    """Oracle: by hand."""
+    against = Check("axes, vertical", "turned by 180 deg", "down", "contradiction", "")
+    asks = Check("exposure clock", "by the other clock 2 m elsewhere", "-", "note", "say it")
+    cases = {
+        "turned by 180 deg (expected: down)": diagnostics(checks=(against,)),
+        "no GNSS position was used": diagnostics(used=np.zeros(1200, dtype=bool)),
+        "2 m elsewhere; say it": diagnostics(checks=(asks,)),
+    }
+    for words, d in cases.items():
+        s = summary(d, eo())
+        assert s["use"]["verdict"] == "no"
+        assert words in mood(s)[1]
+        assert mood(s)[0] == "bad"
+
+
+def test_without_a_camera_the_trajectory_is_judged(diagnostics, summary) -> None:
+    """Oracle: 3, 2, 4 mm north, east, down at all epochs."""
+    for need, verdict in (((0.0021, 0.0031, 0.0041), "use"), ((0.0021, 0.0029, 0.0041), "no")):
+        s = summary(diagnostics(), None, **with_need(need_m=need))
+        assert (s["use"]["verdict"], s["use"]["images"]) == (verdict, [])
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_every_reason_ends_without_full_stop(diagnostics, eo, summary, scale: float) -> None:
+    """Oracle: the page puts it."""
+    assert not mood(summary(diagnostics(scale), eo()))[1].endswith(".")
