@@ -77,6 +77,8 @@ class Run:
     z: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     noted: tuple[str, ...] = ()
     blames: bool = False
+    use: str = ""  # verdict of report.json
+    misused: bool = False  # it allows an image with an error beyond its need and 4 sigmas
     unseen: bool = False  # the culprit is named only as what the flight would not show
 
     @property
@@ -135,7 +137,19 @@ def run(case: Case, motion: str, seed: int) -> Run:
         check.name in CAUSES and not re.search(case.culprit, f"{check.name}: {check.found}")
         for check in noted
     )
-    return Run(case.name, motion, seed, verdict, message, error, z, names, blames, unseen)
+    return Run(
+        *(case.name, motion, seed, verdict, message, error, z, names, blames),
+        *(result.report["use"]["verdict"], misused(result, error, z), unseen),
+    )
+
+
+def misused(result: insgnss.ProcessResult, error: np.ndarray, z: np.ndarray) -> bool:
+    """Tell whether the verdict allows an image with an error beyond its need and 4 sigmas."""
+    use = result.report["use"]
+    beyond = ((np.abs(error) > use["need_m"]) & (np.abs(z) > WORST_Z)).any(axis=1)
+    if result.eo is not None:
+        beyond &= ~np.isin(result.eo.images, use["images"])
+    return use["verdict"] != "no" and bool(beyond.any())
 
 
 def said(check: Any) -> str:
@@ -315,7 +329,8 @@ def main() -> int:
                 worst = np.abs(one.z).max(initial=0.0)
                 print(
                     f"{time.process_time():6.0f} s {one.motion:7}{one.seed} {one.case}:"
-                    f" {one.verdict}, {worst:.1f} sigmas, {one.message[:400]}",
+                    f" {one.verdict}, {worst:.1f} sigmas, use: {one.use}"
+                    f"{' WRONGLY' if one.misused else ''}, {one.message[:400]}",
                     flush=True,
                 )
             if options.write:

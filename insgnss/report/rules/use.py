@@ -12,8 +12,8 @@ it concerns. A remark that lifts no image beyond its need changes nothing for th
 
 The flight file states the need (`output.need_m`, `output.need_deg`). Without it the measure is what
 this receiver and this IMU give where all is well: an image is known at least as well as a single
-fix is predicted (`NEED_OF_FIX`), and no worse than `NEED_OF_MEDIAN` times the median image, or than
-the tilt and heading of a good flight (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
+fix is predicted (`NEED_OF_FIX`), and turned no worse than `NEED_OF_MEDIAN` times the median image, or
+than a good flight's tilt and heading (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
 """
 
 import math
@@ -36,7 +36,9 @@ MOODS = {USE: "good", EXCEPT: "doubtful", NO: "bad"}
 STATED, USUAL = "stated", "receiver and IMU"  # which need was taken
 
 NEED_OF_FIX = 1.5  # needed sigma over that of a predicted fix: a smoothed image is below 1
-NEED_OF_MEDIAN = 3.0  # needed sigma over the median image's: three times less is another flight
+# needed sigma over the median image's: tilt is held by every turn, heading by those near in time,
+# and a line after which no turn follows has six times the median of a right flight
+NEED_OF_MEDIAN = np.array([3.0, 3.0, 10.0])
 CHANCE = 3.0  # sigmas of a disagreement at one instant that chance explains: the rest enlarges
 AROUND_S = 60.0  # on both sides of such an instant: fixes and IMU drift for seconds to minutes
 RESET_S = 30.0  # on both sides of a covariance reset: the filter had lost the fixes by then
@@ -201,7 +203,7 @@ def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
     need_deg = np.maximum(NEED_OF_MEDIAN * median_deg, good)
     predicted = f["innovations"]["median_sigma_mm"]
     if predicted is None or f["standing"]:
-        return NEED_OF_MEDIAN * median_m, need_deg
+        return NEED_OF_MEDIAN[0] * median_m, need_deg
     most = 0.5 * f["counts"]["fixes"]
     slow = [np.square(e["sigma_m"]) for e in f["time_correlated_errors"] if e["fixes"] > most]
     north, east, down = np.sqrt(np.square(np.array(predicted) * 1e-3) + sum(slow))
