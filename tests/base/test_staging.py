@@ -256,6 +256,14 @@ def test_what_others_planted_for_a_mark_refuses_and_does_nothing_else(
     assert not is_unfinished(root / "out" / "eo.json")
 
 
+def test_a_file_beside_a_mark_that_cannot_be_rewritten_stays_as_it_was(root: Path) -> None:
+    """Oracle: the message, and the file; a directory stands where the mark should go."""
+    (root / "out" / MARK).mkdir()
+    with pytest.raises(UsageError, match="all files are as they were"):
+        atomic_write(root / "out" / "eo.json", "new")
+    assert content(root) == BEFORE
+
+
 def planted_scratch(directory: Path, victim: Path) -> None:
     """What was believed once: a journal that moves files, a lead to a directory to be removed."""
     for name in ("dead", "run-dead1234", "run-"):

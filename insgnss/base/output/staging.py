@@ -183,7 +183,8 @@ class Staging:
                 before = {directory: marked(directory) or set() for directory in names}
                 try:
                     _flush([source for source, _ in moves if source is not None])
-                    if len(moves) > 1 or made:
+                    marked_before = any(os.path.lexists(d / MARK) for d in names)
+                    if len(moves) > 1 or made or marked_before:
                         self._move(made, moves, names, before, undo)
                     elif moves:
                         _done(*moves[0])
@@ -205,8 +206,8 @@ class Staging:
     ) -> None:
         """Mark what changes, make directories and move files; `undo` gets how to undo each step."""
         for directory, new in names.items():
-            undo.append(partial(self._mark, directory, before[directory]))
             self._mark(directory, before[directory] | new)
+            undo.append(partial(self._mark, directory, before[directory]))
         replaced = {goal for _, goal in moves if os.path.lexists(goal)}
         for directory in made:  # one of them may be a goal, of a move that comes later
             directory.mkdir()

@@ -32,10 +32,11 @@ def marked(directory: Path) -> set[str] | None:
         return set()
     except OSError:
         return None
+    state = os.fstat(descriptor)
+    if not stat.S_ISREG(state.st_mode) or state.st_size > MOST_BYTES:
+        os.close(descriptor)
+        return None
     with os.fdopen(descriptor, "rb") as stream:
-        state = os.fstat(descriptor)
-        if not stat.S_ISREG(state.st_mode) or state.st_size > MOST_BYTES:
-            return None
         try:
             return {str(name) for name in json.loads(stream.read(MOST_BYTES))}
         except (OSError, ValueError, TypeError, RecursionError):
