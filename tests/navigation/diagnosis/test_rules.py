@@ -1,0 +1,285 @@
+"""The limits and the small formulas of the diagnosis, each on either side or in closed form."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from insgnss.navigation.diagnosis import incorrect_fixes, time_correlated
+from insgnss.navigation.diagnosis.candidates import (
+    ImuErrors,
+    with_larger_white_share,
+    with_time_correlated_error,
+)
+from insgnss.navigation.diagnosis.evidence import (
+    _liveliest,
+    follows,
+    loses_fixes,
+    misfit,
+)
+from insgnss.navigation.diagnosis.time_correlated import _towards_claim
+from insgnss.navigation.diagnosis.variances import _promise
+from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
+from insgnss.navigation.filter.layout import FixErrors
+from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
+
+
+def solved(used=100, rejected=0, resets=0, nis=3.0, gate=14.0, sigma=0.02) -> SimpleNamespace:
+    """What a filter left of so many fixes, all of them with this NIS."""
+    kinds = [USED] * used + [REJECTED] * rejected + [COVARIANCE_RESET] * resets + [NOT_MEASURED] * 7
+    verdict = np.full((len(kinds), 5), NOT_MEASURED)
+    verdict[:, 0] = kinds
+    return SimpleNamespace(
+        verdict=verdict,
+        nis=np.full((len(kinds), 5), nis),
+        innovation_sigma=np.full((len(kinds), 6), sigma),
+        problem=SimpleNamespace(gate=gate),
+    )
+
+
+@pytest.mark.parametrize(
+    ("rejected", "nis", "verdict"),
+    [(5, 5.9, True), (6, 5.9, False), (5, 6.1, False), (0, 3.0, True)],
+)
+def test_a_solution_follows_its_fixes(rejected, nis, verdict) -> None:
+    """Oracle: by hand: one fix in twenty rejected, twice the expected NIS, at most."""
+    assert follows(solved(100 - rejected, rejected, nis=nis)) is verdict
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "lost"),
+    [
+        ((200, 0, 0), (198, 2, 0), False),
+        ((200, 0, 0), (197, 3, 0), True),
+        ((190, 10, 0), (188, 12, 0), False),
+        ((190, 10, 0), (187, 13, 0), True),
+        ((200, 0, 0), (199, 0, 1), True),
+        ((198, 0, 2), (198, 0, 2), False),
+        ((198, 0, 2), (199, 0, 1), False),
+    ],
+)
+def test_a_solution_loses_fixes(before, after, lost) -> None:
+    """Oracle: by hand: one in a hundred more rejected, or a covariance reset more."""
+    assert loses_fixes(solved(*after), solved(*before)) is lost
+
+
+def test_the_misfit_charges_each_rejected_fix_with_the_gate() -> None:
+    """Oracle: (C.1) by hand: size of each fix, at most the gate, and 2 log of its three sigmas."""
+    per_fix = 6.0 * np.log(0.02)
+    assert misfit(solved(10, 4, 2, nis=3.0)) == pytest.approx(12 * 3.0 + 4 * 14.0 + 16 * per_fix)
+    assert misfit(solved(10, nis=20.0)) == pytest.approx(10 * 14.0 + 10 * per_fix)
+
+
+def test_the_liveliest_window_is_that_of_the_largest_variance() -> None:
+    """Oracle: numpy's variance of the velocity over every window of so many fixes."""
+    rng = np.random.default_rng(3)
+    nav = np.cumsum(rng.normal(size=(60, 10)), axis=0)
+    has = rng.random(60) < 0.7
+    fixes = np.flatnonzero(has)
+    solution = SimpleNamespace(
+        nav=nav, problem=SimpleNamespace(epochs=SimpleNamespace(has_position=has))
+    )
+    v = nav[fixes, 3:6]
+    variance = [v[k : k + 12].var(axis=0).sum() for k in range(fixes.size - 12)]
+    best = int(np.argmax(variance))
+    assert _liveliest(solution, 12) == (fixes[best], fixes[best + 12])
+    assert _liveliest(solution, 1000) == (fixes[0], fixes[-1])
+
+
+def test_the_promise_of_a_family_is_raos_score() -> None:
+    """Oracle: (V.1): the quadratic's minimum over the free parameters, by numpy's solver."""
+    rng = np.random.default_rng(4)
+    root, g = rng.normal(size=(5, 5)), rng.normal(size=5)
+    A = root @ root.T
+    for free in ([0, 3], [1], [0, 1, 2, 3, 4]):
+        chosen = np.isin(np.arange(5), free)
+        own = A[np.ix_(free, free)]
+        theta = -np.linalg.solve(own, g[free])
+        gain = -(2.0 * g[free] @ theta + theta @ own @ theta) / 2.0
+        assert _promise(g, A, chosen) == pytest.approx(gain)
+
+
+@pytest.mark.parametrize(
+    ("k", "c", "limit", "ends_at"),
+    [
+        (0.5, 0.6, 1e9, np.sqrt(1.0 - 0.25)),  # up to what the file claims
+        (0.5, 1.5, 1e9, np.sqrt(1.0 - 0.25)),  # down to it
+        (0.8, 1.5, 1e9, 1.5),  # k alone is most of the claim, and what is beyond it stays
+        (0.5, 0.2, 120.0, None),  # not beyond a correlation time of ten minutes
+    ],
+)
+def test_the_shares_move_towards_the_claim(k, c, limit, ends_at) -> None:
+    """Oracle: k^2 + c^2 = 1 by hand, to half a step of the ridge; c^2 / T stays what it was."""
+    start = np.log([k, c, 20.0, 1.0]) if ends_at else np.log([k, c, 400.0, 1.0])
+    end = _towards_claim(lambda p: 0.0, start, 0.0)
+    assert 2.0 * end[1] - end[2] == pytest.approx(2.0 * start[1] - start[2])
+    assert end[0] == start[0]
+    if ends_at is None:
+        assert 600.0 / 1.3 < np.exp(end[2]) <= 600.0
+    else:
+        assert abs(np.exp(end[1]) / ends_at - 1.0) < 0.5 * np.log(1.3) + 0.05
+
+
+@pytest.mark.parametrize(("rise", "moves"), [(0.9, True), (1.1, False)])
+def test_the_claim_is_left_where_the_likelihood_doubts_it(rise, moves) -> None:
+    """Oracle: a rise of -2 log L by one, what a sigma makes, on either side."""
+    start = np.log([0.5, 0.6, 20.0, 1.0])
+    end = _towards_claim(lambda p: rise, start, 0.0)
+    assert (end[1] > start[1]) == moves
+
+
+@pytest.mark.parametrize("gain", [19.5, 21.0])
+@pytest.mark.parametrize(("code", "least"), [(False, 0.2), (True, 0.03)])
+def test_which_time_correlated_error_is_taken(monkeypatch, gain, code, least) -> None:
+    """Oracle: a parabola of the likelihood by hand, whose minimum lies beyond the bounds of the
+    white share and of the correlation time: those are what is returned, if it gains 20."""
+    best = np.log([0.01, 0.5, 1e3, 1.5])
+
+    def cost(errors):
+        if errors is None or errors.gm_sigma is None:
+            return gain
+        p = np.log([0.01, errors.gm_sigma[0], 1e3, errors.gm_sigma[2] / errors.gm_sigma[0]])
+        return 30.0 * float(np.sum((p - best)[[1, 3]] ** 2))
+
+    monkeypatch.setattr(
+        time_correlated, "liveliest_window", lambda _: (SimpleNamespace(aiding_interval_s=0.2), 0)
+    )
+    monkeypatch.setattr(time_correlated, "only_code_fixes", lambda _: code)
+    monkeypatch.setattr(time_correlated, "guesses", lambda _: ((0.01, 1.0, 1e3),))
+    monkeypatch.setattr(time_correlated, "with_layout", lambda problem, start, layout: (layout,))
+    monkeypatch.setattr(time_correlated, "minus_two_log_likelihood", cost)
+    monkeypatch.setattr(time_correlated, "_towards_claim", lambda cost, p, least: p)
+    found = time_correlated.time_correlated_error(None, lambda errors: errors, FixErrors())
+    if gain < 20.0:
+        assert found is None
+        return
+    assert found is not None
+    assert (found.white_scale[0], found.correlation_time_s) == (least, 600.0)
+    assert_allclose(found.gm_sigma, [0.5, 0.5, 0.75], rtol=0.15)
+
+
+def test_shares_by_component() -> None:
+    """Oracle: by hand: heights by the ratio, and each attempt 1.6 times as white."""
+    errors = with_time_correlated_error(FixErrors(), 0.5, 0.8, 30.0, 2.0)
+    assert errors.gm_sigma == (0.8, 0.8, 1.6)
+    assert errors.white_scale == (0.5, 0.5, 1.0)
+    assert errors.unfixed_white_scale == 0.5
+    whiter = with_larger_white_share(errors)
+    assert_allclose(whiter.white_scale, [0.8, 0.8, 1.6])
+    assert whiter.unfixed_white_scale == pytest.approx(0.8)
+    assert whiter.gm_sigma == errors.gm_sigma
+
+
+def test_what_is_scaled_in_a_model_of_the_imu() -> None:
+    """Oracle: by hand: white noise by one factor, what drives random walks and Gauss-Markov
+    processes by the other, each of its own triad; sigmas of constants only where they are set."""
+    axis = AxisNoise(
+        white_noise=1.0, random_walk=2.0, gauss_markov=(GaussMarkov(10.0, 3.0),), scale_factor=0.1
+    )
+    model = ImuErrors(white_noise=(2.0, 3.0), driving_noise=(5.0, 7.0), misalignment=0.2).of(
+        NoiseModel("m", "", (axis,) * 3, (axis,) * 3)
+    )
+    for triad, white, driven in ((model.gyro, 2.0, 5.0), (model.accel, 3.0, 7.0)):
+        for one in triad:
+            assert (one.white_noise, one.random_walk) == (white, 2.0 * driven)
+            assert one.gauss_markov[0].driving_noise == 3.0 * driven
+            assert (one.scale_factor, one.misalignment) == (0.1, 0.2)
+
+
+def spell(first, last, step=(1.0, 0.0, 0.0), misclosure=0.0) -> incorrect_fixes.Spell:
+    return incorrect_fixes.Spell(first, last, np.array(step), np.full(3, 0.01), misclosure)
+
+
+def withheld(spells, *, n=400, sigma_m=0.1, longest_s=60.0) -> bool:
+    """Whether spells of fixes, one a second, are withheld."""
+    epochs = SimpleNamespace(
+        time=np.arange(float(n)),
+        withheld=np.zeros(n, dtype=bool),
+        has_position=np.ones(n, dtype=bool),
+        position_cov=np.broadcast_to(sigma_m**2 * np.eye(3), (n, 3, 3)),
+    )
+    epochs._replace = lambda **changes: SimpleNamespace(**{**vars(epochs), **changes})
+    return incorrect_fixes._withheld(Posed(epochs), spells, longest_s) is not None
+
+
+class Posed(SimpleNamespace):
+    """A problem of which only the epochs are read."""
+
+    def __init__(self, epochs):
+        super().__init__(epochs=epochs)
+
+
+@pytest.mark.parametrize(
+    ("spells", "taken"),
+    [
+        ([spell(10, 70)], True),
+        ([spell(10, 71)], False),  # longer than a minute
+        ([spell(10, 69), spell(100, 159)], True),  # 120 of 400
+        ([spell(10, 69), spell(100, 159), spell(300, 300)], False),  # more than three in ten
+        ([spell(10, 20, (0.0, 0.29, 0.0))], False),  # within three sigmas of what is claimed
+        ([spell(10, 20, (0.0, 0.31, 0.0))], True),
+        ([spell(10, 20, (0.0, 0.29, 0.0)), spell(30, 31)], True),
+    ],
+)
+def test_which_spells_are_withheld(monkeypatch, spells, taken) -> None:
+    """Oracle: limits by hand, on either side."""
+    monkeypatch.setattr(incorrect_fixes, "replace", lambda problem, **changes: changes)
+    assert withheld(spells) is taken
+
+
+def history(verdict, innovation=None) -> SimpleNamespace:
+    verdict = np.asarray(verdict)
+    n = verdict.size
+    out = np.full((n, 5), NOT_MEASURED)
+    out[:, 0] = verdict
+    size = np.zeros((n, 6)) if innovation is None else innovation
+    return SimpleNamespace(verdict=out, innovation=size, innovation_sigma=1.0 + 0.0 * size)
+
+
+def epochs_of(n) -> SimpleNamespace:
+    return SimpleNamespace(
+        epochs=SimpleNamespace(time=1.0 * np.arange(n), withheld=np.zeros(n, dtype=bool))
+    )
+
+
+@pytest.mark.parametrize(
+    ("rejected", "resets", "verdict"), [(1, 0, True), (2, 0, False), (0, 1, False)]
+)
+def test_when_a_filter_follows_what_is_not_withheld(rejected, resets, verdict) -> None:
+    """Oracle: by hand: one fix in a hundred rejected, no reset."""
+    kinds = [USED] * (100 - rejected - resets) + [REJECTED] * rejected + [COVARIANCE_RESET] * resets
+    assert incorrect_fixes._follows(epochs_of(100), history(kinds)) is verdict
+
+
+def test_spells_of_rejected_fixes() -> None:
+    """Oracle: by hand: those up to 5 s apart are one spell, with the largest innovation in it."""
+    kinds, size = np.full(40, USED), np.zeros((40, 6))
+    for index, offset in ((4, 1.0), (9, 5.0), (14, 2.0), (20, 3.0), (27, 0.5)):
+        kinds[index], size[index, 1] = REJECTED, offset
+    kinds[28] = COVARIANCE_RESET
+    found = incorrect_fixes.rejected_spells(epochs_of(40), history(kinds, size))
+    assert [(s.first, s.last, s.step[1]) for s in found] == [
+        (4, 14, 5.0),
+        (20, 20, 3.0),
+        (27, 28, 0.5),
+    ]
+
+
+def test_spells_between_two_steps() -> None:
+    """Oracle: by hand: the shorter of the parts between resets, each from the first rejected fix
+    before it; the misclosure is what both steps leave, of the larger one."""
+    kinds, size = np.full(60, USED), np.zeros((60, 6))
+    kinds[[20, 21, 35]], kinds[[22, 36]] = REJECTED, COVARIANCE_RESET
+    size[20:23, 0] = [1.0, 1.2, 9.0]
+    size[35:37, 0] = [-0.8, -1.0]
+    (found,) = incorrect_fixes.spells_apart(epochs_of(60), history(kinds, size))
+    assert (found.first, found.last) == (20, 34)
+    assert found.step[0] == pytest.approx(1.2)
+    assert found.misclosure == pytest.approx(0.3 / 1.2)
+    for closure, kept in ((0.49, 1), (0.51, 0)):
+        size[35:37, 0] = -1.2 * (1.0 - closure)
+        assert len(incorrect_fixes._closing_spells(epochs_of(60), history(kinds, size))) == kept
+    alone = replace(found, misclosure=0.0)
+    assert alone.last == 34
