@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.navigation.diagnosis import incorrect_fixes, time_correlated
+from insgnss.navigation.diagnosis import code_errors, decision, incorrect_fixes, time_correlated
+from insgnss.navigation.diagnosis import variances as variances_module
 from insgnss.navigation.diagnosis.candidates import (
     ImuErrors,
     with_larger_white_share,
@@ -20,7 +21,7 @@ from insgnss.navigation.diagnosis.evidence import (
     misfit,
 )
 from insgnss.navigation.diagnosis.time_correlated import _towards_claim
-from insgnss.navigation.diagnosis.variances import _promise
+from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _promise
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
 from insgnss.navigation.filter.layout import FixErrors
 from insgnss.navigation.noise_model.model import AxisNoise, GaussMarkov, NoiseModel
@@ -283,3 +284,153 @@ def test_spells_between_two_steps() -> None:
         assert len(incorrect_fixes._closing_spells(epochs_of(60), history(kinds, size))) == kept
     alone = replace(found, misclosure=0.0)
     assert alone.last == 34
+
+
+@pytest.mark.parametrize("gain", [2.4, 2.6, 7.9, 8.1])
+def test_when_a_slow_error_is_carried_or_taken(monkeypatch, gain) -> None:
+    """Oracle: by hand: below 2.5 none, from 8 on the slowest share that is as good within two, in
+    between the average over all; none of a flight shorter than three minutes."""
+    gains = {
+        (share, time_s): gain - 0.1 * (share != 1.0) - 5.0 * (time_s > 60.0)
+        for share in variances_module.SHARES
+        for time_s in variances_module.SLOW_S
+    }
+    gains[0.5, 60.0] = gain  # what is looked at first
+    cost = {key: 100.0 - value for key, value in gains.items()}
+    monkeypatch.setattr(variances_module, "_linearised", lambda part, layout: layout)
+    monkeypatch.setattr(
+        variances_module,
+        "evaluate",
+        lambda layouts, _: SimpleNamespace(
+            cost=cost[round(layouts[0].gm_sigma[0], 9), layouts[0].correlation_time_s]
+        ),
+    )
+
+    def found(seconds):
+        search = VarianceSearch.__new__(VarianceSearch)
+        search.nothing = SimpleNamespace(cost=100.0)
+        epochs = SimpleNamespace(time=np.array([0.0, seconds]))
+        search.part = SimpleNamespace(problem=SimpleNamespace(epochs=epochs))
+        return search.slow_error(lambda errors: errors, FixErrors())
+
+    assert found(179.0) is None
+    slow = found(181.0)
+    if gain < 2.5:
+        assert slow is None
+        return
+    assert slow is not None
+    share, time_s = (1.5, 60.0) if gain > 8.0 else _averaged(gains)
+    assert slow.gm_sigma[0] == pytest.approx(share)
+    assert slow.correlation_time_s == pytest.approx(time_s)
+
+
+def test_the_average_over_models_weighs_by_likelihood() -> None:
+    """Oracle: (V.3) by hand: two models of one likelihood each, none as probable as both."""
+    share, time_s = _averaged({(1.0, 20.0): 0.0, (0.5, 100.0): 2.0 * np.log(3.0)})
+    w = np.array([0.5, 1.5]) / 3.0
+    square = w @ [1.0, 0.25]
+    assert share == pytest.approx(np.sqrt(square))
+    assert time_s == pytest.approx(square / (w @ [1.0 / 20.0, 0.25 / 100.0]))
+
+
+def next_state(
+    monkeypatch, *, evidence=10.0, left=0.0, variance=None, promising=True, remedied=True
+):
+    """What is adopted next: of a constant of some evidence, after which so much is left to be
+    explained, and of a variance."""
+    suspected = SimpleNamespace(groups=("g",), evidence=evidence)
+    constants = SimpleNamespace(strongest=lambda: suspected)
+    monkeypatch.setattr(
+        decision,
+        "VarianceSearch",
+        lambda *_: SimpleNamespace(promising=lambda: ("v",) if promising else ()),
+    )
+    monkeypatch.setattr(
+        decision, "_with_constants", lambda *_: SimpleNamespace(solution=1) if remedied else None
+    )
+    monkeypatch.setattr(decision, "_left", lambda *_: left)
+    monkeypatch.setattr(decision, "_as_allowed", lambda *_: "constant")
+    monkeypatch.setattr(
+        decision,
+        "_variance",
+        lambda *_: None if variance is None else (variance, lambda: "variance"),
+    )
+    search = SimpleNamespace(time_correlated=False, progress=None, variances=True)
+    here = SimpleNamespace(attempted=frozenset(), solution=0)
+    return decision._next(search, (None, None), here, constants)
+
+
+@pytest.mark.parametrize(
+    ("changes", "adopted"),
+    [
+        ({}, "constant"),
+        ({"promising": False, "left": 99.0}, "constant"),  # nothing is left where none promises
+        ({"remedied": False}, None),
+        ({"remedied": False, "variance": 1.0}, "variance"),
+        ({"left": 29.0, "evidence": 50.0, "variance": 99.0}, "constant"),  # at once
+        ({"left": 31.0, "evidence": 50.0, "variance": 99.0}, "variance"),
+        ({"left": 31.0, "evidence": 50.0, "variance": 49.0}, "constant"),
+        ({"left": 51.0, "evidence": 50.0, "variance": 1.0}, "variance"),  # explains less than left
+        ({"left": 51.0, "evidence": 50.0}, None),
+    ],
+)
+def test_which_explanation_is_adopted(monkeypatch, changes, adopted) -> None:
+    """Oracle: the rules of the decision by hand: by evidence, but a constant that leaves little is
+    taken at once, and one that leaves more than it explains is not."""
+    assert next_state(monkeypatch, **changes) == adopted
+
+
+def test_shares_of_code_solutions_within_their_bounds() -> None:
+    """Oracle: by hand: 2 % of a sigma, a millimetre to three metres a second; white shares first
+    where nothing else helps."""
+    model = FixErrors(
+        unfixed_gm_sigma=1.0,
+        unfixed_white_scale=0.5,
+        velocity_gm_sigma_mps=0.1,
+        velocity_white_scale=1.0,
+    )
+    names = ("position", "unfixed_correlated", "velocity_correlated", "velocity")
+    for factor, expected in (
+        (0.5, (0.25, 0.5, 0.05, 0.5)),
+        (1e-3, (0.02, 0.02, 1e-3, 0.02)),
+        (100.0, (50.0, 100.0, 3.0, 100.0)),
+    ):
+        got = code_errors._with_factors(model, {f"fixes.{name}": factor for name in names})
+        assert_allclose(
+            (got.unfixed_white_scale, got.unfixed_gm_sigma)
+            + (got.velocity_gm_sigma_mps, got.velocity_white_scale),
+            expected,
+        )
+    whiter = code_errors._whiter(model)
+    assert_allclose([whiter.unfixed_white_scale, whiter.velocity_white_scale], [0.8, 1.6])
+
+
+@pytest.mark.parametrize(
+    ("k", "c", "share", "time_s"),
+    [
+        (0.89, 1.0, 0.456, 600.0 * 0.2079),
+        (0.91, 1.0, None, None),
+        (0.6, 1.6, 0.8, 150.0),
+        (0.6, 0.4, 0.8, 600.0),
+        (0.6, 80.0, 0.8, 1.0),
+    ],
+)
+def test_shares_make_what_code_solutions_claim(k, c, share, time_s) -> None:
+    """Oracle: (D.3) by hand: k^2 + c^2 = 1 with c^2 / T as it was, of one second to ten minutes; a
+    share of nine tenths is all white."""
+    model = FixErrors(unfixed_white_scale=k, unfixed_gm_sigma=c, unfixed_correlation_time_s=60.0)
+    got = code_errors._as_claimed(model)
+    if share is None:
+        assert got.unfixed_gm_sigma is None
+    else:
+        assert got.unfixed_gm_sigma == pytest.approx(share, abs=1e-3)
+        assert got.unfixed_correlation_time_s == pytest.approx(time_s, rel=2e-3)
+
+
+def test_what_the_gate_rejects_of_code_solutions() -> None:
+    """Oracle: by hand: the share of the positions, or half of that of the velocities."""
+    for of_position, of_velocity, expected in ((3, 4, 0.3), (1, 4, 0.2), (0, 0, 0.0)):
+        verdict = np.full((12, 5), NOT_MEASURED)
+        verdict[:10, :2] = USED
+        verdict[:of_position, 0], verdict[:of_velocity, 1] = REJECTED, REJECTED
+        assert code_errors._rejected(SimpleNamespace(verdict=verdict)) == pytest.approx(expected)

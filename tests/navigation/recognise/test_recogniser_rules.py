@@ -13,9 +13,10 @@ from insgnss.navigation.recognise import plausibility, turns
 from insgnss.navigation.recognise.axes import Forward, Pose, _direction, down, forward
 from insgnss.navigation.recognise.fit import Scan
 from insgnss.navigation.recognise.propulsion import Propulsion, propulsion
+from insgnss.navigation.recognise.recognition import _abstained, _clocks, _mirrored
 from insgnss.navigation.recognise.relation import _halves, _scan, _usual_rate
 from insgnss.navigation.recognise.streams import _beside, check_classes
-from insgnss.navigation.recognise.units import _nearest, force_unit
+from insgnss.navigation.recognise.units import _nearest, force_unit, unknown_force
 from insgnss.navigation.recognise.verdict import (
     exchange_odds,
     odds,
@@ -590,3 +591,81 @@ def test_a_nose_off_its_course(nose_deg, scatter_deg, verdict) -> None:
         assert "turned by 90 deg" in check.advice
     slow = plausibility.check_heading(1.0 * np.arange(n), C_nb, 0.97 * velocity, np.eye(3))
     assert "never faster" in slow.found
+
+
+@pytest.mark.parametrize(
+    ("begins", "ends", "clocks"),
+    [
+        (90.1, 900.0, (-90.1, 60.0)),  # 9.9 s in common: no common clock
+        (89.9, 900.0, (0.0, 30.0)),
+        (500.0, 600.0, (-500.0, 100.0)),
+        (500.0, 530.0, (-500.0, 100.0)),
+        (500.0, 1300.0, (-500.0, 800.0)),
+        (500.0, 1500.0, (-500.0, 900.0)),
+    ],
+)
+def test_which_clocks_are_set_to_a_common_start(begins, ends, clocks) -> None:
+    """Oracle: by hand: ten seconds in common are one clock; else lags up to the longer of both
+    recordings, a minute at least, a quarter of an hour at most."""
+    imu = SimpleNamespace(time=np.array([0.0, 100.0]))
+    gnss = SimpleNamespace(time=np.array([begins, ends]))
+    if ends == 900.0:
+        clocks = (clocks[0], min(max(809.9, 60.0), 900.0)) if clocks[0] else clocks
+    assert_allclose(_clocks(imu, gnss), clocks)
+
+
+def test_an_abstention_keeps_the_readings_as_they_are() -> None:
+    """Oracle: by hand: the unit of the force, and factors of one."""
+    found = _abstained(unknown_force(2.0, "why"), 0.5, "because")
+    assert (found.gyro_factor, found.accel_factor, found.accel_sign) == (1.0, 1.0, 1)
+    assert (found.time_offset_s, found.time_offset_sigma_s) == (0.0, np.inf)
+    assert (found.axes, found.time_scale, found.gyro_unit) == (None, "same", "rad/s")
+    assert [one.confidence for one in found.findings] == [0.0] * len(found.findings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "looked_at"),
+    [
+        ({}, True),
+        ({"up": 0.9}, False),
+        ({"turned": True}, False),
+        ({"velocity": 1}, False),
+        ({"lon": 1.58}, False),
+    ],
+)
+def test_when_an_exchange_of_latitude_and_longitude_is_looked_at(monkeypatch, changes, looked_at):
+    """Oracle: by hand: of a force that looks reversed, by positions alone, of aligned triads, where
+    a longitude may be a latitude."""
+    from insgnss.navigation.recognise import recognition
+
+    other = SimpleNamespace(scan=SimpleNamespace(up=np.array([0.7]), best=0))
+    monkeypatch.setattr(recognition, "relate", lambda *_: other)
+    monkeypatch.setattr(recognition, "replace", lambda gnss, **_: gnss)
+    up = np.array([changes.get("up", 0.1)])
+    relation_ = SimpleNamespace(
+        triads=-np.eye(3) if "turned" in changes else np.eye(3),
+        scan=SimpleNamespace(up=up, down=np.array([0.8]), best=0),
+    )
+    lon = np.array([changes.get("lon", 1.5)])
+    gnss = SimpleNamespace(velocity_ned=changes.get("velocity"), lat=lon, lon=lon)
+    found = _mirrored(relation_, None, gnss, None, None, 30.0)
+    assert found == (0.7 if looked_at else -np.inf)
+
+
+@pytest.mark.parametrize(("spacing_s", "told"), [(0.2, True), (1.0, False)])
+def test_a_lag_below_the_interval_of_the_fixes_is_none(monkeypatch, spacing_s, told) -> None:
+    """Oracle: by hand: 0.8 s between turns that fit at no other lag; fixes a second apart do not
+    show it."""
+    t = np.arange(0.0, 300.0, 0.05)
+    course = np.interp(t, t, np.cumsum(0.3 * np.sin(0.5 * t) * np.sin(0.037 * t)) * 0.05)
+    way = 8.0 * 0.05 * np.cumsum([np.cos(course), np.sin(course)], axis=1)
+    every = round(spacing_s / 0.05)
+    cov = np.broadcast_to(1e-4 * np.eye(3), (t[::every].size, 3, 3))
+    lat, lon = 0.8 + way[0][::every] / 6.36e6, 0.1 + way[1][::every] / (6.38e6 * np.cos(0.8))
+    gnss = GnssFixes(t[::every], lat, lon, 50.0 + 0.0 * lat, cov)
+    rate = np.zeros((t.size, 3))
+    rate[:, 2] = np.interp(t - 0.8, t, np.gradient(course, t))
+    force = np.tile([0.0, 0.0, -G], (t.size, 1))
+    imu = ImuSamples(t, rate, force)
+    found = turns.check_turns(t, rate, force, gnss, imu, 0.05, turns.Forces())
+    assert ("time_offset_s" in found.advice) is told

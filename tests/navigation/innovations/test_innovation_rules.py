@@ -205,3 +205,84 @@ def test_parts_in_motion(monkeypatch, rate_hz, moving_s, parts) -> None:
         first, last = found[0]
         assert time[first] == pytest.approx(10.0 + 1.0 / rate_hz)
         assert time[last] < begin
+
+
+@pytest.mark.parametrize(("minutes", "pieces"), [(3.0, 8), (8.9, 8), (9.1, 9)])
+def test_pieces_of_a_minute_or_eighths(monkeypatch, minutes, pieces) -> None:
+    """Oracle: by hand: a minute each, eight at least; fixes that were not used do not count, and
+    sixty covariances stand for all of a piece."""
+    from insgnss.navigation.filter.codes import NOT_MEASURED, USED
+    from insgnss.navigation.innovations import residuals as module
+
+    time = np.arange(0.0, 60.0 * minutes + 0.05, 0.1)
+    verdict = np.full((time.size, 5), NOT_MEASURED)
+    verdict[:, 0] = USED
+    epochs = SimpleNamespace(
+        withheld=np.zeros(time.size, bool), has_position=np.ones(time.size, bool)
+    )
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(epochs=epochs),
+        verdict=verdict,
+        time=time,
+        rows=np.arange(time.size),
+    )
+    n = time.size
+    monkeypatch.setattr(
+        module, "claimed_errors", lambda _, rows: (np.ones((n, 3)), np.zeros((2, n, 3)))
+    )
+    monkeypatch.setattr(
+        module, "_residuals", lambda _, rows: (np.ones((n, 3)), np.ones((n, 3)), np.ones((n, 3)))
+    )
+    taken: list[int] = []
+
+    def variance(solution, rows, C, a):
+        taken.append(rows.size)
+        return np.full((rows.size, 3), 4.0)
+
+    monkeypatch.setattr(module, "_antenna_variance", variance)
+    found = module.mean_residuals(solution)
+    assert len(found) == pieces
+    assert sum(piece.fixes for piece in found) == n
+    assert max(taken) <= 60
+    for piece in found:
+        assert_allclose(piece.sigma_m, np.sqrt(4.0 + 1.0 / piece.fixes))
+        assert piece.end_s - piece.begin_s == pytest.approx(60.0 * minutes / pieces, abs=0.25)
+
+
+@pytest.mark.parametrize("first", [0, 4])
+def test_the_antenna_of_a_solution_by_its_states(first) -> None:
+    """Oracle: (K.1) by hand, of states that begin at any place: lever arm, time offset and rate."""
+    from insgnss.navigation.innovations.residuals import _antenna_variance, _residuals
+
+    m, n = 5, first + 5
+    layout = SimpleNamespace(lever=first + 2, offset=first, rate=first + 1)
+    time = np.arange(m) * 2.0
+    nav = np.zeros((m, 10))
+    nav[:, 3:6], nav[:, 6] = [3.0, -2.0, 1.0], 1.0
+    x = np.zeros((m, n))
+    x[:, first : first + 5] = [0.1, 0.01, 0.5, 0.6, 0.7]
+    rate = np.tile([0.0, 0.0, 0.2], (m, 1))
+    epochs = SimpleNamespace(time=time, rate=rate, position=np.zeros((m, 3)))
+    lever = np.array([1.0, 2.0, 3.0])
+    P = np.diag(np.arange(1.0, 10.0 + n))
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(layout=layout, epochs=epochs, antenna_lever_b=lever),
+        nav=nav,
+        x=x,
+        covariance=lambda rows: np.tile(P, (rows.size, 1, 1)),
+    )
+    rows = np.array([1, 3])
+    residual, C, a = _residuals(solution, rows)
+    arm = lever + [0.5, 0.6, 0.7]
+    assert_allclose(a, np.tile(arm, (2, 1)))
+    d = (0.1 + 0.01 * time[rows])[:, None]
+    assert_allclose(residual, -(arm + d * (nav[rows, 3:6] + np.cross([0.0, 0.0, 0.2], arm))))
+    H = np.zeros((2, 3, 9 + n))
+    for k, e in enumerate(rows):
+        H[k, :, :3] = np.eye(3)
+        H[k, :, 6:9] = -np.cross(np.eye(3), -arm)
+        H[k, :, 9 + first + 2 : 9 + first + 5] = np.eye(3)
+        H[k, :, 9 + first] = nav[e, 3:6]
+        H[k, :, 9 + first + 1] = time[e] * nav[e, 3:6]
+    expected = np.einsum("kij,jl,kil->ki", H, P, H)
+    assert_allclose(_antenna_variance(solution, rows, C, a), expected)

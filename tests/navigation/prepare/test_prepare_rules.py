@@ -28,7 +28,8 @@ def test_a_bridge_is_as_far_off_as_in_the_minute_around_it() -> None:
     """Oracle: (G.1) by hand: a gyro that alternates for 30 s on either side of a gap, and does
     not move before and after; farther away nothing counts."""
     t = 0.1 * np.arange(2000)
-    sway = np.where(np.abs(t - 100.0) < 31.0, np.sin(2.0 * np.pi * t / 0.8), 0.0)
+    wide = np.where(np.abs(t - 100.0) < 16.0, 1.0, 3.0)
+    sway = np.where(np.abs(t - 100.0) < 31.0, wide * np.sin(2.0 * np.pi * t / 0.8), 0.0)
     gyro = np.zeros((2000, 3))
     gyro[:, 0] = sway
     marks = np.array([0.0, 99.9, 100.3, 199.0])
