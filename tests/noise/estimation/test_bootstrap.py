@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -101,6 +102,25 @@ def test_reduced_draws_are_those_of_whole_series(sampling):
         rtol=0.3,
     )
     assert_allclose(np.corrcoef(a.T), np.corrcoef(b.T), atol=0.35)
+
+
+def test_reduced_draws_have_the_moments_of_the_processes(monkeypatch):
+    """Oracle: mean and exact covariance of the wavelet variances in theory, of a recording that is
+    drawn by 64 blocks; what 600 draws scatter. Levels below are normal given those above.
+    """
+    from insgnss.noise.estimation import bootstrap as module
+    from insgnss.noise.moments.haar_covariance import haar_covariance
+
+    monkeypatch.setattr(module, "_BLOCKS", 7)
+    curve = wavelet_variance(np.random.default_rng(1).normal(size=2**11), RATE, levels=9)
+    fitted = SimpleNamespace(axis=AXES["clear"], sampling="point", curves=(curve,))
+    drawn = _reduced(fitted, curve, 600, (4, 0))
+    expected = haar_variance(AXES["clear"], curve.level, RATE, "point")
+    V = haar_covariance(AXES["clear"], curve.level, curve.samples, RATE, "point")
+    sigma = np.sqrt(np.diag(V))
+    assert_allclose((drawn.mean(axis=0) - expected) / sigma, 0.0, atol=4.5 / math.sqrt(600))
+    assert_allclose(drawn.std(axis=0) / sigma, 1.0, atol=0.2)
+    assert_allclose(np.corrcoef(drawn.T), V / np.outer(sigma, sigma), atol=0.2)
 
 
 def test_seeds_decide_all():
