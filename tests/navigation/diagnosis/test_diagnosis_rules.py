@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.navigation.diagnosis import code_errors, decision, incorrect_fixes, time_correlated
+from insgnss.navigation.diagnosis import (
+    clock_step,
+    code_errors,
+    decision,
+    incorrect_fixes,
+    time_correlated,
+    turn_on_bias,
+)
 from insgnss.navigation.diagnosis import variances as variances_module
 from insgnss.navigation.diagnosis.candidates import (
     ImuErrors,
@@ -20,6 +27,7 @@ from insgnss.navigation.diagnosis.evidence import (
     loses_fixes,
     misfit,
 )
+from insgnss.navigation.diagnosis.sensitivity import Sensitivity
 from insgnss.navigation.diagnosis.time_correlated import _towards_claim
 from insgnss.navigation.diagnosis.variances import VarianceSearch, _averaged, _promise
 from insgnss.navigation.filter.codes import COVARIANCE_RESET, NOT_MEASURED, REJECTED, USED
@@ -434,3 +442,98 @@ def test_what_the_gate_rejects_of_code_solutions() -> None:
         verdict[:10, :2] = USED
         verdict[:of_position, 0], verdict[:of_velocity, 1] = REJECTED, REJECTED
         assert code_errors._rejected(SimpleNamespace(verdict=verdict)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({}, True),
+        ({"gained": 39.0}, False),  # log evidence of 19.5
+        ({"gained": None}, True),  # there is no solution without it
+        ({"speed": 1.9}, False),  # 19 mm
+        ({"speed": 2.1}, True),
+        ({"resets": 1}, False),
+        ({"rejected": 6}, False),
+        ({"candidate": False}, False),
+    ],
+)
+def test_when_a_clock_steps(monkeypatch, changes, found) -> None:
+    """Oracle: the rules by hand: an evidence of twenty, two centimetres of way, fixes that are
+    followed without a jump; the fixes on either side."""
+    gained = changes.get("gained", 41.0)
+    after = solved(
+        100 - changes.get("rejected", 0), changes.get("rejected", 0), changes.get("resets", 0)
+    )
+    candidate = SimpleNamespace(since=3.2, lapse=None) if changes.get("candidate", True) else None
+    monkeypatch.setattr(clock_step, "with_layout", lambda problem, start, layout: (problem, start))
+    monkeypatch.setattr(clock_step, "widened", lambda problem, start, layout: (problem, start))
+    monkeypatch.setattr(clock_step, "replace", lambda problem, **changes: problem)
+    monkeypatch.setattr(clock_step, "_strongest", lambda *_: candidate)
+    monkeypatch.setattr(clock_step, "_refined", lambda *_: (None, -0.01, 1e-3))
+    monkeypatch.setattr(clock_step, "solve", lambda *_: after)
+    monkeypatch.setattr(clock_step, "misfit", lambda one: 0.0 if one is after else gained)
+    monkeypatch.setattr(clock_step, "rms_speed", lambda _: changes.get("speed", 10.0))
+    epochs = SimpleNamespace(
+        withheld=np.zeros(9, bool), time=np.arange(9.0), has_position=np.arange(9) != 4
+    )
+    epochs._replace = lambda **_: epochs
+    problem = SimpleNamespace(
+        epochs=epochs, layout=None, inc=SimpleNamespace(marks=np.array([100.0]))
+    )
+    against = None if gained is None else "other"
+    step = clock_step.find_clock_step(problem, None, None, against)
+    assert (step is not None) is found
+    if step is not None:
+        assert (step.before, step.after) == (103.0, 105.0)
+        assert (step.size, step.sigma, step.of_imu) == (-0.01, 1e-3, False)
+        assert step.evidence == (np.inf if gained is None else 20.5)
+
+
+def test_gaps_that_may_be_steps_of_the_imus_clock() -> None:
+    """Oracle: by hand: of bridged epochs the intervals longer than 1.5 nominal ones, by their
+    length, sixteen at most; without the lapse a gap is one sample long."""
+    n = 400
+    dt = np.full(n, 0.1)
+    gap = np.zeros((n + 1, 6))
+    for k, length in enumerate(np.linspace(0.14, 1.0, 20)):
+        dt[20 * k + 5] = length
+        gap[20 * k + 6 : 20 * k + 8, 0] = 1.0
+    has = np.ones(n + 1, dtype=bool)
+    epochs = SimpleNamespace(stop=np.arange(n + 1), gap=gap, has_position=has)
+    inc = SimpleNamespace(dt=dt, nominal_s=0.1, dtheta=np.ones((n, 3)), dvel=np.ones((n, 3)))
+    problem = SimpleNamespace(epochs=epochs, inc=inc)
+    gaps = clock_step._gaps(problem)
+    assert len(gaps) == 16
+    assert_allclose([one.step_s for one in gaps], np.linspace(0.14, 1.0, 20)[:3:-1] - 0.1)
+    assert gaps[0].epochs.tolist() == [386, 387]
+    assert gaps[0].intervals.tolist() == [385]
+    dt[:] = 0.149
+    assert clock_step._gaps(problem) == []
+
+
+@pytest.mark.parametrize(("gain", "contradicts"), [(19.9, False), (20.1, True), (None, True)])
+def test_biases_that_the_innovations_show(monkeypatch, gain, contradicts) -> None:
+    """Oracle: a gain of twenty, on either side; no solution without them."""
+    monkeypatch.setattr(turn_on_bias, "misfit", lambda one: {"with": 0.0, "without": gain}[one])
+    model = NoiseModel("m", "", (AxisNoise(white_noise=1.0),) * 3, (AxisNoise(),) * 3)
+    check = turn_on_bias.check_biases_in_innovations(
+        model, None if gain is None else "without", lambda: "with"
+    )
+    assert (check is not None) is contradicts
+    assert turn_on_bias.without_turn_on(model) == ("gyro",)
+    biases = [axis.turn_on_bias for axis in turn_on_bias.with_turn_on(model).gyro]
+    assert_allclose(biases, np.radians(100.0 / 3600.0))
+
+
+def test_what_the_data_alone_say_of_constants() -> None:
+    """Oracle: numpy's normal equations: a filter that knows a constant to its stated sigma has the
+    information of the data without it, less what the constant itself took up."""
+    rng = np.random.default_rng(5)
+    A, y = rng.normal(size=(30, 2)), rng.normal(size=30)
+    stated, wide = np.array([0.3, 0.0]), np.array([2.0, 5.0])
+    V = np.eye(30) + stated[0] ** 2 * np.outer(A[:, 0], A[:, 0])
+    J, j = A.T @ np.linalg.solve(V, A), A.T @ np.linalg.solve(V, y)
+    known = SimpleNamespace(stated=stated, wide=wide)
+    information, vector = Sensitivity(None, known, None, J, j).of_the_data()
+    assert_allclose(information, A.T @ A * np.outer(wide, wide), rtol=1e-9)
+    assert_allclose(vector, A.T @ y * wide, rtol=1e-9)
