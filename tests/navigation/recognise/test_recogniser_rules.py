@@ -669,3 +669,62 @@ def test_a_lag_below_the_interval_of_the_fixes_is_none(monkeypatch, spacing_s, t
     imu = ImuSamples(t, rate, force)
     found = turns.check_turns(t, rate, force, gnss, imu, 0.05, turns.Forces())
     assert ("time_offset_s" in found.advice) is told
+
+
+@pytest.mark.parametrize(("spacing_s", "steps"), [(0.2, 20), (0.49, 20), (0.6, 24), (1.0, 40)])
+def test_how_long_rates_are_smoothed(spacing_s, steps) -> None:
+    """Oracle: by hand: two seconds, four intervals of the fixes at least, in steps of 0.1 s."""
+    gnss = SimpleNamespace(time=spacing_s * np.arange(50.0))
+    assert turns._width(gnss, np.zeros(99)) == steps
+    assert turns._width(SimpleNamespace(time=np.zeros(1)), np.zeros(99)) == 99
+    x = np.arange(50.0)
+    assert_allclose(turns._smooth(x, 5)[2:-2], x[2:-2])
+
+
+def test_the_best_lag_and_its_rival() -> None:
+    """Oracle: by hand: a rate of turn that is 3.1 s late and reversed; the rival is the largest
+    correlation farther than 5 s from there, numpy's."""
+    rng = np.random.default_rng(9)
+    rate = np.convolve(rng.normal(size=1400), np.hanning(25), mode="same")
+    course, gyro = rate[100:1300], -rate[100 - 31 : 1300 - 31]
+    moving = np.ones(1200, dtype=bool)
+    lag, best, here, rival = turns._best_lag(gyro, course, moving)
+    assert lag == pytest.approx(3.1)
+    assert best == pytest.approx(-1.0, abs=1e-9)
+    assert here == pytest.approx(np.corrcoef(gyro, course)[0, 1], abs=1e-9)
+    far = [
+        abs(
+            np.corrcoef(gyro[max(k, 0) : 1200 + min(k, 0)], course[max(-k, 0) : 1200 - max(k, 0)])[
+                0, 1
+            ]
+        )
+        for k in range(-300, 301)
+        if abs(k - 31) > 50
+    ]
+    assert rival == pytest.approx(max(far), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("here", "later", "near", "images", "verdict"),
+    [
+        (0.021, 0.005, 1.0, 20, "contradiction"),
+        (0.019, 0.001, 1.0, 20, "ok"),  # less than 0.02 rad/s are no turns
+        (0.1, 0.024, 1.0, 20, "contradiction"),
+        (0.1, 0.026, 1.0, 20, "ok"),  # four times straighter
+        (0.1, 0.02, 0.041, 20, "contradiction"),
+        (0.1, 0.02, 0.039, 20, "ok"),  # and no such line a few seconds away
+        (0.1, 0.02, 1.0, 19, "ok"),
+        (np.inf, 0.02, 1.0, 20, "ok"),
+    ],
+)
+def test_when_exposures_lie_in_turns(monkeypatch, here, later, near, images, verdict) -> None:
+    """Oracle: the rule by hand, on either side of each limit, of mean rates at the exposures."""
+    time = 100.0 + np.arange(float(images))
+    rates = {0.0: here, 18.0: later, -18.0: 1.0, 4.0: near}
+    monkeypatch.setattr(turns, "_course_rate", lambda *_: (None, None))
+    monkeypatch.setattr(turns, "_turning", lambda t, *_: rates.get(float(t[0] - 100.0), 1.0))
+    gnss = SimpleNamespace(time=np.arange(0.0, 300.0, 0.2))
+    events = SimpleNamespace(time=time, images=("a",) * images, time_scale="")
+    check = turns.check_events(events, gnss)
+    assert check.verdict == verdict
+    assert ("time_offset_s = 18" in check.advice) == (verdict == "contradiction")
