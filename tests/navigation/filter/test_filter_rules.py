@@ -6,12 +6,29 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.navigation.filter.codes import ABSENT, NHC, NO_CONSTRAINT, ZUPT
+from insgnss.base.errors import DataError
+from insgnss.navigation.filter.codes import (
+    ABSENT,
+    COVARIANCE_RESET,
+    NHC,
+    NO_CONSTRAINT,
+    NOT_MEASURED,
+    REJECTED,
+    USED,
+    ZUPT,
+)
 from insgnss.navigation.filter.common_errors import _whitened, nodes_of
 from insgnss.navigation.filter.dense import _give_back, _missed
 from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, with_nhc, with_zupt
 from insgnss.navigation.filter.event_clock import _means
+from insgnss.navigation.filter.filter import measured_slots, outages, refuse_divergence
 from insgnss.navigation.filter.kernels.transitions import event_transitions
+from insgnss.navigation.filter.solution import (
+    _kept_rows,
+    _move,
+    _nonlinear,
+    refuse_negative_variances,
+)
 from insgnss.navigation.filter.triangles import diagonal, unpacked
 from insgnss.records.qualities import Quality
 
@@ -223,3 +240,119 @@ def test_means_over_the_delay_of_an_event(delay) -> None:
     taken = {0.03: [10, 11, 12], -0.03: [7, 8, 9], 0.004: [10], -0.004: [9], 0.0: [10]}[delay]
     assert_allclose(got[0], rate[taken].mean(axis=0) - bias[:3])
     assert_allclose(force[0], 2.0 * rate[taken].mean(axis=0) - bias[3:])
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "heading_deg", "sigma_deg", "nonlinear"),
+    [
+        (0.0, 1.9, 90.0, False),
+        (0.0, 2.1, 90.0, True),  # a start that is two degrees off
+        (1.2, 1.7, 90.0, True),
+        (1.0, 1.0, 0.131, False),
+        (1.0, 1.0, 0.130, True),  # a product of a fifth of a sigma: 1.5 deg^2
+        (0.0, 1.0, 0.0437, False),
+        (0.0, 1.0, 0.0435, True),  # half of the square of the heading
+    ],
+)
+def test_when_the_flight_is_linearised_again(tilt_deg, heading_deg, sigma_deg, nonlinear) -> None:
+    """Oracle: (N.1) by hand, on either side of a fifth of a sigma and of two degrees."""
+    delta = np.zeros((3, 9))
+    delta[:, 6], delta[:, 8] = np.radians(tilt_deg), np.radians(heading_deg)
+    assert _nonlinear(delta, np.full((3, 9), np.radians(sigma_deg))) is nonlinear
+
+
+def test_the_nominal_is_moved_by_its_errors() -> None:
+    """Oracle: scipy's product of rotations, the error on the left; sums elsewhere."""
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(7)
+    C, delta = Rotation.random(5, rng=3), 0.3 * rng.normal(size=(5, 12))
+    nav = np.hstack([rng.normal(size=(5, 6)), C.as_quat(scalar_first=True)])
+    x, before = rng.normal(size=(5, 3)), nav.copy()
+    expected = x + delta[:, 9:]
+    _move(nav, x, delta)
+    turned = (Rotation.from_rotvec(delta[:, 6:9]) * C).as_matrix()
+    assert_allclose(Rotation.from_quat(nav[:, 6:], scalar_first=True).as_matrix(), turned)
+    assert_allclose(nav[:, :6], before[:, :6] + delta[:, :6])
+    assert_allclose(x, expected)
+
+
+@pytest.mark.parametrize(
+    ("minutes", "resets", "rejected", "refused"),
+    [
+        (9.9, 3, 0, False),
+        (9.9, 4, 0, True),  # three, and one each ten minutes
+        (10.1, 4, 0, False),
+        (20.1, 5, 0, False),
+        (20.1, 6, 0, True),
+        (1.0, 0, 50, False),
+        (1.0, 0, 51, True),  # more than half
+    ],
+)
+def test_when_a_flight_does_not_follow_its_fixes(minutes, resets, rejected, refused) -> None:
+    """Oracle: limits by hand, on either side."""
+    kinds = [COVARIANCE_RESET] * resets + [REJECTED] * rejected
+    kinds += [USED] * (100 - len(kinds)) + [NOT_MEASURED] * 30
+    verdict, n = np.full((130, 5), NOT_MEASURED), 130
+    verdict[:, 0] = kinds
+    problem = SimpleNamespace(
+        inc=SimpleNamespace(marks=np.linspace(5.0, 5.0 + 60.0 * minutes, n)),
+        epochs=SimpleNamespace(time=np.linspace(0.0, 60.0 * minutes, n)),
+        gate=14.0,
+    )
+    history = SimpleNamespace(
+        sigma=np.ones((n, 9)), nav=np.ones((n, 10)), verdict=verdict, nis=np.full((n, 5), 99.0)
+    )
+    if not refused:
+        refuse_divergence(problem, history)
+        history.sigma[40:, 3] = np.nan
+        with pytest.raises(DataError, match=f"diverged at {problem.inc.marks[40]:.3f} s"):
+            refuse_divergence(problem, history)
+        return
+    with pytest.raises(DataError, match=rf"{rejected} of 100 GNSS fixes rejected, from 5\.0 s on"):
+        refuse_divergence(problem, history)
+
+
+def test_outages_and_rows_that_are_kept() -> None:
+    """Oracle: by hand: epochs after a fix that is the last for more than five seconds, up to the
+    next one; every so many epochs, both ends and the events."""
+    time = np.array([0.0, 1.0, 2.0, 4.0, 6.9, 7.0, 12.0, 12.1, 13.0])
+    has = np.array([1, 1, 0, 0, 0, 1, 0, 1, 1], dtype=bool)
+    withheld = np.zeros(9, dtype=bool)
+    epochs = SimpleNamespace(
+        time=time, has_position=has, withheld=withheld, stop=np.arange(9), event=np.full(9, ABSENT)
+    )
+    assert outages(epochs).tolist() == [ABSENT, ABSENT, 0, 1, 2, 3, 4, 5, ABSENT]
+    withheld[7] = True
+    time[7:] = 12.0
+    assert outages(epochs).tolist() == [ABSENT, ABSENT, 0, 1, 2, 3, ABSENT, ABSENT, ABSENT]
+    epochs.event[5] = 0
+    problem = SimpleNamespace(epochs=epochs)
+    assert _kept_rows(problem, 0).tolist() == [0, 5, 8]
+    assert _kept_rows(problem, 3).tolist() == [0, 3, 5, 6, 8]
+    assert _kept_rows(problem, 9).tolist() == list(range(9))
+
+
+def test_where_the_triples_of_a_kind_stand() -> None:
+    """Oracle: by hand: three rows each of what is measured; a position depends on navigation alone
+    where the fixes have no states, a velocity constraint always."""
+    epochs = SimpleNamespace(
+        has_velocity=np.array([False]),
+        constraint=np.array([ZUPT]),
+        zaru_variance=np.zeros(1),
+        barometer_variance=np.ones(1),
+    )
+    for of_fixes, columns in ((True, 30), (False, 9)):
+        slot, used = measured_slots(epochs, SimpleNamespace(size=30, of_fixes=of_fixes))
+        assert slot.tolist() == [0, ABSENT, 3, ABSENT, 6]
+        assert used.tolist() == [columns] * 3 + [9] * 3 + [30] * 3
+
+
+def test_a_negative_variance_is_refused_with_its_instant() -> None:
+    """Oracle: by hand: the first of the instants with one."""
+    P = np.tile(np.eye(9)[np.tril_indices(9)], (4, 1))
+    problem = SimpleNamespace(inc=SimpleNamespace(marks=np.array([10.0, 11.0, 12.0, 13.0])))
+    refuse_negative_variances(problem, P)
+    P[2, 5], P[3, 0] = -1.0, np.nan
+    with pytest.raises(DataError, match=r"negative variances from 12\.0 s on"):
+        refuse_negative_variances(problem, P)
