@@ -1,5 +1,6 @@
 """The rules of the alignment: which window is taken, how wide the start is, by closed forms."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -245,3 +246,53 @@ def test_a_stand_lasts_from_half_a_minute_to_ten(pieces, rest) -> None:
     for first, last in pieces:
         constraint[first : last + 1] = ZUPT
     assert longest_rest(problem(time, constraint=constraint)) == rest
+
+
+@dataclass(frozen=True)
+class Window:
+    """What a window's second attempt changes."""
+
+    gate: float = 14.0
+    huber_threshold: float = np.inf
+
+
+def test_a_window_that_rejects_its_fixes_is_solved_with_all_of_them(monkeypatch) -> None:
+    """Oracle: by hand: an open gate, and fixes beyond four sigmas weighed down; None where that
+    fails too."""
+    tried = []
+
+    def solve(window, start, *_, **__):
+        tried.append((window.gate, window.huber_threshold))
+        if window.gate < np.inf or start == "hopeless":
+            raise DataError("rejected")
+        return "solved"
+
+    monkeypatch.setattr(initial, "solve", solve)
+    assert initial._estimated(Window(), "start") == "solved"
+    assert tried == [(14.0, np.inf), (np.inf, 16.0)]
+    assert initial._estimated(Window(), "hopeless") is None
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_windows_to_try_in_the_order_of_time(monkeypatch, known) -> None:
+    """Oracle: by hand: a stand that knows its heading first, then the five most certain coarse
+    attitudes by their time, of a minute or as long as they are."""
+    time = np.arange(0.0, 200.0)
+    coarse_ones = [
+        coarse.CoarseAttitude(first, last, np.eye(3), np.zeros(3), np.eye(3))
+        for first, last in ((90, 100), (30, 130), (190, 195), (60, 70), (10, 20), (0, 5))
+    ]
+    monkeypatch.setattr(initial, "coarse_attitudes", lambda _: coarse_ones)
+    monkeypatch.setattr(initial, "sub_problem", lambda _, first, last: (first, last))
+    monkeypatch.setattr(initial, "_coarse_start", lambda window, one: one.first)
+    monkeypatch.setattr(initial, "_nav", lambda *_: None)
+    monkeypatch.setattr(initial, "_start", lambda window, nav, att: np.sqrt(np.diag(att)))
+    stand = StandingAttitude(3, 150, np.eye(3), 0.01, 0.2 if known else 0.5)
+    tries = list(initial._candidates(problem(time), stand))
+    if known:
+        first, window, sigma = tries.pop(0)
+        assert (first, window) == (3, (3, 150))
+        assert_allclose(sigma, np.array([0.01, 0.01, 0.2]) + np.radians([0.05, 0.05, 0.1]))
+    assert [window for _, window, _ in tries] == [
+        *((10, 70), (30, 130), (60, 120), (90, 150), (190, 199))
+    ]

@@ -173,6 +173,7 @@ def test_shares_by_component() -> None:
     """Oracle: by hand: heights by the ratio, and each attempt 1.6 times as white."""
     errors = with_time_correlated_error(FixErrors(), 0.5, 0.8, 30.0, 2.0)
     assert errors.gm_sigma == (0.8, 0.8, 1.6)
+    assert with_time_correlated_error(FixErrors(), 0.5, 0.8, 30.0).gm_sigma == (0.8, 0.8, 0.8)
     assert errors.white_scale == (0.5, 0.5, 1.0)
     assert errors.unfixed_white_scale == 0.5
     whiter = with_larger_white_share(errors)
@@ -537,3 +538,60 @@ def test_what_the_data_alone_say_of_constants() -> None:
     information, vector = Sensitivity(None, known, None, J, j).of_the_data()
     assert_allclose(information, A.T @ A * np.outer(wide, wide), rtol=1e-9)
     assert_allclose(vector, A.T @ y * wide, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("attempted", "requested", "resets", "looks"),
+    [
+        ((), (), 0, False),
+        (("GNSS time offset",), (), 0, True),
+        ((), ("GNSS clock rate",), 0, True),
+        (("antenna lever arm forward",), (), 0, False),
+        ((), (), 1, True),
+    ],
+)
+def test_when_a_step_of_a_clock_is_looked_for(
+    monkeypatch, attempted, requested, resets, looks
+) -> None:
+    """Oracle: by hand: where an offset or a rate is adopted or requested, or fixes were lost."""
+    monkeypatch.setattr(decision, "_step_under", lambda search, posed, model, against: "step")
+    search = SimpleNamespace(requested=requested, requested_errors=FixErrors())
+    here = SimpleNamespace(
+        attempted=frozenset(attempted),
+        model=decision.ErrorModel(FixErrors()),
+        solution=solved(resets=resets),
+    )
+    assert decision._clock_step(search, None, here) == ("step" if looks else None)
+
+
+def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
+    """Oracle: by hand: the evidence that was followed along spares the pass; of too few fixes
+    nothing is looked at; three winners at most."""
+    passes, rounds = [], []
+
+    def adopted(search, posed, here, constants):
+        rounds.append(constants)
+        return here if len(rounds) < 9 else None
+
+    search = SimpleNamespace(
+        requested_errors=FixErrors(),
+        progress=lambda _: None,
+        requested=(),
+        exact=(),
+        events_with_fixes=False,
+        constants=lambda *_: passes.append(1),
+    )
+    monkeypatch.setattr(decision, "settled_evidence", lambda *_: settled)
+    monkeypatch.setattr(decision, "_next", adopted)
+    monkeypatch.setattr(decision, "_clock_step", lambda *_: None)
+    monkeypatch.setattr(decision, "unseen", lambda *_: None)
+    few, enough = solved(59), solved(60)
+    enough.problem.epochs = SimpleNamespace(time=np.array([0.0, 10.0]))
+    assert decision.diagnose(search, None, few).solution is few
+    assert rounds == []
+    settled = SimpleNamespace(estimates=lambda middle_s: (middle_s,))
+    found = decision.diagnose(search, None, enough)
+    assert (len(rounds), passes, found.constants) == (3, [], (5.0,))
+    settled = None
+    decision.diagnose(search, None, enough)
+    assert len(passes) == 3

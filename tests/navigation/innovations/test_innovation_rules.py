@@ -182,6 +182,9 @@ def test_what_a_flight_tells_of_a_factor(theta, sigma, told) -> None:
     A = 2.0 * np.diag([1.0 / 0.6, 1.0 / 0.2, 1.0 / 10.0]) ** 2
     minutes = _minutes(Maximum(np.zeros(3), SimpleNamespace(information=A)), 5.0)
     assert_allclose(minutes, [20.0, np.inf, np.inf])
+    A = 2.0 * np.diag([1.0 / 3.26, 1.0 / 3.31]) ** 2  # 590 and 609 minutes of ten hours at most
+    minutes = _minutes(Maximum(np.zeros(2), SimpleNamespace(information=A)), 5.0)
+    assert np.isfinite(minutes).tolist() == [True, False]
 
 
 @pytest.mark.parametrize(

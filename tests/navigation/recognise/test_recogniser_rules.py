@@ -270,6 +270,9 @@ def test_an_axis_is_as_sure_as_its_angle_is_far_from_45_degrees() -> None:
         assert_allclose(found.vector, v)
     vertical = of_vertical(found, 1.0)
     assert (vertical.value, vertical.confidence) == ("unknown", 0.0)
+    near = _direction(np.array([0.0, 0.0, 1.0]), math.radians(20.0))
+    for also, known in ((0.52, True), (0.50, False)):  # the product of both, more likely than not
+        assert (of_vertical(near, also).confidence > 0.0) is known
 
 
 @pytest.mark.parametrize("free", [True, False])
