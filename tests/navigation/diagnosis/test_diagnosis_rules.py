@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from insgnss.base.errors import DataError
 from insgnss.navigation.diagnosis import (
     clock_step,
     code_errors,
+    constants,
     decision,
     incorrect_fixes,
     time_correlated,
@@ -116,6 +118,7 @@ def test_the_promise_of_a_family_is_raos_score() -> None:
         (0.5, 0.6, 1e9, np.sqrt(1.0 - 0.25)),  # up to what the file claims
         (0.5, 1.5, 1e9, np.sqrt(1.0 - 0.25)),  # down to it
         (0.8, 1.5, 1e9, 1.5),  # k alone is most of the claim, and what is beyond it stays
+        (0.8, 0.8, 1e9, 0.8),
         (0.5, 0.2, 120.0, None),  # not beyond a correlation time of ten minutes
     ],
 )
@@ -255,12 +258,12 @@ def epochs_of(n) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    ("rejected", "resets", "verdict"), [(1, 0, True), (2, 0, False), (0, 1, False)]
+    ("rejected", "resets", "verdict"), [(2, 0, True), (3, 0, False), (0, 1, False)]
 )
 def test_when_a_filter_follows_what_is_not_withheld(rejected, resets, verdict) -> None:
     """Oracle: by hand: one fix in a hundred rejected, no reset."""
-    kinds = [USED] * (100 - rejected - resets) + [REJECTED] * rejected + [COVARIANCE_RESET] * resets
-    assert incorrect_fixes._follows(epochs_of(100), history(kinds)) is verdict
+    kinds = [USED] * (200 - rejected - resets) + [REJECTED] * rejected + [COVARIANCE_RESET] * resets
+    assert incorrect_fixes._follows(epochs_of(200), history(kinds)) is verdict
 
 
 def test_spells_of_rejected_fixes() -> None:
@@ -595,3 +598,66 @@ def test_what_is_settled_beside_needs_no_pass(monkeypatch) -> None:
     settled = None
     decision.diagnose(search, None, enough)
     assert len(passes) == 3
+
+
+@pytest.mark.parametrize(("interval_s", "followed"), [(0.2, True), (0.22, False)])
+def test_constants_are_followed_between_epochs_that_are_near(
+    monkeypatch, interval_s, followed
+) -> None:
+    """Oracle: by hand: 0.21 s; no barometer, no non-holonomic constraint."""
+    monkeypatch.setattr(constants.Constants, "of", lambda *_: "constants")
+    monkeypatch.setattr(constants.Sensitivity, "before", lambda *_: "followed")
+    layout = SimpleNamespace(names=())
+
+    def found(constraint=0, barometer=0.0):
+        epochs = SimpleNamespace(
+            time=interval_s * np.arange(9.0),
+            barometer_variance=np.full(9, barometer),
+            constraint=np.full(9, constraint),
+        )
+        problem = SimpleNamespace(epochs=epochs, layout=layout)
+        return constants.followed_constants(problem, layout) is not None
+
+    assert found() is followed
+    assert found(constraint=1) is followed  # a stand
+    assert not found(constraint=2)
+    assert not found(barometer=1.0)
+
+
+@pytest.mark.parametrize(
+    ("solutions", "fits", "scale"),
+    [
+        ([0.0] * 4, 3, 0.5),  # of white shares, then of all, three times
+        ([0.04] * 4, 3, 0.5),
+        ([0.06, 0.0, 0.0, 0.0, 0.0], 3, 0.5 * 1.6),  # whiter first
+        ([None, 0.0, 0.0, 0.0, 0.0], 3, 0.5 * 1.6),
+        ([0.0, 0.0, 0.06, 0.0], 2, 0.5 * 1.6),  # whiter last, and as it is
+        ([0.06] * 9, 0, None),
+    ],
+)
+def test_rounds_of_a_fit_of_code_errors(monkeypatch, solutions, fits, scale) -> None:
+    """Oracle: by hand: up to 5 % of the fixes rejected, three fits, six whiter attempts."""
+    queue, fitted = list(solutions), []
+
+    def solve(*_, **__):
+        share = queue.pop(0)
+        if share is None:
+            raise DataError("no solution")
+        return share
+
+    def maximum(solution, white_only, progress):
+        fitted.append(white_only)
+        return {"fixes.position": 1.5, "fixes.unfixed_correlated": 1.0}
+
+    monkeypatch.setattr(code_errors, "solve", solve)
+    monkeypatch.setattr(code_errors, "with_layout", lambda *_: ())
+    monkeypatch.setattr(code_errors, "_rejected", lambda share: share)
+    monkeypatch.setattr(code_errors, "_maximum", maximum)
+    model = FixErrors(unfixed_gm_sigma=1.0, unfixed_white_scale=0.5)
+    got = code_errors._fit(None, None, lambda _: None, model, lambda _: None)
+    assert fitted == [True, False, False][:fits]
+    if scale is None:
+        assert got is None
+    else:
+        assert got is not None
+        assert got.unfixed_white_scale == pytest.approx(scale * 1.5**fits)

@@ -337,3 +337,34 @@ def test_which_readings_are_mirrored_and_what_explains_them() -> None:
     assert_allclose(other.gyro, imu.gyro[:, [2, 1, 0]])
     assert_allclose(other.accel, -imu.accel[:, [2, 1, 0]])
     assert math.isclose(other.time[0], imu.time[0])
+
+
+def test_the_lag_is_that_of_the_most_certain_fit(monkeypatch) -> None:
+    """Oracle: (R.7) by hand: its sigma, what others are farther off than theirs, and a quarter of
+    the sample interval; fits that gain less than three tenths of the most are none."""
+    from insgnss.navigation.recognise import relation
+
+    def scan(gain, lag):
+        acc = SimpleNamespace(span_s=1.0, time=np.zeros(10), kind=lag)
+        shares = {"up": np.array([1.0]), "down": np.zeros(1)}
+        return SimpleNamespace(gain=lambda: gain, acc=acc, lags=np.array([lag]), best=0, **shares)
+
+    scans = [scan(10.0, 0.50), scan(8.0, 0.60), scan(3.1, 0.52), scan(2.9, 9.0)]
+    sigma = {0.50: 0.02, 0.60: 0.03, 0.52: 0.04, 9.0: 0.001}
+    monkeypatch.setattr(relation, "accelerations", lambda *_, **__: scans[0].acc)
+    monkeypatch.setattr(relation, "_kinds", lambda _: ["velocity"])
+    monkeypatch.setattr(relation, "_halves", lambda *_: [0.2, 0.5, 1.0, 2.0])
+    queue = list(scans)
+    monkeypatch.setattr(relation, "_scan", lambda *_: queue.pop(0))
+    monkeypatch.setattr(
+        relation,
+        "fit",
+        lambda moved, acc, lag, sign: SimpleNamespace(theta=np.array([lag]), lag_sigma=sigma[lag]),
+    )
+    grid = SimpleNamespace(interval=0.02)
+    best, acc, lag_sigma = relation._refine(grid, None, None, None, scans[0])
+    assert (best.theta[0], acc.kind) == (0.5, 0.5)
+    excess = np.mean([0.0, 0.1**2 - 0.03**2, 0.0])
+    assert lag_sigma == pytest.approx(np.sqrt(0.02**2 + excess + 0.005**2))
+    nothing = scan(0.0, 0.5)
+    assert relation._refine(grid, None, None, None, nothing)[0] is None
