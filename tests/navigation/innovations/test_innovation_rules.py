@@ -289,3 +289,23 @@ def test_the_antenna_of_a_solution_by_its_states(first) -> None:
         H[k, :, 9 + first + 1] = time[e] * nav[e, 3:6]
     expected = np.einsum("kij,jl,kil->ki", H, P, H)
     assert_allclose(_antenna_variance(solution, rows, C, a), expected)
+
+
+@pytest.mark.parametrize(("sigma_m", "wide"), [(0.01, (10.0, 5.0)), (4.0, (40.0, 8.0))])
+def test_what_a_part_of_a_flight_knows_before_it(sigma_m, wide) -> None:
+    """Oracle: by hand: nothing of position and velocity, ten times the attitude's sigma beside half
+    a degree and one of heading, the IMU as the model has it."""
+    from insgnss.navigation.innovations.likelihood import _start
+
+    P = np.zeros((1, 9, 9))
+    P[0, 6:9, 6:9] = np.diag([1e-6, 4e-6, 9e-6])
+    epochs = SimpleNamespace(position_cov=(sigma_m**2 / 3.0) * np.eye(3)[None])
+    layout = SimpleNamespace(sigma0=np.array([0.1, 0.2]))
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(layout=layout, epochs=epochs), nav_covariance=lambda _: P
+    )
+    sigma = np.sqrt(np.diag(_start(solution)))
+    assert_allclose(sigma[:6], np.repeat(wide, 3))
+    floor = np.radians([0.5, 0.5, 1.0])
+    assert_allclose(sigma[6:9], np.hypot(floor, [1e-2, 2e-2, 3e-2]))
+    assert_allclose(sigma[9:], [0.1, 0.2])
