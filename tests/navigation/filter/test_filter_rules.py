@@ -23,6 +23,7 @@ from insgnss.navigation.filter.epochs import _error_unit, unfixed_solutions, wit
 from insgnss.navigation.filter.event_clock import _means
 from insgnss.navigation.filter.filter import measured_slots, outages, refuse_divergence
 from insgnss.navigation.filter.kernels.transitions import event_transitions
+from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import (
     _kept_rows,
     _move,
@@ -30,6 +31,7 @@ from insgnss.navigation.filter.solution import (
     refuse_negative_variances,
 )
 from insgnss.navigation.filter.triangles import diagonal, unpacked
+from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records.qualities import Quality
 
 
@@ -356,3 +358,14 @@ def test_a_negative_variance_is_refused_with_its_instant() -> None:
     P[2, 5], P[3, 0] = -1.0, np.nan
     with pytest.raises(DataError, match=r"negative variances from 12\.0 s on"):
         refuse_negative_variances(problem, P)
+
+
+def test_fixes_are_taken_as_they_claim_by_default() -> None:
+    """Oracle: by hand: factors of one of every kind; a factor that is set stands in its own row."""
+    model = load_noise_model("navchip")
+    assert_array_equal(state_layout(model).white_scales, np.ones((3, 3)))
+    errors = FixErrors(
+        white_scale=(2.0, 3.0, 4.0), unfixed_white_scale=5.0, velocity_white_scale=6.0
+    )
+    expected = [[2.0, 3.0, 4.0], [5.0] * 3, [6.0] * 3]
+    assert_array_equal(state_layout(model, fixes=errors).white_scales, expected)

@@ -1,6 +1,7 @@
 """The limits of what prepares a recording, each on either side or in closed form."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from numpy.testing import assert_allclose
 from insgnss.navigation.prepare import static_recording, stationarity
 from insgnss.navigation.prepare.dead_band import DeadBand, dead_band_of
 from insgnss.navigation.prepare.gaps import bridged_variance, find_gaps, mean_interval
-from insgnss.navigation.prepare.several_imus import parity
+from insgnss.navigation.prepare.several_imus import combine, parity
 from insgnss.navigation.prepare.several_imus.parity import _robust_matrix, _slow, _spikes, _vote
 from insgnss.navigation.prepare.stuck_channels import _shortest, constant_runs, dead_band
 from insgnss.records import GnssFixes, ImuSamples
@@ -349,3 +350,20 @@ def test_of_two_the_one_that_shows_a_fault(fault, named) -> None:
     sigma = np.full((2, 2), 0.1)  # per root of Hz, a second: unit variance at 100 Hz
     assert parity._self_evident(imus, sigma)[0] == named
     assert parity._stuck_samples(np.array([[1.0], [2.0], [2.0], [2.0], [1.0]])) == 3
+
+
+@pytest.mark.parametrize(
+    ("rms", "noise", "shown"),
+    [(0.0099, 1e-4, False), (0.0101, 1e-4, True), (0.0199, 2e-3, False), (0.0201, 2e-3, True)],
+)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_body_that_hardly_turns_shows_no_clock(monkeypatch, rms, noise, shown, which) -> None:
+    """Oracle: by hand: 0.01 rad/s of either, or ten times the noise over a tenth of a second."""
+    tracks = [SimpleNamespace(time=np.arange(0.0, 9.0, 0.1)) for _ in range(2)]
+    rates = {id(track): np.full((400, 3), 1.0) for track in tracks}
+    rates[id(tracks[which])] = np.full((400, 3), rms)
+    monkeypatch.setattr(combine, "_grid_rates", lambda track, grid: rates[id(track)])
+    monkeypatch.setattr(combine, "_coarse_offset", lambda a, b: (0.0, 0.69))
+    *_, check = combine._offset(*tracks, noise, "b")
+    assert ("hardly turns" in check.found) is not shown
+    assert ("correlate by 0.69" in check.found) is shown

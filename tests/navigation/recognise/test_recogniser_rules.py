@@ -620,6 +620,9 @@ def test_which_clocks_are_set_to_a_common_start(begins, ends, clocks) -> None:
 def test_an_abstention_keeps_the_readings_as_they_are() -> None:
     """Oracle: by hand: the unit of the force, and factors of one."""
     found = _abstained(unknown_force(2.0, "why"), 0.5, "because")
+    assert found.curves == {}
+    curves = {"lag_s": np.arange(3.0)}
+    assert _abstained(unknown_force(2.0, "why"), 0.5, "because", curves).curves is curves
     assert (found.gyro_factor, found.accel_factor, found.accel_sign) == (1.0, 1.0, 1)
     assert (found.time_offset_s, found.time_offset_sigma_s) == (0.0, np.inf)
     assert (found.axes, found.time_scale, found.gyro_unit) == (None, "same", "rad/s")

@@ -130,6 +130,7 @@ def test_seeds_decide_all():
     fitted = series_fit(2**12, AXES["long"], "WN+GM")
     first, again, other = (draw_variances(fitted, 6, seed=s)[0] for s in (1, 1, 2))
     assert_array_equal(first, again)
+    assert_array_equal(draw_variances(fitted, 1, seed=1)[0], first[:1])
     assert not np.array_equal(first, other)
     assert_array_equal(draw_variances(fitted, 3, seed=1)[0], first[:3])
     two = replace(fitted, curves=fitted.curves * 2, weights=fitted.weights * 2)

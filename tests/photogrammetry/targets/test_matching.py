@@ -12,6 +12,7 @@ from insgnss.photogrammetry.target_measurement import windows as windows_module
 from insgnss.photogrammetry.target_measurement.request import Target
 from insgnss.photogrammetry.target_measurement.sizes import _across, target_sizes
 from insgnss.photogrammetry.target_measurement.trials import _trials
+from insgnss.photogrammetry.targets import measurement
 from insgnss.photogrammetry.targets.matching import (
     _design,
     _first_shadow,
@@ -207,3 +208,34 @@ def test_what_is_tried_where_nothing_is_found() -> None:
     assert [wider for *_, wider in tried] == [10.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     assert_allclose([target.arm_m for _, target, _ in tried[3:]], [0.05, 0.1 / 1.5, 0.15, 0.2])
     assert [words for words, *_ in _trials(Target("quadrants", 0.5))][2] == "--size 0.25"
+
+
+@pytest.mark.parametrize(
+    ("plain", "shaded", "chosen"),
+    [
+        ((0.996, True), (0.999, True), "plain"),  # clear, so that no shadow is looked for
+        ((0.74, True), (0.999, True), "plain"),  # too poor for a shadow to be all
+        ((0.76, True), (0.999, True), "shaded"),
+        ((0.90, True), (0.945, True), "shaded"),  # leaves less than six tenths
+        ((0.90, True), (0.940, True), "plain"),
+        ((0.90, False), (0.91, True), "shaded"),
+        ((0.90, True), (0.999, False), "plain"),
+    ],
+)
+def test_when_a_shadow_is_taken(monkeypatch, plain, shaded, chosen) -> None:
+    """Oracle: by hand: 1 - r^2 of both, a correlation of 0.75, the clear one of the rules."""
+
+    def match_(window, template, uv, blur_px, freedom, shadow):
+        correlation, converged = shaded if shadow else plain
+        one = SimpleNamespace(
+            correlation=correlation, converged=converged, uv=np.zeros(2), shade=float(shadow)
+        )
+        one.moved_by = lambda _: one
+        return one
+
+    monkeypatch.setattr(measurement, "match", match_)
+    peak = SimpleNamespace(template=SimpleNamespace(reach_px=8.0), uv=np.zeros(2))
+    rules = replace(measurement.Rules(), clear=0.995)
+    best = measurement._best(np.zeros((9, 9)), (0, 0), [peak], rules)
+    assert best is not None
+    assert best[1].shade == (1.0 if chosen == "shaded" else 0.0)
