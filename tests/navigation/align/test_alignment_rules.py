@@ -139,6 +139,9 @@ def test_the_first_velocity_is_that_of_two_seconds() -> None:
     given = np.tile([7.0, 8.0, 9.0], (time.size, 1))
     assert_allclose(_first_velocity(problem(time, position, velocity=given)), [7.0, 8.0, 9.0])
     assert_allclose(_first_velocity(problem(5.0 * time, position)), np.diff(position, axis=0)[0])
+    some = problem(time, position, velocity=given)
+    some.epochs.has_velocity[0] = False  # the first fix decides
+    assert_allclose(_first_velocity(some), expected, rtol=1e-9)
 
 
 def test_integrated_force_of_a_steady_turn() -> None:
@@ -235,6 +238,7 @@ def test_covariance_of_a_coarse_attitude() -> None:
         ([(0, 29)], None),
         ([(0, 30)], (0, 30)),
         ([(0, 40), (43, 90)], (43, 90)),  # 3 s without a ZUPT end a stand
+        ([(0, 50), (60, 95)], (0, 50)),  # the longest, not the last
         ([(0, 40), (42, 90)], (0, 90)),  # 2 s do not
         ([(5, 900)], (5, 605)),  # ten minutes at most
     ],
