@@ -13,10 +13,12 @@ place, of a place one change:
     min, max                exchanged          a whole index     one more
     a float                 times 1.5 or 0.5   a minus sign      left out
 
-Texts, errors and annotations are left alone. The quick tests of the room are run, and those that
-name the module where none of the room does. A survivor may be one that changes nothing (a limit
-that no number meets), which a person judges. It ends in a table, and in exit code 1 where fewer
-than 85 % are caught.
+Texts, errors, annotations and modules of pages are left alone, and so is what changes no number:
+sizes of memory, shares of progress, and guards against rounding (within a function a float below
+1e-5 that multiplies nothing). The quick tests of the room are run, and those that name the module
+where none of the room does. A survivor may still be one that changes nothing (a limit that no
+number meets), which a person judges. It ends in a table, and in exit code 1 where fewer than 85 %
+are caught.
 """
 
 import argparse
@@ -24,6 +26,7 @@ import ast
 import os
 import random
 import re
+import shutil
 import sys
 import tempfile
 import time
@@ -33,10 +36,8 @@ from pathlib import Path
 
 from planted_defects import PASSED, ROOT, copy_tree, run_tests
 
-ROOMS = (
-    *("navigation", "orient", "align", "prepare", "diagnosis", "recognise"),
-    *("gnss/quality", "adjust", "geodesy", "comparison", "mounting_calibration"),
-)
+NAVIGATION = ("align", "filter", "orient", "prepare", "diagnosis", "innovations", "recognise")
+ROOMS = (*(f"navigation/{room}" for room in NAVIGATION), "gnss", "photogrammetry", "noise")
 LEAST_SHARE = 0.85
 OVERTIME = -1  # of `run_tests`: a slow machine, or a loop without end
 OPERATORS = {ast.Add: "+-", ast.Sub: "-+", ast.Mult: "*/", ast.Div: "/*"}
@@ -44,6 +45,9 @@ COMPARED = {ast.Lt: ("<", "<=", ">"), ast.LtE: ("<=", "<", ">=")}
 COMPARED |= {ast.Gt: (">", ">=", "<"), ast.GtE: (">=", ">", "<=")}
 EXTREMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
 TEXTUAL = (ast.JoinedStr, ast.Raise, ast.Assert)
+OF_PAGES = re.compile(r"(page|products|words|sheet|figures|summary|worker)\.py$")
+PROGRESS = {"within", "share", "progress"}  # calls that say how far the work is
+ROUNDING = 1e-5  # floats below it that are no factor keep a division from zero, or allow rounding
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class _Places(ast.NodeVisitor):
     def __init__(self, text: str) -> None:
         self.text, self.found = text, list[tuple[int, int, str]]()
         self.encoded = [line.encode() for line in text.splitlines(keepends=True)]
-        self.starts = [0]
+        self.starts, self.factors, self.in_function = [0], set[int](), False
         for line in text.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
 
@@ -95,6 +99,12 @@ class _Places(ast.NodeVisitor):
     def visit(self, node: ast.AST) -> None:
         if isinstance(node, TEXTUAL):
             return
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).endswith("BYTES"):
+            return
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in PROGRESS:
+            return
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+            self.factors |= {id(node.left), id(node.right)}
         match node:
             case ast.BinOp() if type(node.op) in OPERATORS and not _is_text(node):
                 self.between(node.left, node.right, *OPERATORS[type(node.op)])
@@ -108,7 +118,7 @@ class _Places(ast.NodeVisitor):
             case ast.UnaryOp(op=ast.USub()):
                 begin = self.span(node)[0]
                 self.found.append((begin, begin + 1, ""))
-            case ast.Constant(value=float() as value) if value:
+            case ast.Constant(value=float() as value) if value and not self.is_guard(node):
                 self.found.extend((*self.span(node), f"{value * by:.15g}") for by in (1.5, 0.5))
             case ast.Name(id=name) if name in EXTREMES:
                 self.found.append((*self.span(node), EXTREMES[name]))
@@ -120,10 +130,17 @@ class _Places(ast.NodeVisitor):
         if isinstance(node, ast.AnnAssign):
             return self.visit(node.value) if node.value else None
         if isinstance(node, ast.FunctionDef):
+            outer, self.in_function = self.in_function, True
             for part in (*node.args.defaults, *filter(None, node.args.kw_defaults), *node.body):
                 self.visit(part)
+            self.in_function = outer
             return None
         return self.generic_visit(node)
+
+    def is_guard(self, node: ast.Constant) -> bool:
+        """Whether a float of a function is a guard against rounding."""
+        assert isinstance(node.value, float)
+        return self.in_function and node.value < ROUNDING and id(node) not in self.factors
 
 
 def _is_count(node: ast.expr) -> bool:
@@ -164,7 +181,8 @@ def drawn(rooms: list[str], number: int, seed: int) -> Iterator[tuple[str, Chang
     rng = random.Random(seed)
     of_room = {}
     for room in rooms:
-        files = sorted((ROOT / "insgnss" / room).rglob("*.py"))
+        every = sorted((ROOT / "insgnss" / room).rglob("*.py"))
+        files = [f for f in every if not OF_PAGES.search(f.name)]
         of_room[room] = [line for f in files for line in changes_of(f.relative_to(ROOT))]
         rng.shuffle(of_room[room])
     for k in range(number):
@@ -176,16 +194,19 @@ def drawn(rooms: list[str], number: int, seed: int) -> Iterator[tuple[str, Chang
 def tests_of(file: Path, named_only: bool) -> list[str]:
     """The tests of a module's room, those that name it first, or else those elsewhere that do.
 
-    Within `gnss`, whose folders are rooms, those of the folder.
+    A room's tests stand in the folder of its name, or of the nearest one above; in the folder of a
+    whole wing they are those that name the room.
     """
-    _, *parts = file.with_suffix("").parts
+    *parts, name = file.with_suffix("").parts[1:]
     every = {f: f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("test_*.py"))}
-    folder, name = ".".join(["insgnss", *parts[:-1]]), parts[-1]
+    folder = ".".join(["insgnss", *parts])
     names = rf"from {folder} import (\([^)]*|[^(\n]*)\b{name}\b|from {folder}.{name} import"
     named = [f for f, text in every.items() if re.search(names, text)]
-    of_room = [f for f in every if ROOT / "tests" / parts[0] in f.parents]
-    if parts[0] == "gnss":
-        of_room = [f for f in of_room if f"insgnss.gnss.{parts[1]}" in every[f]]
+    depth = max(n for n in range(len(parts) + 1) if (ROOT / "tests").joinpath(*parts[:n]).is_dir())
+    home = (ROOT / "tests").joinpath(*parts[:depth])
+    of_room = [f for f in every if home in f.parents]
+    if depth < min(len(parts), 2):
+        of_room = [f for f in of_room if ".".join(["insgnss", *parts[:2]]) in every[f]]
     chosen = [f for f in named if f in of_room] or named
     if not (named_only and chosen):
         chosen = [*chosen, *of_room]
@@ -195,13 +216,20 @@ def tests_of(file: Path, named_only: bool) -> list[str]:
 def attempt(change: Change, tests: list[str], tree: Path, cache: Path) -> int:
     """Exit code of the room's quick tests with the change in a copy of the tree.
 
-    Kernels are compiled once for all changes elsewhere, and interpreted where theirs is the file.
+    Kernels are compiled once for all changes elsewhere; where theirs is the file, what refers to
+    it is compiled again in a copy of the cache.
     """
     file = tree / change.file
     before, stamp = file.read_text(encoding="utf-8"), file.stat()
     file.write_text(before[: change.begin] + change.new + before[change.end :], encoding="utf-8")
     try:
-        return run_tests(tree, tests, "njit" not in before, cache, "-x", "-n0")
+        with tempfile.TemporaryDirectory(prefix="random-cache-") as name:
+            compiled = Path(name) / "cache"
+            if "njit" in before and cache.is_dir():
+                shutil.copytree(cache, compiled, copy_function=os.link)
+            return run_tests(
+                tree, tests, True, compiled if "njit" in before else cache, "-x", "-n0"
+            )
     finally:
         file.write_text(before, encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # compiled kernels stay valid

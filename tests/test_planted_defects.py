@@ -73,3 +73,32 @@ def test_changes_at_random_places_are_those_of_the_table(monkeypatch: pytest.Mon
         *[("<", "<="), ("and", "or"), ("-", ""), ("1", "2"), (">=", "<="), ("max", "min")],
         *[("2.0", "1"), ("2.0", "3"), ("-", "+"), ("*", "/"), ("2.0", "1"), ("2.0", "3")],
     ]
+
+
+def test_what_changes_no_number_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: by hand: guards against rounding, sizes of memory, progress; a factor is a unit."""
+    monkeypatch.syspath_prepend(SCRIPT.parent)
+    script = importlib.import_module("random_defects")
+    text = (
+        "TINY = 1e-9\nBLOCK_BYTES = 8.0 * 3.0\n"
+        "def f(a):\n    share(7.0)\n    return a / max(abs(a) + 1e-9, 1e-12) * 1e-6\n"
+    )
+    places = script._Places(text)
+    places.visit(ast.parse(text))
+    got = [(text[begin:end], new) for begin, end, new in sorted(places.found)]
+    assert [old for old, _ in got if old.startswith("1e")] == ["1e-9"] * 2 + ["1e-6"] * 2
+    assert not {"7.0", "8.0"} & {old for old, _ in got}
+    files = {change.file.name for _, change in script.drawn(["noise/tuning"], 80, 0)}
+    assert files
+    assert not [name for name in files if script.OF_PAGES.search(name)]
+
+
+def test_tests_of_a_room_stand_in_its_folder_or_name_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the tree of tests, by hand."""
+    monkeypatch.syspath_prepend(SCRIPT.parent)
+    tests_of = importlib.import_module("random_defects").tests_of
+    of_kernel = tests_of(Path("insgnss/navigation/filter/kernels/strapdown.py"), False)
+    assert "tests/navigation/filter/test_strapdown.py" in of_kernel
+    of_engine = tests_of(Path("insgnss/gnss/engine/combined.py"), False)
+    assert of_engine[0] == "tests/gnss/test_combined.py"
+    assert "tests/gnss/test_orbits.py" not in of_engine

@@ -1,7 +1,13 @@
-"""The field's terms in the names of the code, read from the sources."""
+"""The field's terms in the names of the code, and reasons of its numbers, read from the sources.
+
+Retired words stand nowhere. Of names that say nothing of what they hold, and of constants whose
+number has no reason beside it, `vocabulary.toml` has the counts of each wing, which only go down:
+`python tests/test_vocabulary.py` lowers them to what the sources have.
+"""
 
 import ast
 import re
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -11,6 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MODULES = sorted((ROOT / "insgnss").rglob("*.py"))
 WINGS = sorted(path.parent.name for path in (ROOT / "insgnss").glob("*/__init__.py"))
+TABLE = Path(__file__).with_suffix("").with_name("vocabulary.toml")
 
 # retired word: the standard term that took its place
 PARTS = {  # wherever it stands in a name
@@ -59,6 +66,9 @@ WHOLE = {  # only as a whole name: it says nothing of what it holds
     "carry": "propagate",
     "store": "filter_history",
 }
+# only as a whole name, too; those that are left are counted, and what they hold says it better
+VAGUE = {"own", "given", "words", "seen", "off", "rest", "odd", "there", "here", "made", "both"}
+VAGUE |= {"other", "others", "left", "apart", "thing", "things", "asked"}
 FIELDS = {"found", "what", "place"}  # of published records (Check.found, Export.what) they stay
 METHODS = {"at"}  # of published records (trajectory.at(t)) they stay as well
 
@@ -106,26 +116,18 @@ def retired(name: str) -> str | None:
 
 def test_the_rule_sees_retired_words() -> None:
     """Oracle: examples by hand."""
-    assert all(
-        map(
-            retired,
-            (
-                "solve_stretch",
-                "Stretch",
-                "STILL_S",
-                "_lone",
-                "what",
-                "unTold",
-                "on_wheels",
-                "_found",
-            ),
-        )
-    )
-    assert not any(
-        map(
-            retired, ("segment", "what_if", "stillness", "founder", "placed", "atmosphere", "party")
-        )
-    )
+    seen = ["solve_stretch", "Stretch", "STILL_S", "_lone", "what", "unTold", "on_wheels", "_found"]
+    assert all(map(retired, seen))
+    terms = ["segment", "what_if", "stillness", "founder", "placed", "atmosphere", "party"]
+    assert not any(map(retired, terms))
+
+
+@cache
+def source(path: Path) -> tuple[tuple[tuple[str, int], ...], tuple[str, ...]]:
+    """Names that a module defines, and its constants that are numbers without a reason."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    return tuple(names(tree)), tuple(numbers_without_a_reason(text, tree))
 
 
 def test_names_are_the_terms_of_the_field() -> None:
@@ -133,11 +135,92 @@ def test_names_are_the_terms_of_the_field() -> None:
     bad = {
         f"{path.relative_to(ROOT)}:{line}: {name} -> {term}"
         for path in MODULES
-        for name, line in names(ast.parse(path.read_text(encoding="utf-8")))
+        for name, line in source(path)[0]
         if (term := retired(name))
     }
     assert MODULES
     assert not bad, "\n".join(sorted(bad))
+
+
+def vague_names(path: Path) -> list[str]:
+    """Names that a module defines and that say nothing of what they hold."""
+    return [name for name, _ in source(path)[0] if name.strip("_") in VAGUE]
+
+
+def numbers_without_a_reason(text: str, tree: ast.Module) -> Iterator[str]:
+    """Constants of a module that are numbers, without a comment or a docstring beside them."""
+    lines = ["", *text.splitlines()]
+    for node, following in zip(tree.body, [*tree.body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign) or not _is_number(node.value):
+            continue
+        name = ast.unparse(node.targets[0]).strip("()")
+        documented = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
+        commented = lines[node.lineno - 1].startswith("#") or any(
+            "#" in line for line in lines[node.lineno : (node.end_lineno or node.lineno) + 1]
+        )
+        if name.isupper() and not (documented or commented):
+            yield name
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Whether an expression is made of numbers alone, in tuples, sums and conversions of units."""
+    match node:
+        case ast.Constant(value=value):
+            return isinstance(value, int | float) and not isinstance(value, bool)
+        case ast.UnaryOp(operand=inner):
+            return _is_number(inner)
+        case ast.BinOp(left=left, right=right):
+            return _is_number(left) or _is_number(right)
+        case ast.Tuple(elts=[_, *_] as parts):
+            return all(map(_is_number, parts))
+        case ast.Call(args=[inner, *_]):
+            return _is_number(ast.Tuple(inner.elts) if isinstance(inner, ast.List) else inner)
+    return False
+
+
+KINDS = {"names": vague_names, "constants": lambda path: source(path)[1]}
+
+
+@cache
+def counts() -> dict[str, dict[str, int]]:
+    """How many there are of each kind in each wing."""
+    out = {kind: dict.fromkeys(WINGS, 0) for kind in KINDS}
+    for path in MODULES:
+        wing = path.relative_to(ROOT / "insgnss").parts[0]
+        for kind, places in KINDS.items():
+            if wing in WINGS:
+                out[kind][wing] += len(places(path))
+    return out
+
+
+def test_the_counts_see_what_they_count(tmp_path: Path) -> None:
+    """Oracle: examples by hand."""
+    module = tmp_path / "module.py"
+    module.write_text(
+        "A = 1.0\nB = 2.0  # m, as the receiver has it\nI = 1\n# s\nC, D = 1.0, radians(2.0)\n"
+        'E = 3\n"""Documented."""\nF = np.array([1.0, 2.0])\nG = ("x", 1.0)\nH = 2 * A\n'
+        "def own(given, lever):\n    seen = given\n    return [off for off in lever]\n"
+    )
+    assert KINDS["constants"](module) == ("A", "I", "F", "H")
+    assert sorted(vague_names(module)) == ["given", "off", "own", "seen"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_counts_only_go_down(kind: str) -> None:
+    """Oracle: the committed table; where a wing has more, its newest names or numbers need better
+    words; where it has fewer, `python tests/test_vocabulary.py` lowers the table.
+    """
+    assert counts()[kind] == tomllib.loads(TABLE.read_text(encoding="utf-8"))[kind]
+
+
+def lowered() -> str:
+    """The table with the counts of the sources where these are lower."""
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8")) if TABLE.exists() else {}
+    lines = []
+    for kind, here in counts().items():
+        limits = table.get(kind, {})
+        lines += [f"[{kind}]", *(f"{w} = {min(n, limits.get(w, n))}" for w, n in here.items()), ""]
+    return "\n".join(lines)
 
 
 def test_glossary_points_at_what_is_there() -> None:
@@ -159,3 +242,7 @@ def test_the_docstring_of_a_wing_points_at_what_is_there(wing: str) -> None:
         beside = places[-1] if places[-1].is_dir() else places[-1].parent
     rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
     assert not [room for room in sorted(rooms) if f"{room}/" not in text]
+
+
+if __name__ == "__main__":
+    TABLE.write_text(lowered(), encoding="utf-8")

@@ -5,7 +5,7 @@ keeps anything; what the letters of frames and rotations mean stands in `insgnss
 
 The way of the data: numbers in, numbers out. Geodetic coordinates become ECEF and local Cartesian
 ones (`frames.py`); coordinates of a projected CRS and heights above a geoid go through PROJ
-(`projection.py`) with its grids (`grids.py`); dates and UTC become seconds of a GPS week
+(`projection.py`, `crs.py`) with its grids (`grids.py`); dates and UTC become seconds of a GPS week
 (`gpstime.py`).
 
 Where to look
@@ -13,9 +13,9 @@ Where to look
     WGS84 and normal gravity: `earth.py`; compiled for loops over samples: `_kernels.py`
     local frames, and `C_mn`, which takes the attitude to the tangent plane: `frames.py` (used in
         (O.1) of `insgnss/navigation/orient/exterior.py`)
-    the datum of the positions, and a CRS refused for a missing grid: `projection.py` (`source_crs`,
-        `_refuse_missing_grid`), before a flight is solved by `insgnss/flight/processing/checks.py`;
-        options `gnss.datum`, `gnss.epoch`
+    the datum of the positions: `crs.py` (`source_crs`); a CRS refused for a missing grid:
+        `projection.py` (`_refuse_missing_grid`), before a flight is solved by
+        `insgnss/flight/processing/checks.py`; options `gnss.datum`, `gnss.epoch`
     meridian convergence and the scale of a projection: `projection.py`
     leap seconds and weeks: `gpstime.py`
     the similarity of two frames in closed form, as calibrations of lever arms need it:

@@ -35,9 +35,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
-from ..base.inputs import read_text
 from ..base.units import METRE, LengthUnit
-from ..base.wording import DOCTOR
+from .crs import (
+    HOW,
+    above,
+    crs_of,
+    geoid_transformer,
+    not_metric,
+    source_crs,
+    transformed,
+    transformer_between,
+)
 from .earth import curvature_radii
 from .grids import box_around, geoid_file, lacking_heights, lacking_plan, operations
 
@@ -47,16 +55,6 @@ STEP_RAD = 1e-6
 # rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale;
 # 0.1 px
 ROUND = 2e-5
-HOW = (
-    "give an EPSG code such as EPSG:2056, one with heights such as EPSG:25832+7837, or the path of"
-    " a WKT file"
-)
-
-
-DATUMS = (
-    "give the geographic CRS of the base's coordinates, such as EPSG:4937 (ETRS89), EPSG:9989"
-    " (ITRF2020), EPSG:6319 (NAD83(2011)), EPSG:7843 (GDA2020)"
-)
 
 
 class MapProjection:
@@ -96,14 +94,14 @@ class MapProjection:
     ) -> None:
         self._source, self._epoch = source_crs(datum, epoch), epoch
         self._looked: set[tuple[float, ...]] = set()
-        self.crs = _crs(definition)
+        self.crs = crs_of(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
         if not self.horizontal.is_projected:
             raise UsageError(
                 f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
             )
         if self.units != (METRE, METRE) and not any_unit:
-            raise UsageError(_not_metric(definition, self.horizontal, self.units))
+            raise UsageError(not_metric(definition, self.horizontal, self.units))
         if geoid is not None and self.crs.is_compound:
             raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
         self.geoid = None if geoid is None else geoid_file(geoid)
@@ -124,7 +122,7 @@ class MapProjection:
         """The name of what the third coordinate is."""
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
-        return "above the ellipsoid of WGS84" if self.geoid is None else _above(self.geoid)
+        return "above the ellipsoid of WGS84" if self.geoid is None else above(self.geoid)
 
     @cached_property
     def units(self) -> tuple[LengthUnit, LengthUnit]:
@@ -158,14 +156,14 @@ class MapProjection:
 
     @cached_property
     def _horizontal(self) -> Any:
-        return _transformer(self._source, self.horizontal.to_3d())
+        return transformer_between(self._source, self.horizontal.to_3d())
 
     @cached_property
     def _heights(self) -> Any:
         if self.crs.is_compound:
-            return _transformer(self._source, self.crs)
+            return transformer_between(self._source, self.crs)
         assert self.geoid is not None
-        return _geoid_transformer(self.geoid)
+        return geoid_transformer(self.geoid)
 
     def forward(self, lat: Array, lon: Array, h: Array) -> Array:
         """Project geodetic coordinates.
@@ -192,7 +190,7 @@ class MapProjection:
             return np.column_stack([horizontal, h])
         epoch = self._epoch if self.crs.is_compound else None
         try:
-            _, _, z = _run(
+            _, _, z = transformed(
                 self._heights, self.heights, np.degrees(lon), np.degrees(lat), h, epoch=epoch
             )
         except InputError:
@@ -224,7 +222,7 @@ class MapProjection:
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         self._refuse_missing_grid(lat, lon)
-        x, y, _ = _run(
+        x, y, _ = transformed(
             self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h, epoch=self._epoch
         )
         return np.column_stack([x, y]) * self.units[0].metres
@@ -272,7 +270,7 @@ class MapProjection:
         """
         x = np.asarray(coordinates, dtype=np.float64)
         plan = x[:, :2] / self.units[0].metres
-        lon, lat, _ = _run(
+        lon, lat, _ = transformed(
             self._horizontal, self.name, plan[:, 0], plan[:, 1], x[:, 2], True, self._epoch
         )
         lat, lon, h = np.radians(lat), np.radians(lon), x[:, 2].copy()
@@ -415,249 +413,9 @@ class MapProjection:
         float
             m, against the projection of the same latitudes and longitudes in the CRS's own datum.
         """
-        own = _transformer(self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d())
-        x, y, _ = _run(own, self.name, np.degrees(lon), np.degrees(lat), h)
+        own = transformer_between(self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d())
+        x, y, _ = transformed(own, self.name, np.degrees(lon), np.degrees(lat), h)
         apart = np.column_stack([x, y]) * self.units[0].metres - self.forward_horizontal(
             lat, lon, h
         )
         return float(np.hypot(*apart.T).max(initial=0.0))
-
-
-def source_crs(datum: str | None, epoch: float | None) -> Any:
-    """Return the geographic CRS of GNSS positions, in three dimensions.
-
-    Parameters
-    ----------
-    datum : str, optional
-        Its EPSG code or name; None: WGS 84.
-    epoch : float, optional
-        Decimal year of the positions.
-
-    Returns
-    -------
-    pyproj.CRS
-        The CRS.
-
-    Raises
-    ------
-    UsageError
-        For one that is unknown or not geographic, one that moves without an epoch, and an epoch
-        without a datum.
-    """
-    if datum is None:
-        if epoch is not None:
-            raise UsageError(f"epoch {epoch:g} belongs to a datum; {DATUMS}")
-        return _crs("EPSG:4979")
-    try:
-        crs = _crs(datum)
-    except UsageError:
-        raise UsageError(f"datum {datum[:60]!r} is unknown; {DATUMS}") from None
-    if not crs.is_geographic:
-        raise UsageError(f"datum {datum!r} is {crs.name}, which is not geographic; {DATUMS}")
-    if crs.datum is not None and crs.datum.type_name.startswith("Dynamic") and epoch is None:
-        raise UsageError(
-            f"datum {datum!r} is {crs.name}, which moves by centimetres a year against the ground;"
-            " give the epoch of the positions too, such as 2024.5"
-        )
-    return crs.to_3d()
-
-
-def geodetic_from_geographic(
-    definition: str,
-    coordinates: Array,
-    geoid: Path | None = None,
-    datum: str | None = None,
-    epoch: float | None = None,
-) -> tuple[Array, Array, Array]:
-    """Return the geodetic position of points of a geographic CRS.
-
-    Parameters
-    ----------
-    definition : str
-        The CRS, as of `MapProjection`; heights are ellipsoidal unless it has heights of its own or
-        a geoid is named.
-    coordinates : ndarray, (n, 3)
-        Longitude and latitude, deg, height, m.
-    geoid : Path, optional
-        Grid of geoid heights.
-    datum, epoch : optional
-        Of the result, as of `source_crs`.
-
-    Returns
-    -------
-    tuple of ndarray
-        Latitude and longitude, rad, and height above the ellipsoid, m, each (n,).
-
-    Raises
-    ------
-    UsageError
-        A CRS that is unknown or not geographic, or a geoid beside heights of its own.
-    InputError
-        Where the CRS or its grids do not reach the points.
-    """
-    crs = _crs(definition)
-    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
-    if not horizontal.is_geographic:
-        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {HOW}")
-    if geoid is not None and crs.is_compound:
-        raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
-    transformer = _transformer(source_crs(datum, epoch), crs if crs.is_compound else crs.to_3d())
-    x, y, z = coordinates.T
-    lon, lat, h = _run(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
-    lat, lon = np.radians(lat), np.radians(lon)
-    return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
-
-
-def is_geographic(definition: str) -> bool:
-    """Whether a CRS counts longitude and latitude.
-
-    Parameters
-    ----------
-    definition : str
-        As of `MapProjection`.
-
-    Returns
-    -------
-    bool
-        Whether it does, with heights or without.
-
-    Raises
-    ------
-    UsageError
-        A CRS that is unknown.
-    """
-    return bool(_crs(definition).is_geographic)
-
-
-def _not_metric(definition: str, crs: Any, units: tuple[LengthUnit, LengthUnit]) -> str:
-    """Why a CRS is refused that counts in feet, and which one counts in metres."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    plan, height = units
-    if plan == METRE:
-        return (
-            f"CRS {definition!r} has heights in {height.plural}, metres are needed here; give"
-            " heights in metres, such as +5703 (NAVD88)"
-        )
-    try:
-        code = CRS.from_user_input(crs.name.partition(" (ft")[0]).to_authority()
-    except CRSError:
-        code = None
-    sibling = f", {':'.join(code)}" if code and crs.name.endswith(")") else ""
-    return (
-        f"CRS {definition!r} counts in {plan.plural}, metres are needed here; give its metric"
-        f" sibling{sibling}"
-    )
-
-
-def _crs(definition: str) -> Any:
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    text = str(definition).strip()
-    path = Path(text)
-    try:
-        if len(text) < 1000 and path.suffix.lower() in (".wkt", ".prj", ".txt") and path.is_file():
-            text = read_text(path)
-        return CRS.from_user_input(int(text) if text.isdecimal() else text)
-    except (CRSError, UnicodeDecodeError, OSError):
-        raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None
-
-
-def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
-    """Return the height of a geoid above the WGS84 ellipsoid.
-
-    Parameters
-    ----------
-    geoid : Path
-        Grid of geoid heights (GeoTIFF, .gtx, ...).
-    lat, lon : ndarray, (n,)
-        Geodetic latitude and longitude, rad.
-
-    Returns
-    -------
-    ndarray, (n,)
-        Geoid undulation, m.
-
-    Raises
-    ------
-    UsageError
-        Where the file does not exist.
-    InputError
-        For a grid that PROJ does not read or that does not reach the points.
-    """
-    grid = geoid_file(geoid)
-    return -_run(
-        _geoid_transformer(grid), _above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size)
-    )[2]
-
-
-def _above(geoid: Path) -> str:
-    return f"above the geoid {geoid.name}"
-
-
-def _geoid_transformer(geoid: Path) -> Any:
-    """Return PROJ's step from ellipsoidal heights to those above the geoid.
-
-    It takes longitude and latitude in degrees.
-    """
-    from pyproj import Transformer
-    from pyproj.exceptions import ProjError
-
-    shift = f'+step +inv +proj=vgridshift +grids="{geoid}" +multiplier=1'
-    try:
-        return Transformer.from_pipeline(
-            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}"
-        )
-    except ProjError:
-        raise InputError(
-            f"{geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx"
-        ) from None
-
-
-def _transformer(source: Any, target: Any) -> Any:
-    from pyproj import Transformer
-    from pyproj.exceptions import ProjError
-
-    try:
-        return Transformer.from_crs(
-            source, target, always_xy=True, allow_ballpark=False, only_best=True
-        )
-    except ProjError as error:
-        why = " ".join(str(error).split())
-        if "not available" not in why:
-            raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
-        grid = why.rpartition("Grid ")[2].partition(" is not")[0]
-        advice = (
-            "name a geoid file and a horizontal CRS instead, or get the grid by"
-            f" `pyproj sync --file {grid}`; {DOCTOR}"
-        )
-        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
-
-
-def _run(
-    transformer: Any,
-    name: str,
-    x: Array,
-    y: Array,
-    z: Array,
-    inverse: bool = False,
-    epoch: float | None = None,
-) -> tuple[Array, Array, Array]:
-    from pyproj.exceptions import ProjError
-
-    t = () if epoch is None else (np.full(np.shape(x), epoch),)
-    try:
-        out = transformer.transform(
-            x, y, z, *t, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
-        )[:3]
-    except ProjError as error:
-        raise InputError(
-            f"{name} does not reach the flight: {' '.join(str(error).split())[:160]}; give another"
-            " CRS or grid"
-        ) from None
-    out = tuple(np.asarray(v, dtype=np.float64) for v in out)
-    if not all(np.isfinite(v).all() for v in out):
-        raise InputError(f"{name} does not reach the flight; give another CRS or grid")
-    return out

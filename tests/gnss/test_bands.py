@@ -8,7 +8,13 @@ import pytest
 
 from insgnss.gnss.engine.preflight import satellites_with_phases
 from insgnss.gnss.options import EngineOptions
-from insgnss.gnss.satellites.frequencies import ENGINE_BANDS, HERTZ, engine_phases, kappa
+from insgnss.gnss.satellites.frequencies import (
+    CHANNEL_HERTZ,
+    ENGINE_BANDS,
+    HERTZ,
+    engine_phases,
+    kappa,
+)
 
 
 def test_the_table_is_the_engines():
@@ -102,3 +108,23 @@ def test_kappa():
         [1.0, (154 / 120) ** 2, (154 / 115) ** 2], rel=1e-12
     )
     assert kappa("R", "2") / kappa("R", "1") == pytest.approx((9 / 7) ** 2, rel=1e-12)
+
+
+def test_carriers_are_multiples_of_the_fundamental_frequency() -> None:
+    """Oracle: interface documents: 10.23 MHz times 154, 120, 115 and so on; FDMA of GLONASS by
+    nine sixteenths and seven sixteenths of a megahertz a channel.
+    """
+    times = {
+        "G": {"1": 154, "2": 120, "5": 115},
+        "J": {"1": 154, "2": 120, "5": 115, "6": 125},
+        "E": {"1": 154, "5": 115, "6": 125, "7": 118, "8": 116.5},
+        "C": {"1": 154, "2": 152.6, "5": 115, "6": 124, "7": 118, "8": 116.5},
+        "R": {"3": 117.5, "4": 156.5, "6": 122},
+    }
+    carriers = {s: dict(bands) for s, bands in HERTZ.items()}
+    assert (carriers["R"].pop("1"), carriers["R"].pop("2")) == (1602.0e6, 1246.0e6)
+    assert CHANNEL_HERTZ == {"1": 9e6 / 16, "2": 7e6 / 16}
+    for system, bands in times.items():
+        assert carriers[system] == {b: pytest.approx(n * 10.23e6) for b, n in bands.items()}
+    assert carriers.keys() == times.keys()
+    assert kappa("E", "5") == pytest.approx((154 / 115) ** 2)

@@ -18,7 +18,7 @@ from written_rinex import epoch3, header3, record
 from insgnss.base.errors import DataError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.gnss.engine.preflight import satellites_with_phases
-from insgnss.gnss.engine.rtklib import INSTALL, check_names, engine_command
+from insgnss.gnss.engine.program import INSTALL, check_names, engine_command
 from insgnss.gnss.options import (
     EngineOptions,
     base_antenna,
@@ -121,7 +121,7 @@ def test_a_solution_on_a_full_disk_is_refused(fake, monkeypatch):
     def full(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr("insgnss.gnss.engine.rtklib.refuse_cut_off", full)
+    monkeypatch.setattr("insgnss.gnss.engine.runs.refuse_cut_off", full)
     with pytest.raises(OSError, match=r"No space left on device: .*\.pos"):
         fake.solve()
 

@@ -23,7 +23,14 @@ from broadcast import (
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import geodetic_to_ecef, rotation_en
-from insgnss.gnss.rinex.navigation_message import AF0, TOC, TOE, navigation_bytes, read_navigation
+from insgnss.gnss.rinex.navigation_message import (
+    AF0,
+    CONSTANTS,
+    TOC,
+    TOE,
+    navigation_bytes,
+    read_navigation,
+)
 from insgnss.gnss.satellites.orbits import (
     EARTH_RATE,
     LIGHT,
@@ -58,6 +65,18 @@ for code, tow in wanted:
     out.append([found, health[0], *(rs[k] for k in range(6)), dts[0], dts[1]])
 print(json.dumps(out))
 """
+
+
+def test_constants_are_those_of_the_interface_documents():
+    """Oracle: IS-GPS-200N 20.3.3.4.3, IS-QZSS-PNT-005 5.6, Galileo OS SIS ICD 2.1 5.1.1,
+    BDS-SIS-ICD-B1I-3.0 5.2.4: gravitational constant and rotation of the Earth.
+    """
+    assert CONSTANTS == {
+        "G": (3.986005e14, 7.2921151467e-5),
+        "J": (3.986005e14, 7.2921151467e-5),
+        "E": (3.986004418e14, 7.2921151467e-5),
+        "C": (3.986004418e14, 7.2921150e-5),
+    }
 
 
 @pytest.fixture

@@ -111,7 +111,7 @@ def engine_finding() -> Finding:
     Finding
         One line.
     """
-    from ...gnss.engine.rtklib import MODULE, engine_command
+    from ...gnss.engine.program import MODULE, engine_command
 
     try:
         command = engine_command()

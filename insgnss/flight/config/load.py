@@ -175,7 +175,7 @@ def _gnss(table: Table) -> GnssInput:
         problem = "is of the calibration that gnss.calibrate_covariance = false switches off"
         raise table.error("covariance", f"{problem}; keep one of them")
     if values["datum"] is not None or values["epoch"] is not None:
-        from ...geodesy.projection import source_crs
+        from ...geodesy.crs import source_crs
 
         try:
             source_crs(values["datum"], values["epoch"])

@@ -18,7 +18,8 @@ from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_writes
 from ...base.output.staging import together
 from ...base.units import METRE
-from ...geodesy.projection import MapProjection, undulation
+from ...geodesy.crs import undulation
+from ...geodesy.projection import MapProjection
 from ...io.formats.exports import EXPORTS, Export
 from ...io.formats.orientation.exported import UnfitName, check_names
 from ...navigation.noise_model.model import NoiseModel, load_noise_model

@@ -7,7 +7,8 @@ import numpy as np
 from ...base.errors import InputError, UsageError, near
 from ...base.files import atomic_writes
 from ...base.output.staging import together
-from ...geodesy.projection import MapProjection, undulation
+from ...geodesy.crs import undulation
+from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.exports import function_at
 from ...io.formats.positions.position_references import (

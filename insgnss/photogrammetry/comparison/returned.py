@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import InputError
+from ...geodesy.crs import is_geographic
 from ...geodesy.frames import TangentPlane
-from ...geodesy.projection import is_geographic
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT

@@ -174,15 +174,15 @@ def test_grids_are_counted_in_the_directories_of_proj(tmp_path, monkeypatch):
 
 def test_the_engine_is_that_of_ppk(monkeypatch):
     """Oracle: the function by which `insgnss ppk` finds it, with an answer of each kind."""
-    from insgnss.gnss.engine import rtklib
+    from insgnss.gnss.engine import program
 
-    monkeypatch.setattr(rtklib, "engine_command", lambda: ["/opt/rnx2rtkp"])
+    monkeypatch.setattr(program, "engine_command", lambda: ["/opt/rnx2rtkp"])
     assert engine_finding().value.startswith("/opt/rnx2rtkp, ")
 
     def none():
         raise UsageError("no GNSS engine: pip install x")
 
-    monkeypatch.setattr(rtklib, "engine_command", none)
+    monkeypatch.setattr(program, "engine_command", none)
     assert engine_finding().verdict == "note"
     assert "pip install x" in engine_finding().advice
 

@@ -390,10 +390,10 @@ CASES: dict[str, Case] = {
         options=LEVER,
     ),
 }
-PLACES = [
-    pytest.param(name, where, id=f"{name} {where}")
+PLACES = [  # the first frame of each format is quick; the others go by the same writer
+    pytest.param(name, where, id=f"{name} {where}", marks=[pytest.mark.slow] if k else [])
     for name, case in CASES.items()
-    for where in case.frames
+    for k, where in enumerate(case.frames)
 ]
 
 

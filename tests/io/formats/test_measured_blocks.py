@@ -238,7 +238,6 @@ def test_what_is_wrong_in_metashape_is_named(old, new, message, tmp_path):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("value", UNREADABLE)
 @pytest.mark.parametrize(
     "place",
     [
@@ -252,15 +251,17 @@ def test_what_is_wrong_in_metashape_is_named(old, new, message, tmp_path):
         ),
     ],
 )
-def test_a_value_of_metashape_that_cannot_be_read(place, value, tmp_path):
+def test_a_value_of_metashape_that_cannot_be_read(place, tmp_path):
     """Oracle: the value that was written."""
     path = Metashape().write_xml(tmp_path / "a.xml")
-    text, count = re.subn(place, value, path.read_text(), count=1)
-    assert count == 1
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as refusal:
-        read_metashape_block(path)
-    assert value in str(refusal.value)
+    whole = path.read_text()
+    for value in UNREADABLE:
+        text, count = re.subn(place, value, whole, count=1)
+        assert count == 1
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError) as refusal:
+            read_metashape_block(path)
+        assert value in str(refusal.value)
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "x", ""])

@@ -144,6 +144,7 @@ def test_what_stays_of_an_epoch_is_a_kilobyte(posed, monkeypatch):
     assert solution.covariances.kept.nbytes == solution.rows.size * 4 * n * (n + 1)
     assert solution.rows.size == 7  # five events and both ends
     assert record_bytes(34, 3, False) == 8 * (34 * 34 + 11 * 34 + 6 * 34)
+    assert record_bytes(34, 3, True) - record_bytes(34, 3, False) == 8 * (9 * 34 + 34)
 
 
 def peak_bytes(seconds: float) -> tuple[int, int]:

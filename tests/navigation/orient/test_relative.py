@@ -1,6 +1,7 @@
 """Relative control: its values, the covariances that it hands on, and which images make a pair."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from insgnss.navigation.orient.frame import in_frame
 from insgnss.navigation.orient.relative import (
     GAP_S,
     GyroFigures,
+    _pairs,
+    _turn,
     gyro_figures,
     line_pairs,
     relative_control,
@@ -316,3 +319,57 @@ def test_camera_form_feeds_pycolmap() -> None:
     J = np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), skew(found.offset[0])]])
     expected = np.outer(residual, residual)
     assert_allclose(J @ found.smoothed[0] @ J.T, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("longer", [1.0, 7.0, 0.2])
+@pytest.mark.parametrize(("turn_deg", "one_line"), [(19.0, True), (21.0, False)])
+def test_the_way_of_a_line_turns_by_less_than_20_deg(longer, turn_deg, one_line) -> None:
+    """Oracle: the angle between two ways, however long they are; climbing does not count."""
+    turn = np.radians(turn_deg)
+    way = [[30.0, 0.0, 0.0]] * 3 + [
+        [30.0 * longer * np.cos(turn), 30.0 * longer * np.sin(turn), 9.0]
+    ] * 3
+    place = np.vstack([np.zeros(3), np.cumsum(way, axis=0)])
+    up, C = np.broadcast_to([0.0, 0.0, 1.0], (7, 3)), np.broadcast_to(NADIR, (7, 3, 3))
+    i, line = line_pairs(2.0 * np.arange(7), place, up, C)
+    assert i.tolist() == [0, 1, 2, 3, 4, 5]
+    assert line.max() == (1 if one_line else 2)
+
+
+@pytest.mark.parametrize(("step_m", "pairs"), [(0.11, 3), (0.09, 0)])
+def test_a_way_of_a_decimetre_has_a_direction(step_m, pairs) -> None:
+    """Oracle: the limit on either side, whatever the climb."""
+    place = step_m * np.outer(np.arange(4), [1.0, 0.0, 5.0])
+    up, C = np.broadcast_to([0.0, 0.0, 1.0], (4, 3)), np.broadcast_to(NADIR, (4, 3, 3))
+    assert line_pairs(np.arange(4.0), place, up, C)[0].size == pairs
+
+
+def test_the_turn_about_the_vertical_is_that_of_the_rotation_between_two_images() -> None:
+    """Oracle: scipy's rotations about any vertical; a roll that is held changes nothing."""
+    rng = np.random.default_rng(4)
+    up = rng.normal(size=3)
+    up /= np.linalg.norm(up)
+    heading = rng.uniform(-3.0, 3.0, 8)
+    C = (Rotation.from_rotvec(np.outer(heading, up)) * Rotation.random(rng=1)).as_matrix()
+    expected = (np.diff(heading) + np.pi) % (2.0 * np.pi) - np.pi
+    assert_allclose(_turn(C, np.tile(up, (8, 1))), expected, atol=1e-12)
+
+
+def test_lines_of_a_rig_are_counted_on_from_camera_to_camera() -> None:
+    """Oracle: by hand: three lines of the first camera, of the second two."""
+    eo = block()
+    one = framed(eo)
+    time = np.arange(6.0) + np.repeat([0.0, 30.0, 60.0], 2)
+    rows, shared = np.arange(6), np.zeros((6, 6, 6))
+    other = SimpleNamespace(
+        neighbours=((rows, shared), (rows[:4], shared[:4])),
+        C_fE=one.C_fE,
+        C_fc=one.C_fc,
+        time=time,
+        coordinates=one.coordinates,
+    )
+    i, j, line, cross = _pairs(other, 10.0)
+    assert i.tolist() == [0, 2, 4, 0, 2]
+    assert j.tolist() == [1, 3, 5, 1, 3]
+    assert line.tolist() == [1, 2, 3, 4, 5]
+    assert cross.shape == (5, 6, 6)

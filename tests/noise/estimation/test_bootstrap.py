@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,6 +104,25 @@ def test_reduced_draws_are_those_of_whole_series(sampling):
     assert_allclose(np.corrcoef(a.T), np.corrcoef(b.T), atol=0.35)
 
 
+def test_reduced_draws_have_the_moments_of_the_processes(monkeypatch):
+    """Oracle: mean and exact covariance of the wavelet variances in theory, of a recording that is
+    drawn by 64 blocks; what 600 draws scatter. Levels below are normal given those above.
+    """
+    from insgnss.noise.estimation import bootstrap as module
+    from insgnss.noise.moments.haar_covariance import haar_covariance
+
+    monkeypatch.setattr(module, "_BLOCKS", 7)
+    curve = wavelet_variance(np.random.default_rng(1).normal(size=2**11), RATE, levels=9)
+    fitted = SimpleNamespace(axis=AXES["clear"], sampling="point", curves=(curve,))
+    drawn = _reduced(fitted, curve, 600, (4, 0))
+    expected = haar_variance(AXES["clear"], curve.level, RATE, "point")
+    V = haar_covariance(AXES["clear"], curve.level, curve.samples, RATE, "point")
+    sigma = np.sqrt(np.diag(V))
+    assert_allclose((drawn.mean(axis=0) - expected) / sigma, 0.0, atol=4.5 / math.sqrt(600))
+    assert_allclose(drawn.std(axis=0) / sigma, 1.0, atol=0.2)
+    assert_allclose(np.corrcoef(drawn.T), V / np.outer(sigma, sigma), atol=0.2)
+
+
 def test_seeds_decide_all():
     """Oracle: the contract; draws do not depend on how many threads there are or how many draws
     follow.
@@ -110,6 +130,7 @@ def test_seeds_decide_all():
     fitted = series_fit(2**12, AXES["long"], "WN+GM")
     first, again, other = (draw_variances(fitted, 6, seed=s)[0] for s in (1, 1, 2))
     assert_array_equal(first, again)
+    assert_array_equal(draw_variances(fitted, 1, seed=1)[0], first[:1])
     assert not np.array_equal(first, other)
     assert_array_equal(draw_variances(fitted, 3, seed=1)[0], first[:3])
     two = replace(fitted, curves=fitted.curves * 2, weights=fitted.weights * 2)

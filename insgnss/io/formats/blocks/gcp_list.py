@@ -13,7 +13,7 @@ import numpy as np
 
 from ....base.errors import DataError, InputError
 from ....base.files import atomic_write, lines_of
-from ....geodesy.projection import is_geographic
+from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
 from ..text.layout import decode, is_comment, shown
 from ..text.numbers import whole

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import near
+from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
-from ....geodesy.projection import MapProjection, geodetic_from_geographic, is_geographic
+from ....geodesy.projection import MapProjection
 from ..orientation.exported import quoted_names
 from ..text.columns import Aliases, Columns, sigma_aliases
 from ..text.layout import shown

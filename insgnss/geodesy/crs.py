@@ -1,0 +1,370 @@
+"""Coordinate reference systems by their codes, the transformations between them by PROJ, and the
+height of a geoid.
+
+What PROJ refuses becomes one line that says what to give instead: a CRS that is unknown, a datum
+that moves without an epoch, a grid that is not installed, points that a grid does not reach.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, UsageError
+from ..base.inputs import read_text
+from ..base.units import METRE, LengthUnit
+from ..base.wording import DOCTOR
+from .grids import geoid_file
+
+Array = NDArray[np.float64]
+
+HOW = (
+    "give an EPSG code such as EPSG:2056, one with heights such as EPSG:25832+7837, or the path of"
+    " a WKT file"
+)
+DATUMS = (
+    "give the geographic CRS of the base's coordinates, such as EPSG:4937 (ETRS89), EPSG:9989"
+    " (ITRF2020), EPSG:6319 (NAD83(2011)), EPSG:7843 (GDA2020)"
+)
+
+
+def source_crs(datum: str | None, epoch: float | None) -> Any:
+    """Return the geographic CRS of GNSS positions, in three dimensions.
+
+    Parameters
+    ----------
+    datum : str, optional
+        Its EPSG code or name; None: WGS 84.
+    epoch : float, optional
+        Decimal year of the positions.
+
+    Returns
+    -------
+    pyproj.CRS
+        The CRS.
+
+    Raises
+    ------
+    UsageError
+        For one that is unknown or not geographic, one that moves without an epoch, and an epoch
+        without a datum.
+    """
+    if datum is None:
+        if epoch is not None:
+            raise UsageError(f"epoch {epoch:g} belongs to a datum; {DATUMS}")
+        return crs_of("EPSG:4979")
+    try:
+        crs = crs_of(datum)
+    except UsageError:
+        raise UsageError(f"datum {datum[:60]!r} is unknown; {DATUMS}") from None
+    if not crs.is_geographic:
+        raise UsageError(f"datum {datum!r} is {crs.name}, which is not geographic; {DATUMS}")
+    if crs.datum is not None and crs.datum.type_name.startswith("Dynamic") and epoch is None:
+        raise UsageError(
+            f"datum {datum!r} is {crs.name}, which moves by centimetres a year against the ground;"
+            " give the epoch of the positions too, such as 2024.5"
+        )
+    return crs.to_3d()
+
+
+def geodetic_from_geographic(
+    definition: str,
+    coordinates: Array,
+    geoid: Path | None = None,
+    datum: str | None = None,
+    epoch: float | None = None,
+) -> tuple[Array, Array, Array]:
+    """Return the geodetic position of points of a geographic CRS.
+
+    Parameters
+    ----------
+    definition : str
+        The CRS, as of `MapProjection`; heights are ellipsoidal unless it has heights of its own or
+        a geoid is named.
+    coordinates : ndarray, (n, 3)
+        Longitude and latitude, deg, height, m.
+    geoid : Path, optional
+        Grid of geoid heights.
+    datum, epoch : optional
+        Of the result, as of `source_crs`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Latitude and longitude, rad, and height above the ellipsoid, m, each (n,).
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown or not geographic, or a geoid beside heights of its own.
+    InputError
+        Where the CRS or its grids do not reach the points.
+    """
+    crs = crs_of(definition)
+    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    if not horizontal.is_geographic:
+        raise UsageError(f"CRS {definition!r} is {crs.name}, which is not geographic; {HOW}")
+    if geoid is not None and crs.is_compound:
+        raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
+    transformer = transformer_between(
+        source_crs(datum, epoch), crs if crs.is_compound else crs.to_3d()
+    )
+    x, y, z = coordinates.T
+    lon, lat, h = transformed(transformer, crs.name, x, y, z, inverse=True, epoch=epoch)
+    lat, lon = np.radians(lat), np.radians(lon)
+    return lat, lon, h if geoid is None else h + undulation(geoid, lat, lon)
+
+
+def is_geographic(definition: str) -> bool:
+    """Whether a CRS counts longitude and latitude.
+
+    Parameters
+    ----------
+    definition : str
+        As of `MapProjection`.
+
+    Returns
+    -------
+    bool
+        Whether it does, with heights or without.
+
+    Raises
+    ------
+    UsageError
+        A CRS that is unknown.
+    """
+    return bool(crs_of(definition).is_geographic)
+
+
+def not_metric(definition: str, crs: Any, units: tuple[LengthUnit, LengthUnit]) -> str:
+    """Return why a CRS is refused that counts in feet, and which one counts in metres.
+
+    Parameters
+    ----------
+    definition : str
+        The CRS as the user gave it.
+    crs : pyproj.CRS
+        Its horizontal part.
+    units : tuple of LengthUnit
+        In which it counts in plan and in height.
+
+    Returns
+    -------
+    str
+        The message.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    plan, height = units
+    if plan == METRE:
+        return (
+            f"CRS {definition!r} has heights in {height.plural}, metres are needed here; give"
+            " heights in metres, such as +5703 (NAVD88)"
+        )
+    try:
+        code = CRS.from_user_input(crs.name.partition(" (ft")[0]).to_authority()
+    except CRSError:
+        code = None
+    sibling = f", {':'.join(code)}" if code and crs.name.endswith(")") else ""
+    return (
+        f"CRS {definition!r} counts in {plan.plural}, metres are needed here; give its metric"
+        f" sibling{sibling}"
+    )
+
+
+def crs_of(definition: str) -> Any:
+    """Return the CRS of a definition.
+
+    Parameters
+    ----------
+    definition : str
+        EPSG code, WKT or PROJ text, or the path of a file that holds one.
+
+    Returns
+    -------
+    pyproj.CRS
+        The CRS.
+
+    Raises
+    ------
+    UsageError
+        For one that PROJ does not know.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    text = str(definition).strip()
+    path = Path(text)
+    try:
+        if len(text) < 1000 and path.suffix.lower() in (".wkt", ".prj", ".txt") and path.is_file():
+            text = read_text(path)
+        return CRS.from_user_input(int(text) if text.isdecimal() else text)
+    except (CRSError, UnicodeDecodeError, OSError):
+        raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None
+
+
+def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
+    """Return the height of a geoid above the WGS84 ellipsoid.
+
+    Parameters
+    ----------
+    geoid : Path
+        Grid of geoid heights (GeoTIFF, .gtx, ...).
+    lat, lon : ndarray, (n,)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    ndarray, (n,)
+        Geoid undulation, m.
+
+    Raises
+    ------
+    UsageError
+        Where the file does not exist.
+    InputError
+        For a grid that PROJ does not read or that does not reach the points.
+    """
+    grid = geoid_file(geoid)
+    return -transformed(
+        geoid_transformer(grid), above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size)
+    )[2]
+
+
+def above(geoid: Path) -> str:
+    """Return what heights above a geoid are called.
+
+    Parameters
+    ----------
+    geoid : Path
+        Its grid.
+
+    Returns
+    -------
+    str
+        Such as "above the geoid us_noaa_g2018u0.tif".
+    """
+    return f"above the geoid {geoid.name}"
+
+
+def geoid_transformer(geoid: Path) -> Any:
+    """Return PROJ's step from ellipsoidal heights to those above the geoid.
+
+    Parameters
+    ----------
+    geoid : Path
+        Grid of geoid heights.
+
+    Returns
+    -------
+    pyproj.Transformer
+        It takes longitude and latitude, deg, and height, m.
+
+    Raises
+    ------
+    InputError
+        For a file that PROJ does not read.
+    """
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    shift = f'+step +inv +proj=vgridshift +grids="{geoid}" +multiplier=1'
+    try:
+        return Transformer.from_pipeline(
+            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}"
+        )
+    except ProjError:
+        raise InputError(
+            f"{geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx"
+        ) from None
+
+
+def transformer_between(source: Any, target: Any) -> Any:
+    """Return PROJ's best transformation between two CRS, never one that leaves the datum out.
+
+    Parameters
+    ----------
+    source, target : pyproj.CRS
+        The two CRS.
+
+    Returns
+    -------
+    pyproj.Transformer
+        It takes and gives longitude before latitude, easting before northing.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or its grid is not installed.
+    """
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    try:
+        return Transformer.from_crs(
+            source, target, always_xy=True, allow_ballpark=False, only_best=True
+        )
+    except ProjError as error:
+        why = " ".join(str(error).split())
+        if "not available" not in why:
+            raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
+        grid = why.rpartition("Grid ")[2].partition(" is not")[0]
+        advice = (
+            "name a geoid file and a horizontal CRS instead, or get the grid by"
+            f" `pyproj sync --file {grid}`; {DOCTOR}"
+        )
+        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
+
+
+def transformed(
+    transformer: Any,
+    name: str,
+    x: Array,
+    y: Array,
+    z: Array,
+    inverse: bool = False,
+    epoch: float | None = None,
+) -> tuple[Array, Array, Array]:
+    """Return points transformed by PROJ.
+
+    Parameters
+    ----------
+    transformer : pyproj.Transformer
+        The transformation.
+    name : str
+        What does not reach the points where it fails: a CRS or a grid.
+    x, y, z : ndarray, (n,)
+        Coordinates: longitude and latitude in degrees.
+    inverse : bool
+        Whether from target to source.
+    epoch : float, optional
+        Decimal year of the points.
+
+    Returns
+    -------
+    tuple of ndarray
+        The three coordinates, each (n,).
+
+    Raises
+    ------
+    InputError
+        Where the transformation does not reach a point.
+    """
+    from pyproj.exceptions import ProjError
+
+    t = () if epoch is None else (np.full(np.shape(x), epoch),)
+    try:
+        out = transformer.transform(
+            x, y, z, *t, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
+        )[:3]
+    except ProjError as error:
+        raise InputError(
+            f"{name} does not reach the flight: {' '.join(str(error).split())[:160]}; give another"
+            " CRS or grid"
+        ) from None
+    out = tuple(np.asarray(v, dtype=np.float64) for v in out)
+    if not all(np.isfinite(v).all() for v in out):
+        raise InputError(f"{name} does not reach the flight; give another CRS or grid")
+    return out

@@ -1,0 +1,150 @@
+"""Which program RTKLIB is: the wheel pyrtklib5 (RTKLIB EX 2.5.0; extra [ppk]) or, where it is not
+installed, any rnx2rtkp on PATH with the same option file; its options and its version.
+
+A choice that a version does not know RTKLIB writes down before it begins, and it is reported here;
+a name that it does not know an rnx2rtkp leaves out without a word, so that names are looked for in
+the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX, and refuses
+gloarmode=fix-and-hold).
+"""
+
+import importlib.util
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...base.errors import OptionError, UsageError
+from ...base.wording import DOCTOR
+from ...records import Check
+from ..options import EngineOptions
+from .worker import nearest
+
+MODULE = "pyrtklib5"
+PROGRAM = "rnx2rtkp"
+INSTALL = (
+    "no GNSS engine: pip install 'insgnss[ppk]' (pyrtklib5), or put RTKLIB's rnx2rtkp (EX 2.5.0 or"
+    f" later) on PATH; {DOCTOR}"
+)
+HOLDS = (2, 5, 0)  # the first version of EX for which the options hold
+PROGRAM_LINE = re.compile(r"%\s*program\s*:.*?ver\.\s*(\S.*)")
+EX_VERSION = re.compile(r"EX\s*(\d+)\.(\d+)\.(\d+)")
+OF_ALL_VERSIONS = b"pos1-posmode"  # an option that every rnx2rtkp has
+
+
+def engine_command(engine: str = "auto") -> list[str]:
+    """Return the beginning of the engine's command line: our worker with pyrtklib5, or an rnx2rtkp.
+
+    Raises
+    ------
+    UsageError
+        Where there is no engine.
+    """
+    if engine in ("auto", MODULE) and importlib.util.find_spec(MODULE) is not None:
+        return [sys.executable, "-m", "insgnss.gnss.engine.worker"]
+    if engine == MODULE:
+        raise UsageError(INSTALL)
+    program = shutil.which(PROGRAM if engine == "auto" else engine)
+    if program is None:
+        if engine == "auto":
+            raise UsageError(INSTALL)
+        instead = (
+            INSTALL
+            if importlib.util.find_spec(MODULE) is None
+            else f"without it {MODULE} is taken, which is installed"
+        )
+        raise OptionError("gnss.engine", f"no program that can be run; {instead}", engine)
+    return [str(Path(program).resolve())]
+
+
+def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
+    """Check whether an rnx2rtkp knows the options of an option file.
+
+    Its binary holds them as strings.
+
+    Returns
+    -------
+    tuple of Check
+        A note for options of ours that it does not know, or where a wrapper does not show what the
+        program holds.
+
+    Raises
+    ------
+    OptionError
+        For one of `rtklib_options` that it does not know.
+    """
+    if command[0] == sys.executable:
+        return ()
+    held = binary(Path(command[0]))
+    requested = [line.split("=")[0] for line in text.splitlines()]
+    if OF_ALL_VERSIONS not in held:
+        finding, advice = (
+            f"{command[0]} does not show which it knows",
+            "an unknown one is left out without a word; name the program itself",
+        )
+        names = " ".join(options.rtklib_options)
+        return (
+            (
+                Check(
+                    "engine options", f"{finding}: {names}", "options that it knows", "note", advice
+                ),
+            )
+            if options.rtklib_options
+            else ()
+        )
+    unknown = [name for name in requested if name.encode() + b"\0" not in held]
+    if wrong := [name for name in unknown if name in options.rtklib_options]:
+        available = [
+            option.decode()
+            for option in re.findall(
+                rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", held
+            )
+        ]
+        raise OptionError(
+            "gnss.rtklib_options",
+            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}",
+        )
+    if not unknown:
+        return ()
+    advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
+    return (
+        Check(
+            "engine options",
+            f"unknown to {command[0]}: {' '.join(unknown)}",
+            "options that it knows",
+            "note",
+            advice,
+        ),
+    )
+
+
+def binary(program: Path) -> bytes:
+    """The program's file, empty where it may be run but not read."""
+    try:
+        return program.read_bytes()
+    except OSError:
+        return b""
+
+
+def version(path: Path, command: Sequence[str]) -> str:
+    """Engine and version, as it writes them into its output."""
+    name = MODULE if command[0] == sys.executable else command[0]
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        match = PROGRAM_LINE.match(next(stream, ""))
+    return f"RTKLIB {match[1].strip()} ({name})" if match else f"RTKLIB of unknown version ({name})"
+
+
+def check_version(engine: str) -> tuple[Check, ...]:
+    """A note where the engine is older than EX 2.5.0, for which the options hold."""
+    match = EX_VERSION.search(engine)
+    if match and tuple(int(number) for number in match.groups()) >= HOLDS:
+        return ()
+    advice = (
+        "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"
+        f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
+    )
+    return (
+        Check(
+            "engine", engine, "RTKLIB EX 2.5.0 or later, for which the options hold", "note", advice
+        ),
+    )
