@@ -38,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
@@ -295,24 +296,25 @@ def intersected_target(
     if np.linalg.eigvalsh(normal)[0] < 1e-6 * n:
         raise DataError("rays to the target are parallel; take images from more directions")
     P = np.linalg.solve(normal, np.einsum("nij,nj->i", across, position))
-    for _ in range(ITERATIONS):
+    cov = np.tile(sigma**2 * np.eye(2), (n, 1, 1))
+
+    def linearised() -> list[Equations]:
         u = np.einsum("nji,nj->ni", C_rc, P - position)
         if not (u[:, 2] > 0.0).all():
             raise DataError(
                 "rays to the target meet behind a camera: wrong poses or another target"
             )
-        seen = u[:, :2] / u[:, 2:]
+        projected = u[:, :2] / u[:, 2:]
         J = np.zeros((n, 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0 / u[:, 2]
-        J[:, :, 2] = -seen / u[:, 2:]
-        J = J @ C_rc.transpose(0, 2, 1) / sigma
-        residual = (image - seen) / sigma
-        cov = np.linalg.inv(np.einsum("nki,nkj->ij", J, J))
-        right = np.einsum("nki,nk->i", J, residual)
-        P = P + cov @ right
-        if float(right @ cov @ right) < CONVERGED:
-            break
-    return P, cov, float((residual**2).sum()) / (2 * n - 3)
+        J[:, :, 2] = -projected / u[:, 2:]
+        return [Equations(image - projected, J @ C_rc.transpose(0, 2, 1), {"": cov})]
+
+    def move(dx: Array) -> None:
+        P[:] += dx
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    return P, normals.cov, normals.square() / (2 * n - 3)
 
 
 def camera_targets(
@@ -404,24 +406,19 @@ def _rigid(session: ReceiverSession, target: Targets) -> tuple[Array, Array, Arr
     if start is None:
         raise DataError("targets on the receiver stand on a line; add one beside it")
     R, A = start.rotation, start.points(session.antenna_m)
-    for _ in range(ITERATIONS):
+
+    def linearised() -> list[Equations]:
         d = (X.position - session.antenna_m) @ R.T
         rows = np.concatenate([np.broadcast_to(np.eye(3), (len(d), 3, 3)), -skew(d)], axis=2)
-        weight = np.linalg.inv(np.asarray(target.cov + R @ X.cov @ R.T, dtype=np.float64))
-        step, normal = _step(rows, target.position - A - d, weight)
-        A, R = A + step[:3], rotation_from_vector(step[3:]) @ R
-        if float(step @ normal @ step) < CONVERGED:
-            break
+        return [Equations(target.position - A - d, rows, {"": target.cov + R @ X.cov @ R.T})]
+
+    def move(dx: Array) -> None:
+        nonlocal A, R
+        A, R = A + dx[:3], rotation_from_vector(dx[3:]) @ R
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
     d = (X.position - session.antenna_m) @ R.T
-    cov: Array = np.asarray(np.linalg.inv(normal)[:3, :3], dtype=np.float64)
-    return R, A, cov, A + d - target.position
-
-
-def _step(rows: Array, residual: Array, weight: Array) -> tuple[Array, Array]:
-    """Return the Gauss-Newton step and the normal matrix."""
-    normal = np.einsum("kip,kij,kjq->pq", rows, weight, rows)
-    right = np.einsum("kip,kij,kj->p", rows, weight, residual)
-    return np.linalg.solve(normal, right), normal
+    return R, A, normals.cov[:3, :3], A + d - target.position
 
 
 def materialised_lever_arm(
@@ -463,7 +460,8 @@ def materialised_lever_arm(
     # unknowns: T1 at the origin, turn of R1, log of s, O, turn of R2
     T1, R1, s, arm = first.points(origin), first.rotation, first.scale, two_step
     local = receiver.targets.position - receiver.antenna_m
-    for _ in range(ITERATIONS):
+
+    def linearised() -> list[Equations]:
         d = s * (source - origin) @ R1.T
         target = np.concatenate([camera.targets.position, arm + local @ R2.T])
         rows = np.zeros((N, 3, 13))
@@ -472,15 +470,16 @@ def materialised_lever_arm(
         cov = s**2 * R1 @ source_cov @ R1.T
         cov[:n] += own_cov[:n]
         cov[n:] += R2 @ own_cov[n:] @ R2.T
-        weight = np.linalg.inv(cov)
-        residual = target - T1 - d
-        step, normal = _step(rows, residual, weight)
-        T1, R1, s = T1 + step[:3], rotation_from_vector(step[3:6]) @ R1, s * float(np.exp(step[6]))
-        arm, R2 = arm + step[7:10], rotation_from_vector(step[10:]) @ R2
-        if float(step @ normal @ step) < CONVERGED:
-            break
-    dof = 3 * N - 13
-    factor = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
+        return [Equations(target - T1 - d, rows, {"": cov})]
+
+    def move(dx: Array) -> None:
+        nonlocal T1, R1, s, arm, R2
+        T1, R1, s = T1 + dx[:3], rotation_from_vector(dx[3:6]) @ R1, s * float(np.exp(dx[6]))
+        arm, R2 = arm + dx[7:10], rotation_from_vector(dx[10:]) @ R2
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    residual, dof = normals.groups[0].e, 3 * N - 13
+    factor = normals.square() / dof
     limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
     if factor > limit and _mirrored(P, camera.targets) and _mirrored(G, receiver.targets):
         raise DataError(
@@ -495,8 +494,7 @@ def materialised_lever_arm(
             " taken apart or a mirrored frame"
         )
     J = np.concatenate([-np.eye(3), skew(arm)], axis=1)
-    block_cov: Array = np.asarray(np.linalg.inv(normal)[7:10, 7:10], dtype=np.float64)
-    block_cov = block_cov * (factor if factor > limit else 1.0)
+    block_cov = normals.cov[7:10, 7:10] * (factor if factor > limit else 1.0)
     arm_cov = block_cov + R2 @ receiver.antenna_cov @ R2.T + J @ camera.frame_cov @ J.T
     return MaterialisedLeverArm(arm, arm_cov, block_cov, two_step, s, residual, factor, limit)
 

@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
+from ...base.least_squares import Equations, NormalEquations, adjusted, inverse
 from ...geodesy.rotation import is_rotation, rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
@@ -278,26 +279,13 @@ def similarity_lever_arm(
             " lever arm are 10 unknowns and need four images, and many more to be good"
         )
     system = _System(poses, ground)
-    state, converged = _start(system), True
-    for _ in range(ITERATIONS):
-        rows, residual, weight = system.linearised(state)
-        normal = np.einsum("kip,kij,kjq->pq", rows, weight, rows)
-        right = np.einsum("kip,kij,kj->p", rows, weight, residual)
-        normal[ARM, ARM] += np.eye(3) / PRIOR_M**2
-        right[ARM] -= state.arm / PRIOR_M**2
-        step = np.linalg.solve(normal, right)
-        left = residual - rows @ step
-        state = state.moved(step, np.einsum("kij,kj->ki", system.gain, left[:n]))
-        misfit = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
-        if float(step @ normal @ step) < CONVERGED * max(misfit, 1.0):
-            break
-    else:
-        converged = False
-    _, residual, weight = system.linearised(state)
-    factor = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
+    normals, converged = adjusted(
+        system.linearised, system.move, CONVERGED, ITERATIONS, redundancy=dof
+    )
+    cov, state = normals.cov, system.state
+    solution = NormalEquations(system.linearised())
+    residual, factor = solution.groups[0].e, solution.square() / dof
     limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
-    cov = np.linalg.inv(normal)
-    cov = 0.5 * (cov + cov.T)
     C = state.R @ poses.C_rc
     up = C[:, 2]  # the vertical in camera axes
     mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
@@ -355,10 +343,11 @@ class _System:
         self.origin = (ground.model if len(ground.model) else poses.position).mean(axis=0)
         self.source = np.concatenate([poses.position, ground.model])
         self.target = np.concatenate([poses.antenna_m, ground.surveyed_m])
+        self.state = self._start()
 
-    def linearised(self, state: _State) -> tuple[Array, Array, Array]:
-        """Return rows (E.3) (k, 3, 10), residuals (k, 3) and weights (k, 3, 3)."""
-        n, k = len(self.poses.position), len(self.source)
+    def linearised(self) -> list[Equations]:
+        """Return (E.3) at the state, and that a lever arm has an end."""
+        state, n, k = self.state, len(self.poses.position), len(self.source)
         turn = state.s * state.R
         d = (self.source - self.origin) @ turn.T
         rows = np.zeros((k, 3, 10))
@@ -384,26 +373,26 @@ class _System:
             )
         residual = self.target - state.T - d
         residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], state.psi)
-        weight = np.linalg.inv(cov)
-        self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ weight[:n]
-        return rows, residual, weight
+        self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ inverse(cov[:n])
+        self.observed = Equations(residual, rows, {"": cov})
+        arm = Equations.prior(-state.arm, PRIOR_M**2 * np.eye(3), np.eye(3, 10, 7))
+        return [self.observed, arm]
 
+    def move(self, dx: Array) -> None:
+        """Move the state, and the attitudes by what is left (Gauss-Helmert)."""
+        left = self.observed.residual(dx)[: len(self.gain)]
+        self.state = self.state.moved(dx, np.einsum("kij,kj->ki", self.gain, left))
 
-def _start(system: _System) -> _State:
-    """Return first values: the similarity without lever arm."""
-    first = similarity(system.source, system.target)
-    if first is None:
-        raise DataError(
-            "cameras and ground points stand on a line, which leaves the rotation about it open;"
-            " take images of several strips or a ground point beside the line"
-        )
-    return _State(
-        first.points(system.origin),
-        first.rotation,
-        first.scale,
-        np.zeros(3),
-        0.0 * system.poses.position,
-    )
+    def _start(self) -> _State:
+        """Return first values: the similarity without lever arm."""
+        first = similarity(self.source, self.target)
+        if first is None:
+            raise DataError(
+                "cameras and ground points stand on a line, which leaves the rotation about it"
+                " open; take images of several strips or a ground point beside the line"
+            )
+        psi = 0.0 * self.poses.position
+        return _State(first.points(self.origin), first.rotation, first.scale, np.zeros(3), psi)
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:

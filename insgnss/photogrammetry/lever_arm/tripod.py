@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
+from ...base.least_squares import Equations, NormalEquations
 from ...geodesy.rotation import is_rotation, skew, vector_from_rotation
 from ...records import Array
 
@@ -262,13 +263,9 @@ def weighted_mean(each: Array, cov: Array) -> tuple[Array, Array, float]:
     variance_factor : float
         NaN of one vector.
     """
-    weight = np.linalg.inv(cov)
-    mean_cov = np.linalg.inv(weight.sum(axis=0))
-    mean = mean_cov @ np.einsum("nij,nj->i", weight, each)
-    v = each - mean
-    dof = 3 * (len(each) - 1)
-    factor = float(np.einsum("ni,nij,nj->", v, weight, v)) / dof if dof else float("nan")
-    return mean, mean_cov, factor
+    normals = NormalEquations([Equations(each, np.tile(np.eye(3), (len(each), 1, 1)), {"": cov})])
+    mean, dof = normals.dx, 3 * (len(each) - 1)
+    return mean, normals.cov, normals.square(mean) / dof if dof else float("nan")
 
 
 def _outlier(each: Array, cov: Array, used: NDArray[np.bool_]) -> int | None:
