@@ -23,8 +23,6 @@ Where to look
     memory that is available: `memory.py`; a second thread: `beside.py`; how far a step has come:
         `advance.py`
     quantiles of the normal and chi-square distributions: `quantiles.py`
-    least squares of calibrations: groups with covariances, variance factors, further observations:
-        `least_squares.py`
 """
 
 __version__ = "0.2.0"

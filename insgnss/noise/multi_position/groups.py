@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.least_squares import Equations, NormalEquations
+from ...geodesy.least_squares import Equations, NormalEquations
 from ...records import Array
 
 CONFIDENCE = 0.99
@@ -91,9 +91,9 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
             out.append(Equations(-residual, jacobian * prior_sigma, {name: group.covariance}))
         return [*out, Equations.prior(-q, np.eye(q.size))]
 
-    def white(q: Array, factors: Mapping[str, float], part: int) -> Array:
+    def white(q: Array, factors: Mapping[str, float], column: int) -> Array:
         """Return misclosures (0) or derivatives (1) of all groups, whitened."""
-        return np.concatenate([group.whitened(factors)[part] for group in linearised(q)])
+        return np.concatenate([group.whitened(factors)[column] for group in linearised(q)])
 
     q, factor, wanted = np.zeros(prior.size), dict[str, float](), dict.fromkeys(groups, 1.0)
     for _ in range(ROUNDS):

@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.least_squares import Equations, adjusted
+from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array

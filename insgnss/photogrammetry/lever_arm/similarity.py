@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...base.least_squares import Equations, NormalEquations, adjusted, inverse
+from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inverse
 from ...geodesy.rotation import is_rotation, rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array

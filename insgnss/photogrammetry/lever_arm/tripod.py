@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...base.least_squares import Equations, NormalEquations
+from ...geodesy.least_squares import Equations, NormalEquations
 from ...geodesy.rotation import is_rotation, skew, vector_from_rotation
 from ...records import Array
 

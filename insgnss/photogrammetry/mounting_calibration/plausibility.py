@@ -22,9 +22,10 @@ from ...geodesy.gpstime import calendar_from_gps, leap_seconds
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity
 from ...records.block import Array
+from .equations import SCALE
 from .readings import attitude_readings, position_readings
 from .records import BlockPoses, FlightPoses, Rows
-from .solution import SCALE, Solved
+from .solution import Solved
 
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
 BETTER = 0.4

@@ -40,7 +40,7 @@ class BlockPoses:
         Those of the block, as far as it names them.
     shared : ndarray, (6, 6), optional
         Covariance of errors that all images have alike in camera axes, m (of the flight) and rad;
-        None: as `solution` assumes them. Not beside the covariance of all images together.
+        None: as `equations` assumes them. Not beside the covariance of all images together.
 
     Raises
     ------

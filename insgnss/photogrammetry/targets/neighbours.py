@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.least_squares import Equations, NormalEquations
+from ...geodesy.least_squares import Equations, NormalEquations
 
 Array = NDArray[np.float64]
 

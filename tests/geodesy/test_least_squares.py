@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.base.least_squares import Equations, NormalEquations, adjusted, conditioned
+from insgnss.geodesy.least_squares import Equations, NormalEquations, adjusted, conditioned
 
 UNKNOWNS = 3
 

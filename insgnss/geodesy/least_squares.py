@@ -16,11 +16,11 @@ of observations less that of the unknowns (restricted maximum likelihood, Koch 1
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .rotation import Array
 
 PRIOR = "a priori"
 
@@ -55,23 +55,61 @@ class Equations:
             Of the known value.
         A : ndarray, (d, u), optional
             Derivatives by the unknowns; without it the functions are the unknowns themselves.
+
+        Returns
+        -------
+        Equations
+            One vector, of the share `PRIOR`.
         """
         A = np.eye(e.size) if A is None else A
         return cls(e[None], A[None], {PRIOR: covariance[None]})
 
     def covariance(self, factors: Mapping[str, float] | None = None) -> Array:
-        """Return V of (LS.1), (k, d, d), with the variance factors of its shares."""
+        """Return V of (LS.1).
+
+        Parameters
+        ----------
+        factors : mapping of str to float, optional
+            Variance factors of the shares.
+
+        Returns
+        -------
+        ndarray, (k, d, d)
+            The covariance.
+        """
         by = factors or {}
         return np.asarray(sum(by.get(name, 1.0) * share for name, share in self.shares.items()))
 
     def whitened(self, factors: Mapping[str, float] | None = None) -> tuple[Array, Array]:
-        """Return e (k d,) and A (k d, u) made white of unit variance, for other solvers."""
+        """Return e and A made white of unit variance, for another solver.
+
+        Parameters
+        ----------
+        factors : mapping of str to float, optional
+            Variance factors of the shares.
+
+        Returns
+        -------
+        e : ndarray, (k d,)
+        A : ndarray, (k d, u)
+        """
         white = np.linalg.inv(np.linalg.cholesky(self.covariance(factors)))
         return (white @ self.e[:, :, None]).ravel(), (white @ self.A).reshape(-1, self.A.shape[2])
 
-    def residual(self, dx: Array | None = None) -> Array:
-        """Return e - A dx (k, d)."""
-        return self.e if dx is None else np.asarray(self.e - self.A @ dx)
+    def residual(self, dx: Array) -> Array:
+        """Return what a step leaves.
+
+        Parameters
+        ----------
+        dx : ndarray, (u,)
+            The step.
+
+        Returns
+        -------
+        ndarray, (k, d)
+            e - A dx.
+        """
+        return np.asarray(self.e - self.A @ dx)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,58 +122,75 @@ class NormalEquations:
         The observations.
     factors : mapping of str to float
         Variance factors of shares of their covariances.
-    weights : tuple of ndarray, (k, d, d)
-        W of each group.
-    N, b : ndarray, (u, u) and (u,)
-        Normal matrix and right side.
     """
 
     groups: Sequence[Equations]
     factors: Mapping[str, float] = field(default_factory=dict)
-    weights: tuple[Array, ...] = field(init=False)
-    N: Array = field(init=False)
-    b: Array = field(init=False)
 
-    def __post_init__(self) -> None:
-        weights = tuple(inverse(group.covariance(self.factors)) for group in self.groups)
-        N, b = 0.0, 0.0
-        for group, W in zip(self.groups, weights, strict=True):
-            AtW = group.A.swapaxes(1, 2) @ W
-            N = N + (AtW @ group.A).sum(axis=0)
-            b = b + (AtW @ group.e[:, :, None]).sum(axis=0)[:, 0]
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "N", N)
-        object.__setattr__(self, "b", b)
+    @cached_property
+    def weights(self) -> tuple[Array, ...]:
+        """W of each group, (k, d, d)."""
+        return tuple(inverse(group.covariance(self.factors)) for group in self.groups)
+
+    @cached_property
+    def N(self) -> Array:
+        """The normal matrix (u, u)."""
+        by_group = zip(self.groups, self.weights, strict=True)
+        return sum((g.A.swapaxes(1, 2) @ W @ g.A).sum(axis=0) for g, W in by_group)
+
+    @cached_property
+    def b(self) -> Array:
+        """The right side (u,)."""
+        by_group = zip(self.groups, self.weights, strict=True)
+        return sum(np.einsum("kiu,ki->u", g.A, (W @ g.e[:, :, None])[:, :, 0]) for g, W in by_group)
 
     @property
     def dx(self) -> Array:
         """The step (u,) of (LS.1)."""
         return np.asarray(np.linalg.solve(self.N, self.b))
 
-    @property
+    @cached_property
     def cov(self) -> Array:
         """The covariance (u, u) of the unknowns."""
         return inverse(self.N)
 
-    def square(self, dx: Array | None = None) -> float:
-        """Return the weighted square sum of the residuals after a step, without the a-priori."""
-        return sum(
-            float(np.einsum("ki,kij,kj->", group.residual(dx), W, group.residual(dx)))
-            for group, W in zip(self.groups, self.weights, strict=True)
-            if PRIOR not in group.shares
-        )
+    def square(self, dx: Array | float = 0.0) -> float:
+        """Return the weighted square sum of the residuals, without those of a-priori groups.
+
+        Parameters
+        ----------
+        dx : ndarray, (u,), optional
+            A step that is taken.
+
+        Returns
+        -------
+        float
+            v' W v, v = e - A dx.
+        """
+        square = 0.0
+        for group, W in zip(self.groups, self.weights, strict=True):
+            if PRIOR not in group.shares:
+                v = group.e if isinstance(dx, float) else group.residual(dx)
+                square += float(np.einsum("ki,kij,kj->", v, W, v))
+        return square
 
     def components(self) -> dict[str, tuple[float, float]]:
-        """Return weighted square sum and redundancy of each share of the covariances (LS.2)."""
-        cov, sums = self.cov, dict[str, tuple[float, float]]()
+        """Return what each share of the covariances has of the residuals (LS.2).
+
+        Returns
+        -------
+        dict of str to tuple of float
+            Weighted square sum and redundancy by name.
+        """
+        sums = dict[str, tuple[float, float]]()
         for group, W in zip(self.groups, self.weights, strict=True):
             v, WA = (W @ group.e[:, :, None])[:, :, 0], W @ group.A
-            P_r = W - WA @ cov @ WA.swapaxes(1, 2)
+            P_r = W - WA @ self.cov @ WA.swapaxes(1, 2)
             for name, share in group.shares.items():
-                part = self.factors.get(name, 1.0) * share
+                V_i = self.factors.get(name, 1.0) * share
                 square, redundancy = sums.get(name, (0.0, 0.0))
-                square += float(np.einsum("ki,kij,kj->", v, part, v))
-                sums[name] = square, redundancy + float(np.sum(P_r * part))
+                square += float(np.einsum("ki,kij,kj->", v, V_i, v))
+                sums[name] = square, redundancy + float(np.sum(P_r * V_i))
         return sums
 
 
