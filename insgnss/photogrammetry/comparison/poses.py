@@ -12,12 +12,20 @@ from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
+from ...records.rows import rows_of
 
 Array = NDArray[np.float64]
 
 
 class NoOriginError(InputError):
     """A file of coordinates in a tangent plane does not say where its origin is."""
+
+
+BY_ROW = (
+    *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
+    *("cov_position", "cov_attitude", "angles", "C_fE", "local"),
+)
+"""Fields of `Poses` that have one row each, where they are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,24 +94,7 @@ class Poses:
 
     def taken(self, rows: NDArray[np.int64]) -> "Poses":
         """Only these rows."""
-        changes = {
-            name: None if (value := getattr(self, name)) is None else value[rows]
-            for name in (
-                "lat",
-                "lon",
-                "height",
-                "time",
-                "C_Ex",
-                "velocity",
-                "cov_position",
-                "cov_attitude",
-                "angles",
-                "C_fE",
-                "local",
-            )
-        }
-        changes["images"] = tuple(self.images[k] for k in rows) if self.images else ()
-        return replace(self, **changes)  # type: ignore[arg-type]
+        return replace(self, **rows_of(self, rows, BY_ROW))
 
     def moved(self, lat: Array, lon: Array, height: Array) -> "Poses":
         """The same at other places."""

@@ -54,6 +54,7 @@ from ...geodesy.rotation import (
     vector_from_rotation,
 )
 from ...geodesy.similarity import Similarity, similarity
+from ...records.rows import covariance_of_rows
 from ..adjust.aerial import BORESIGHT, COMMON, LEVER_ARM, TIME_OFFSET, AerialControl
 from ..adjust.unknowns import Unknowns
 from .block_errors import (
@@ -329,8 +330,7 @@ class Model:
         own = np.array([self.where[int(row)] for row in rows])
         if not self.whole:
             return {name: block_diag(*share[own]) for name, share in self.Q.items()}
-        columns = (6 * own[:, None] + np.arange(6)).ravel()
-        return {name: share[np.ix_(columns, columns)] for name, share in self.Q.items()}
+        return {name: covariance_of_rows(share, own) for name, share in self.Q.items()}
 
     def move(self, dx: Array) -> None:
         """Move the values by a step."""

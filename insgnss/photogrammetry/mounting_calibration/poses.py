@@ -28,6 +28,8 @@ from ...io.formats.detect import head_of
 from ...io.formats.returned.reading import returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array
+from ...records.block import BrownCamera
+from ...records.rows import rows_of
 
 MOST_NAMED = 3
 # formats without the rest of a block
@@ -100,14 +102,14 @@ class CameraPoses:
     notes: tuple[str, ...] = ()
     opk: Array | None = None
 
+    @property
+    def cameras(self) -> tuple[BrownCamera, ...]:
+        """Cameras that the program of the file knows."""
+        return () if self.block is None else tuple(self.block.cameras)
+
     def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
         """Return only these rows."""
-        cov = None if self.cov is None else self.cov[rows]
-        images = tuple(self.images[k] for k in rows)
-        opk = None if self.opk is None else self.opk[rows]
-        return replace(
-            self, images=images, position=self.position[rows], C=self.C[rows], cov=cov, opk=opk
-        )
+        return replace(self, **rows_of(self, rows, ("images", "position", "C", "cov", "opk")))
 
     def with_sigma(self, sigma: PoseSigma, scale: float = 1.0) -> Array:
         """Return the covariances of the file, those of `sigma` where it has none.

@@ -99,9 +99,7 @@ def inputs_of(request: Request) -> Inputs:
     if not seen.visible.any():
         raise DataError(_unseen(eo, ground, camera, seen))
     extra = request.search_px**2 * np.eye(2)
-    widened = Predictions(
-        seen.image, seen.point, seen.uv, seen.cov + extra, seen.by_point, seen.visibility
-    )
+    widened = replace(seen, cov=seen.cov + extra)
     if camera_cov is None:
         notes.append(
             f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"

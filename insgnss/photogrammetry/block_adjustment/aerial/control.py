@@ -22,6 +22,7 @@ from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, r
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ....records.relative import GAP_S
+from ....records.rows import covariance_of_rows
 from ...adjust.aerial import (
     BORESIGHT,
     COMMON,
@@ -112,8 +113,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         if seen.size == 0:
             continue
         rows = piece[seen]
-        columns = (6 * seen[:, None] + np.arange(6)).ravel()
-        cov = whole[np.ix_(columns, columns)]
+        cov = covariance_of_rows(whole, seen)
         parameters, factor = dict.fromkeys(shared, 0), None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:

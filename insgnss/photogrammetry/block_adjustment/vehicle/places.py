@@ -15,6 +15,7 @@ from ....io.formats.blocks.joined import matched
 from ....io.formats.vehicle.target_sizes import read_target_sizes
 from ....records import ExteriorOrientation
 from ....records.block import Array
+from ....records.rows import covariance_of_rows, rows_of
 from .observed import observed, without
 from .track import Track, read_track, rows_by_name, week_shift
 
@@ -59,17 +60,10 @@ class Vehicle:
 
     def rows(self, rows: Rows) -> "Vehicle":
         """Return some of the exposures."""
-        columns = (3 * rows[:, None] + np.arange(3)).ravel()
-        return replace(
-            self,
-            images=tuple(self.images[k] for k in rows),
-            points=tuple(self.points[k] for k in rows),
-            time=self.time[rows],
-            exposures=self.exposures.rows(rows),
-            cov=self.cov[np.ix_(columns, columns)],
-            size_px=self.size_px[rows],
-            size_sigma_px=self.size_sigma_px[rows],
-        )
+        fields = ("images", "points", "time", "size_px", "size_sigma_px")
+        cov = covariance_of_rows(self.cov, rows, 3)
+        exposures = self.exposures.rows(rows)
+        return replace(self, **rows_of(self, rows, fields), exposures=exposures, cov=cov)
 
     def seen_in(self, measured: ImagePoints) -> "Vehicle":
         """Return the exposures whose measurement of the target is among image observations."""

@@ -43,6 +43,7 @@ from ....io.formats.vehicle.target_positions import read_target_positions
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ....records.interpolation import cubic
+from ....records.rows import covariance_of_rows, rows_of
 from ...adjust.aerial import chained_covariance
 from ...adjust.kinematic import gauss_markov
 
@@ -134,33 +135,15 @@ class Track:
             root = root[first] + np.clip(u, 0.0, 1.0)[:, None, None] * (root[last] - root[first])
         cov = self.cov
         if cov is not None:  # instants are rows
-            cov = _blocks_of(cov, np.where(u < 0.5, first, last))
-        return (
-            replace(
-                self,
-                images=None,
-                time=time,
-                position_m=position,
-                velocity=velocity,
-                C_mv=C,
-                root=root,
-                cov=cov,
-            ),
-            within,
-        )
+            cov = covariance_of_rows(cov, np.where(u < 0.5, first, last), 3)
+        there = replace(self, images=None, time=time, position_m=position, velocity=velocity)
+        return replace(there, C_mv=C, root=root, cov=cov), within
 
     def rows(self, rows: Rows) -> "Track":
         """Return some rows of the track."""
-        return replace(
-            self,
-            images=None if self.images is None else tuple(self.images[k] for k in rows),
-            time=None if self.time is None else self.time[rows],
-            position_m=self.position_m[rows],
-            velocity=self.velocity[rows],
-            C_mv=self.C_mv[rows],
-            root=None if self.root is None else self.root[rows],
-            cov=None if self.cov is None else _blocks_of(self.cov, rows),
-        )
+        fields = ("images", "time", "position_m", "velocity", "C_mv", "root")
+        cov = None if self.cov is None else covariance_of_rows(self.cov, rows, 3)
+        return replace(self, **rows_of(self, rows, fields), cov=cov)
 
     def covariance(self, time: Array | None = None) -> Array:
         """Return the covariance of all positions, (3 k, 3 k), m^2 (KI.1).
@@ -188,11 +171,6 @@ class Track:
 
 SAME_S = 1e-4
 """Stamps that differ by less are those of one instant: a vehicle at 20 m/s moves by 2 mm."""
-
-
-def _blocks_of(cov: Array, rows: Rows) -> Array:
-    columns = (3 * rows[:, None] + np.arange(3)).ravel()
-    return np.asarray(cov[np.ix_(columns, columns)])
 
 
 def read_track(
