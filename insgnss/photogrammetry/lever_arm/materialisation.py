@@ -42,9 +42,9 @@ from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from .checks import factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
-SIGNIFICANCE = 0.01  # of global tests and of a difference
 MISFIT_M, MISFIT_SIGMA = 0.005, 10.0  # residuals of both: other targets, not small covariances
 MIRRORED = 0.3  # misfit of a mirrored block over that of the block
 ITERATIONS = 30
@@ -69,10 +69,7 @@ class Targets:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        for name, shape in {"position": (n, 3), "cov": (n, 3, 3)}.items():
-            value = np.asarray(getattr(self, name))
-            if value.shape != shape or not np.isfinite(value).all():
-                raise DataError(f"{name}: finite values of shape {shape} are needed")
+        refuse_other_shapes(self, position=(n, 3), cov=(n, 3, 3))
         if n < FEWEST:
             raise DataError(f"{n} targets; a frame needs {FEWEST} that stand on no line")
         if not (np.linalg.eigvalsh(self.cov)[:, 0] > 0.0).all():
@@ -359,8 +356,6 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
     DataError
         Without a session, and where targets of two sessions do not fit.
     """
-    from scipy.stats import chi2
-
     if not sessions:
         raise DataError("no session of the receiver; give one file a session (--receiver)")
     first = sessions[0]
@@ -381,8 +376,7 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
         antenna.append(position)
         antenna_cov.append(R @ session.antenna_cov @ R.T + cov)
     mean, mean_cov, factor = weighted_mean(np.array(antenna), np.array(antenna_cov))
-    dof = 3 * (len(sessions) - 1)
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof) if dof else float("nan")
+    limit = factor_limit(3 * (len(sessions) - 1))
     means = [
         weighted_mean(np.array([p[i] for p in points]), np.array([c[i] for c in covs]))
         for i in range(n)
@@ -448,8 +442,6 @@ def materialised_lever_arm(
     DataError
         Where targets differ in number, stand on a line or do not fit.
     """
-    from scipy.stats import chi2
-
     P, G = camera_in_block, receiver_in_block
     first, R2, two_step = _two_steps(camera.targets, receiver, P, G)
     n, N = len(P.position), len(P.position) + len(G.position)
@@ -480,7 +472,7 @@ def materialised_lever_arm(
     normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
     residual, dof = normals.groups[0].e, 3 * N - 13
     factor = normals.square() / dof
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
+    limit = factor_limit(dof)
     if factor > limit and _mirrored(P, camera.targets) and _mirrored(G, receiver.targets):
         raise DataError(
             "targets of the block fit those of camera and receiver only as in a mirror: an axis of"
@@ -546,9 +538,6 @@ def lever_arm_difference(
     LeverArmDifference
         Second minus first.
     """
-    from scipy.stats import chi2
-
     difference, cov = np.asarray(second) - first, np.asarray(first_cov) + second_cov
     size = float(difference @ np.linalg.solve(cov, difference))
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, 3))
-    return LeverArmDifference(difference, np.sqrt(np.diag(cov)), size, limit)
+    return LeverArmDifference(difference, np.sqrt(np.diag(cov)), size, 3.0 * factor_limit(3))

@@ -42,9 +42,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inverse
-from ...geodesy.rotation import is_rotation, rotation_from_vector, skew
+from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from .checks import factor_limit, refuse_no_rotation, refuse_other_shapes
 
 CORRELATED = 0.95  # with the translation: above, a component is not determined
 RULER_M = 0.05  # standard error of a lever arm measured on the aircraft by hand
@@ -52,7 +53,6 @@ PRIOR_M = 100.0  # no lever arm is longer
 LONGEST_M = 5.0  # of a lever arm on an aircraft that maps: more are other images' positions
 UPWARDS = 0.5  # vertical part of the mean viewing direction: 30 deg above the horizon
 MISFIT_M, MISFIT_SIGMA = 0.5, 10.0  # residuals of both: other data, not too small covariances
-SIGNIFICANCE = 0.01  # of the global test
 ITERATIONS = 30
 CONVERGED = 1e-8  # squared step over its variance
 ONE_HEADING = 0.97  # length of the mean of unit vectors: spread of some 14 deg
@@ -85,22 +85,9 @@ class FlightPoses:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _check(
-            self,
-            {
-                "position": (n, 3),
-                "C_rc": (n, 3, 3),
-                "pose_cov": (n, 6, 6),
-                "antenna_m": (n, 3),
-                "antenna_cov": (n, 3, 3),
-            },
-        )
-        for k, C in enumerate(self.C_rc):
-            if not is_rotation(C, 1e-4):
-                raise DataError(
-                    f"image {k + 1}: C_rc is no rotation (mirrored axes, or rounded to fewer than"
-                    " five digits)"
-                )
+        poses = {"position": (n, 3), "C_rc": (n, 3, 3), "pose_cov": (n, 6, 6)}
+        refuse_other_shapes(self, **poses, antenna_m=(n, 3), antenna_cov=(n, 3, 3))
+        refuse_no_rotation(self.C_rc, "C_rc", "image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,15 +113,8 @@ class GroundPoints:
 
     def __post_init__(self) -> None:
         n = len(self.model)
-        _check(
-            self,
-            {
-                "model": (n, 3),
-                "model_cov": (n, 3, 3),
-                "surveyed_m": (n, 3),
-                "surveyed_cov": (n, 3, 3),
-            },
-        )
+        model = {"model": (n, 3), "model_cov": (n, 3, 3)}
+        refuse_other_shapes(self, **model, surveyed_m=(n, 3), surveyed_cov=(n, 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,8 +248,6 @@ def similarity_lever_arm(
         Where there are too few images, they stand on a line, cameras look upwards, residuals or the
         lever arm are those of other data, or a covariance is not positive definite.
     """
-    from scipy.stats import chi2
-
     ground = ground or GroundPoints()
     n, k = len(poses.position), len(ground.model)
     dof = 3 * (n + k) - 10
@@ -285,7 +263,7 @@ def similarity_lever_arm(
     cov, state = normals.cov, system.state
     solution = NormalEquations(system.linearised())
     residual, factor = solution.groups[0].e, solution.square() / dof
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
+    limit = factor_limit(dof)
     C = state.R @ poses.C_rc
     up = C[:, 2]  # the vertical in camera axes
     mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
@@ -425,10 +403,3 @@ def _plausible(result: SimilarityLeverArm, viewing: Array) -> None:
             f" {'xyz'[axis]} (limit {LONGEST_M:g} m): images and antenna positions are shifted by"
             " one or more, or their times are off"
         )
-
-
-def _check(record: object, shapes: dict[str, tuple[int, ...]]) -> None:
-    for name, shape in shapes.items():
-        value = np.asarray(getattr(record, name))
-        if value.shape != shape or not np.isfinite(value).all():
-            raise DataError(f"{name}: finite values of shape {shape} are needed")

@@ -1,10 +1,9 @@
 """`insgnss calibrate materialise`: targets on camera and receiver, as files."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,8 @@ from ...base.errors import DataError, InputError, UsageError, near
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
+from ...records.block import BrownCamera
 from ...records.cameras.camera import rays_of
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ...report.charts.chart import Chart
@@ -30,7 +29,7 @@ from ..lever_arm.materialisation import (
     receiver_targets,
 )
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
-from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
 from .readings import advice, named_reading, position_readings
 
 ANTENNA = "antenna"
@@ -152,14 +151,11 @@ def calibrate_materialise(
     results = [_estimated(targets, receiver, block, on_camera, used, options) for block in blocks]
     inputs = [camera, mounted, *options.receiver]
     inputs += [path for path in (options.pose, options.after) if path is not None]
-    origin = provenance(inputs, _cameras(own), options.photo, options.date)
+    cameras = () if own.poses is None else own.poses.cameras
+    origin = provenance(inputs, cameras, options.photo, options.date)
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
-    return _calibrated(results, receiver, moved, notes, origin.given, inputs)
-
-
-def _cameras(own: _Points) -> Any:
-    return () if own.poses is None or own.poses.block is None else own.poses.block.cameras
+    return _calibrated(results, receiver, moved, notes, origin, inputs)
 
 
 def _points(path: Path) -> _Points:
@@ -174,46 +170,97 @@ def _points(path: Path) -> _Points:
         return _Points(path, table.names, table.position, table.cov)
     poses = read_camera_poses(path)
     assert poses.block is not None
-    block = poses.block
-    names, position, cov = [], [], []
-    for row, name in enumerate(block.measured.points):
-        if TIE_POINT.fullmatch(name):
-            continue
-        if (target := _intersected(path, poses, block, row)) is not None:
-            names.append(name)
-            position.append(target[0])
-            cov.append(target[1])
-    if not names:
-        raise InputError.at_line(
-            path, None, "no target is measured in two images; measure more of them"
-        )
-    return _Points(path, tuple(names), np.array(position), np.array(cov), poses)
-
-
-def _intersected(
-    path: Path, poses: CameraPoses, block: MeasuredBlock, point: int
-) -> tuple[Array, Array] | None:
-    seen = block.measured.observations
-    row_by_image = {name: k for k, name in enumerate(poses.images)}
-    pose = np.array([row_by_image.get(name, -1) for name in block.measured.images])[seen.image]
-    use = (seen.point == point) & (pose >= 0)
-    if use.sum() < 2:
-        return None
-    if not block.cameras:
+    if not poses.cameras:
         raise InputError.at_line(
             path, None, "has no interior orientation of its camera; give a project that has one"
         )
-    sensor = block.cameras[int(block.camera[seen.image[use][0]])]
-    sigma = float(np.median(seen.sigma_px[use])) / sensor.of("f")
-    k = pose[use]
+    targets = {
+        name: target
+        for name in poses.block.measured.points
+        if not TIE_POINT.fullmatch(name)
+        and (target := intersected(poses, poses.block, name, poses.cameras, "target"))
+    }
+    if not targets:
+        raise InputError.at_line(
+            path, None, "no target is measured in two images; measure more of them"
+        )
+    position = np.array([target.position for target in targets.values()])
+    cov = np.array([target.cov for target in targets.values()])
+    return _Points(path, tuple(targets), position, cov, poses)
+
+
+@dataclass(frozen=True)
+class Intersection:
+    """A point that images of known poses see.
+
+    Parameters
+    ----------
+    position : ndarray, (3,)
+        In the frame of the poses.
+    cov : ndarray, (3, 3)
+        Its covariance; by the variance factor where rays miss each other by more.
+    factor : float
+        That factor.
+    miss_px : float
+        By how much the rays miss it, pixels.
+    images : int
+        How many see it.
+    """
+
+    position: Array
+    cov: Array
+    factor: float
+    miss_px: float
+    images: int
+
+
+def intersected(
+    poses: CameraPoses, block: MeasuredBlock, name: str, cameras: Sequence[BrownCamera], kind: str
+) -> Intersection | None:
+    """Intersect a point of a block from the images that have a pose.
+
+    Parameters
+    ----------
+    poses : CameraPoses
+        Their poses.
+    block : MeasuredBlock
+        Image observations.
+    name : str
+        Of the point.
+    cameras : sequence of BrownCamera
+        One of all images, or those of the block.
+    kind : str
+        What the point is called in a refusal.
+
+    Returns
+    -------
+    Intersection or None
+        None where fewer than two images see it.
+
+    Raises
+    ------
+    InputError
+        Its rays do not meet before the cameras.
+    """
+    seen = block.measured.observations
+    row_by_image = {image: k for k, image in enumerate(poses.images)}
+    pose = np.array([row_by_image.get(image, -1) for image in block.measured.images])[seen.image]
+    use = (seen.point == block.measured.points.index(name)) & (pose >= 0)
+    if use.sum() < 2:
+        return None
+    camera = cameras[int(block.camera[seen.image[use][0]]) if len(cameras) > 1 else 0]
+    sigma_px, k = float(np.median(seen.sigma_px[use])), pose[use]
     try:
         P, cov, factor = intersected_target(
-            poses.position[k], poses.C[k], rays_of(sensor, seen.uv[use]), sigma
+            poses.position[k],
+            poses.C[k],
+            rays_of(camera, seen.uv[use]),
+            sigma_px / camera.of("f"),
         )
     except DataError as refusal:
-        name = block.measured.points[point]
-        raise InputError(f"{path}: target {name}: {refusal}") from None
-    return P, cov * max(factor, 1.0)
+        raise InputError(f"{poses.path}: {kind} {name}: {refusal}") from None
+    miss_px = float(np.sqrt(factor)) * sigma_px
+    return Intersection(P, cov * max(factor, 1.0), factor, miss_px, k.size)
 
 
 def _refuse_large(path: Path, table: NamedPositions) -> None:
@@ -372,8 +419,8 @@ def _calibrated(
     results: Sequence[MaterialisedLeverArm],
     receiver: ReceiverTargets,
     moved: bool,
-    notes: Iterable[str],
-    origin: dict[str, Any],
+    notes: Sequence[str],
+    origin: Provenance,
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]
@@ -387,28 +434,15 @@ def _calibrated(
         )
     elif sigma.max() > RULER_M:
         reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
-    value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
     verdict = f"{'before the flight: ' if len(results) > 1 else ''}{result.summary()}"
-    mounting = MountingFile(
-        verb="calibrate materialise",
-        antenna_m=None if reason else arm,
-        antenna_cov=None if reason else cov,
-        verdict=(verdict, *notes),
-        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **origin,
-    )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
-        mounting,
+    return of_lever_arm(
+        "materialise",
         "Lever arm by targets on camera and receiver",
-        verdict,
-        (
-            ("antenna_m", "not determined", reason)
-            if reason
-            else ("antenna_m", "determined", value),
-            ("imu_m", "not determined", NO_IMU),
-        ),
-        (*notes, *([line] if line else [])),
+        (arm, cov),
+        reason,
+        (),
+        (verdict, *notes),
+        notes,
         {
             "lever_arms_m": [r.lever_arm_m for r in results],
             "lever_arm_m": arm,
@@ -422,6 +456,7 @@ def _calibrated(
             "inputs": inputs,
         },
         lambda: _charts(results, receiver),
+        origin,
     )
 
 

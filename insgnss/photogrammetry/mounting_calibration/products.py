@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from ...report.markup import escape, table
 from ...report.verb_page import VerbPage, listed
 from ..lever_arm.materialisation import lever_arm_difference
 
+DETERMINED, NOT_DETERMINED = "determined", "not determined"
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
 
 HASH = re.compile(r'^sha256 = "([0-9a-f]{64})"', re.MULTILINE)
@@ -123,18 +124,6 @@ def provenance(
     )
 
 
-class Estimate(Protocol):
-    """A lever arm that a core estimated."""
-
-    @property
-    def lever_arm_m(self) -> Array:
-        """The lever arm (3,), camera axes, m."""
-
-    @property
-    def sigma_m(self) -> Array:
-        """Its standard errors (3,), m."""
-
-
 @dataclass(frozen=True, eq=False)
 class CalibratedMounting:
     """The result of a verb.
@@ -200,6 +189,71 @@ class CalibratedMounting:
             "files": list(self.files),
             **self.document,
         }
+
+
+def of_lever_arm(
+    verb: str,
+    title: str,
+    antenna: tuple[Array, Array],
+    why_not: str,
+    components: Sequence[tuple[str, str, str]],
+    verdict: Sequence[str],
+    details: Sequence[str],
+    document: dict[str, Any],
+    charts: Callable[[], Sequence[Chart]],
+    origin: Provenance,
+) -> CalibratedMounting:
+    """Return the result of a calibration that sees the antenna, and nothing of the IMU.
+
+    Parameters
+    ----------
+    verb : str
+        Of the calibration.
+    title : str
+        Of the page.
+    antenna : tuple of ndarray
+        Lever arm (3,), m, and its covariance (3, 3).
+    why_not : str
+        Why it is not determined; empty where it is.
+    components : sequence of (str, str, str)
+        Those of the antenna; without any the whole is one.
+    verdict : sequence of str
+        Of the file; the first is the headline.
+    details : sequence of str
+        Further sentences.
+    document : dict
+        Figures for machines.
+    charts : callable
+        Makes the charts of the page.
+    origin : Provenance
+        Where it comes from.
+
+    Returns
+    -------
+    CalibratedMounting
+        The result of the verb.
+    """
+    arm, cov = antenna
+    value = f"{millimetres(arm)} +- {millimetres(np.sqrt(np.diag(cov)), '')}"
+    one = ("antenna_m", NOT_DETERMINED if why_not else DETERMINED, why_not or value)
+    mounting = MountingFile(
+        verb=f"calibrate {verb}",
+        antenna_m=None if why_not else arm,
+        antenna_cov=None if why_not else cov,
+        verdict=tuple(verdict),
+        not_determined={"imu_m": NO_IMU} | ({"antenna_m": why_not} if why_not else {}),
+        **origin.given,
+    )
+    line = metashape_line(mounting)
+    return CalibratedMounting(
+        mounting,
+        title,
+        verdict[0],
+        (*(components or [one]), ("imu_m", NOT_DETERMINED, NO_IMU)),
+        (*details, *([line] if line else [])),
+        document,
+        charts,
+    )
 
 
 def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
