@@ -186,9 +186,8 @@ def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation,
         return ()
     P = read_camera_covariance(file.camera.file)
     if P is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             file.camera.file,
-            None,
             "no [sigma], which camera.weighed asks for; write it, or leave camera.weighed out",
         )
     (camera,) = block.cameras
@@ -347,9 +346,8 @@ def ground_in_plane(
             advice = "they lie there with easting and northing exchanged: exchange the columns"
         else:
             advice = f"{crs} is not their CRS; name the right one, with its zone"
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"point {ground.points[k]!r} ({x:.0f}, {y:.0f}, {z:.0f}) lies {away[k] / 1e3:.0f} km"
             f" from the images; {advice}",
         )

@@ -139,10 +139,8 @@ class CoordinateFrame:
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
-                raise InputError.at_line(
-                    path,
-                    None,
-                    "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
+                raise InputError.in_file(
+                    path, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056"
                 )
             try:
                 lat, lon, h = self.projection.inverse(x)

@@ -109,9 +109,8 @@ def sniff_poses(path: str | Path) -> str:
     if form := returned_form(path, head):
         return form
     if directory:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "is a directory without poses known here; give that of a COLMAP or OpenSfM model, or of"
             " MicMac's Orientation-*.xml",
         )
@@ -207,9 +206,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         )
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
-        raise InputError.at_line(
-            path, None, "has no position; the columns x y z or lat lon h are needed"
-        )
+        raise InputError.in_file(path, "has no position; the columns x y z or lat lon h are needed")
     lat, lon, h, C_fE = frame.resolved(x, path)
     if frame.kind != eo.frame_kind:
         C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))

@@ -71,9 +71,8 @@ def _frame(given: ReturnedPoses, hints: Hints, path: Path) -> CoordinateFrame:
         return CoordinateFrame(PROJECTED, projection=hints.projection)
     if hints.plane is None and float(np.abs(given.position[:, :2]).max()) > PLANE_M:
         x = given.position[0]
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"does not say the CRS of its coordinates, {x[0]:.3f} {x[1]:.3f}; give it, --crs"
             " EPSG:2056",
         )

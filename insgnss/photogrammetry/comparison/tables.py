@@ -227,9 +227,8 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
             ),
         )
     if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
             " EPSG:2056",
         )

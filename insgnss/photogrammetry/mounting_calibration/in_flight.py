@@ -152,8 +152,8 @@ def calibrate_mounting(
         The flight or the poses do not support the answer.
     """
     if flight.camera is None:
-        raise InputError.at_line(
-            flight.path, None, "no [camera]; a mounting needs the events of the exposures"
+        raise InputError.in_file(
+            flight.path, "no [camera]; a mounting needs the events of the exposures"
         )
     assumptions = assumptions or Assumptions(frame="auto")
     stated = _stated(flight)

@@ -136,9 +136,8 @@ def calibrate_materialise(
             ("receiver", sum(name in block.names for name in on_receiver)),
         ):
             if count < 3:
-                raise InputError.at_line(
+                raise InputError.in_file(
                     block.path,
-                    None,
                     f"{count} targets of the {kind} by its names ({', '.join(block.names[:4])},"
                     " ...); a frame needs 3 that stand on no line",
                 )
@@ -161,18 +160,18 @@ def calibrate_materialise(
 def _points(path: Path) -> _Points:
     """Return the targets of a table, or those that a block intersects."""
     if not path.exists():
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if not is_block(path):
         table = read_position_table(path)
         if table.geodetic:
-            raise InputError.at_line(path, None, "targets stand in Cartesian axes; give x, y, z")
+            raise InputError.in_file(path, "targets stand in Cartesian axes; give x, y, z")
         _refuse_large(path, table)
         return _Points(path, table.names, table.position, table.cov)
     poses = read_camera_poses(path)
     assert poses.block is not None
     if not poses.cameras:
-        raise InputError.at_line(
-            path, None, "has no interior orientation of its camera; give a project that has one"
+        raise InputError.in_file(
+            path, "has no interior orientation of its camera; give a project that has one"
         )
     targets = {
         name: target
@@ -181,9 +180,7 @@ def _points(path: Path) -> _Points:
         and (target := intersected(poses, poses.block, name, poses.cameras, "target"))
     }
     if not targets:
-        raise InputError.at_line(
-            path, None, "no target is measured in two images; measure more of them"
-        )
+        raise InputError.in_file(path, "no target is measured in two images; measure more of them")
     position = np.array([target.position for target in targets.values()])
     cov = np.array([target.cov for target in targets.values()])
     return _Points(path, tuple(targets), position, cov, poses)
@@ -267,9 +264,8 @@ def _refuse_large(path: Path, table: NamedPositions) -> None:
     """Refuse targets in millimetres, where the table says metres by its standard deviations."""
     apart = float(np.ptp(table.position, axis=0).max())
     if table.cov is not None and apart > 1e5 * float(np.sqrt(table.cov.max())):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"targets are up to {apart:g} apart with standard deviations of"
             f" {np.sqrt(table.cov.max()):g}: both in one unit",
         )
@@ -278,9 +274,8 @@ def _refuse_large(path: Path, table: NamedPositions) -> None:
 def _session(path: Path, options: MaterialiseOptions) -> _Points:
     points = _points(path)
     if options.antenna_name not in points.names:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"no row {options.antenna_name!r} with the phase centre by GNSS;"
             f" {near(options.antenna_name, points.names)}; name it by --antenna-name",
         )
@@ -289,9 +284,8 @@ def _session(path: Path, options: MaterialiseOptions) -> _Points:
         words = ""
         if apart * 1e-3 < 1.0:
             words = "; in millimetres?"
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"targets and phase centre are {apart:.3g} m apart (limit {LONGEST_M:g} m on a"
             f" receiver){words}",
         )
@@ -305,8 +299,8 @@ def _common(sessions: Sequence[_Points], paths: Sequence[Path]) -> list[str]:
     for session, path in zip(sessions[1:], paths[1:], strict=True):
         names = [name for name in names if name in session.names]
         if len(names) < 3:
-            raise InputError.at_line(
-                path, None, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
+            raise InputError.in_file(
+                path, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
             )
     return names
 

@@ -150,8 +150,8 @@ class CameraPoses:
             The poses stand in axes of their own.
         """
         if self.frame == "own":
-            raise InputError.at_line(
-                self.path, None, "poses stand in axes of their own, with no place on the Earth"
+            raise InputError.in_file(
+                self.path, "poses stand in axes of their own, with no place on the Earth"
             )
         x, R = self.position, np.eye(3)
         if self.plane is not None:
@@ -194,7 +194,7 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         With file and line.
     """
     if not path.exists():
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if path.is_dir() and any(path.glob("Orientation-*.xml")):
         images, X, C = read_micmac_xml(path)
         geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
@@ -221,18 +221,15 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         table = read_pose_table(path)
         return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
     if form == "gnss":
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "no camera poses are known here; read are eo.json, a table image, x, y, z, omega, phi,"
             " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
     poses = read_poses(path)
     if poses.C_Ex is None or poses.x != "camera" or not poses.images:
-        raise InputError.at_line(
-            path,
-            None,
-            f"{poses.form} has no attitudes of named images; give poses of an adjustment",
+        raise InputError.in_file(
+            path, f"{poses.form} has no attitudes of named images; give poses of an adjustment"
         )
     plane = poses.plane or TangentPlane(
         *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
@@ -278,7 +275,7 @@ def is_block(path: Path) -> bool:
         return True
     head = head_of(path)
     if not head:
-        raise InputError.at_line(path, None, "is empty; export the poses again")
+        raise InputError.in_file(path, "is empty; export the poses again")
     text = decode(head).lstrip("\ufeff \r\n\t")
     if head.startswith(b"PK\x03\x04") or text.startswith("<"):
         return True
@@ -292,7 +289,7 @@ def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
         block = read_measured_block(path, recognised(path))
     rows = np.flatnonzero(block.oriented)
     if not rows.size:
-        raise InputError.at_line(path, None, "no image has a pose; align the images and export")
+        raise InputError.in_file(path, "no image has a pose; align the images and export")
     return CameraPoses(
         path,
         tuple(block.measured.images[k] for k in rows),
@@ -374,7 +371,7 @@ def read_positions(
         With file and line.
     """
     if not is_file(path):
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if is_block(path):
         ground, crs = read_metashape_references(path)
         return _of_crs(path, ground, options.crs or crs, options.geoid, plane)

@@ -108,7 +108,7 @@ def provenance(
     if photo is None:
         return own
     if not is_file(photo):
-        raise InputError.at_line(photo, None, "does not exist; give an image of the camera")
+        raise InputError.in_file(photo, "does not exist; give an image of the camera")
     with opened(photo) as stream:
         tags = camera_tags(stream, photo.name)
         try:
@@ -333,7 +333,7 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
     file, _ = read_mounting_file(other)
     if file.antenna_m is None or file.antenna_cov is None:
         problem = "has no antenna_m with standard errors in [calibration.sigma] to compare with"
-        raise InputError.at_line(other, None, problem)
+        raise InputError.in_file(other, problem)
     mounting = result.mounting
     if mounting.antenna_m is None or mounting.antenna_cov is None:
         return result

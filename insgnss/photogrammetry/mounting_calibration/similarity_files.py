@@ -190,13 +190,11 @@ def _ground(
         block = read_measured_block(options.points)
     sensors = camera.cameras if options.camera is None else (read_camera_toml(options.camera),)
     if block is None or not len(block.measured.observations):
-        raise InputError.at_line(
-            cameras, None, "has no image observations of ground points; give them by --points"
+        raise InputError.in_file(
+            cameras, "has no image observations of ground points; give them by --points"
         )
     if not sensors:
-        raise InputError.at_line(
-            cameras, None, "has no interior orientation; give --camera camera.toml"
-        )
+        raise InputError.in_file(cameras, "has no interior orientation; give --camera camera.toml")
     model, model_cov, rows, notes = [], [], [], []
     for row, name in enumerate(surveyed.names):
         if name not in block.measured.points:
@@ -215,9 +213,8 @@ def _ground(
         model_cov.append(point.cov + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3))
         rows.append(row)
     if not rows:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"none of its {len(surveyed.names)} points, such as {surveyed.names[0]}, is measured in"
             " two images; measure them, or leave --ground out",
         )
@@ -244,15 +241,15 @@ def _surveyed(
     else:
         ground = read_ground_points(path)
     if ground is None or ground.check.all():
-        raise InputError.at_line(path, None, "has no ground control; leave --ground out")
+        raise InputError.in_file(path, "has no ground control; leave --ground out")
     use = ~ground.check
     names = tuple(name for name, taken in zip(ground.points, use, strict=True) if taken)
     table = NamedPositions(names, ground.position_m[use], False, ground.cov[use])
     if plane is None:
         return Positions(path, names, table.position, table.cov)
     if crs is None:
-        raise InputError.at_line(
-            path, None, "antenna positions are on the Earth; give the CRS of the points, --crs"
+        raise InputError.in_file(
+            path, "antenna positions are on the Earth; give the CRS of the points, --crs"
         )
     return positions_of(path, table, replace(places, crs=crs), plane)
 

@@ -124,7 +124,7 @@ def _in_one_frame(
     pin = read_positions(pins, places, camera.plane)
     if pin.plane is None and camera.frame == "geocentric":
         problem = "are local coordinates, the poses geocentric; give the CRS of the pins, --crs"
-        raise InputError.at_line(pins, None, problem)
+        raise InputError.in_file(pins, problem)
     if pin.plane is not None:
         return camera.in_plane(pin.plane), pin
     return camera, pin

@@ -170,9 +170,8 @@ def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array
     """Return velocities and rates of the images, zero where they are not known and not needed."""
     missing = eo.velocity_mps is None or eo.rate_radps is None
     if options.time_offset_sigma_s > 0.0 and missing:
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.file,
-            None,
             "no velocities of the images, which a delay needs; process the flight again, or leave"
             " aerial_control.time_offset_sigma_s out",
         )
@@ -242,9 +241,8 @@ def _pieces(
         return kind, _strips(eo, beside)
     if kind == "chain":
         if eo.cross is None:
-            raise InputError.at_line(
+            raise InputError.in_file(
                 options.file,
-                None,
                 "no covariances of neighbours (images were left out), which"
                 ' aerial_control.covariance = "chain" needs; take the whole file, or "image"',
             )

@@ -220,8 +220,8 @@ def _is_trajectory(path: Path) -> bool:
                         f.strip() for f in line.split(",")
                     }
     except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            path, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
     return False
 
@@ -229,21 +229,19 @@ def _is_trajectory(path: Path) -> bool:
 def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None) -> Track:
     given = read_trajectory_csv(path)
     if plane is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"positions on the globe ({COLUMNS[2]} ...), which need aerial control, whose"
             " tangent plane has the axes of the block; give a table of positions in these axes",
         )
     if options.target_m is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward,"
             " right, down from there to the target, m",
         )
     if len(given.time) < 2:
-        raise InputError.at_line(path, None, "one row; a trajectory has two at least")
+        raise InputError.in_file(path, "one row; a trajectory has two at least")
     _refuse_radians(path, given)
     arm = np.array(options.target_m)
     C_mn = plane.C_mn(given.lat, given.lon)
@@ -291,9 +289,8 @@ def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
         for x in (heading, np.degrees(heading))
     )
     if as_degrees > ACROSS_RAD and as_radians < 0.25 * as_degrees and as_radians < ACROSS_RAD:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"headings lie {np.degrees(as_degrees):.0f} deg off the way that the vehicle goes, and"
             f" {np.degrees(as_radians):.0f} deg as radians; give degrees (roll_deg, pitch_deg,"
             " heading_deg)",
@@ -306,19 +303,18 @@ def _of_eo(
     own = read_one_camera(path, "an adjustment")
     arm = np.zeros(3) if options.target_m is None else np.array(options.target_m)
     if not len(own.images):
-        raise InputError.at_line(path, None, "no event; process the vehicle with the exposures")
+        raise InputError.in_file(path, "no event; process the vehicle with the exposures")
     if own.velocity_mps is None or own.rate_radps is None:
-        raise InputError.at_line(path, None, "no velocities; process the vehicle again")
+        raise InputError.in_file(path, "no velocities; process the vehicle again")
     if eo is not None and (own.datum, own.epoch) != (eo.datum, eo.epoch):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"positions in {own.datum or 'WGS 84'} {own.epoch or ''}, those of the images in"
             f" {eo.datum or 'WGS 84'} {eo.epoch or ''}; process both with one gnss.datum",
         )
     if plane is None:
-        raise InputError.at_line(
-            path, None, "needs aerial control, whose tangent plane has the axes of the block"
+        raise InputError.in_file(
+            path, "needs aerial control, whose tangent plane has the axes of the block"
         )
     own_plane = TangentPlane(*own.origin)
     turn = plane.C_em.T @ own_plane.C_em
@@ -368,9 +364,8 @@ def _of_table(
     options: VehicleTable, path: Path, plane: TangentPlane | None, eo: ExteriorOrientation | None
 ) -> Track:
     if options.target_m is not None and any(options.target_m):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "a table has positions of the target itself, so that vehicle.target_m has no meaning;"
             " leave it out, or give the trajectory.csv of the vehicle",
         )
@@ -378,8 +373,8 @@ def _of_table(
     position, cov = given.position_m, given.cov
     if options.crs is not None:
         if plane is None:
-            raise InputError.at_line(
-                path, None, "vehicle.crs needs aerial control, whose tangent plane the axes are"
+            raise InputError.in_file(
+                path, "vehicle.crs needs aerial control, whose tangent plane the axes are"
             )
         names = tuple(str(k) for k in range(len(position)))
         axes = GroundAxes(
