@@ -260,18 +260,18 @@ def similarity_lever_arm(
     normals, converged = adjusted(
         system.linearised, system.move, CONVERGED, ITERATIONS, redundancy=dof
     )
-    cov, state = normals.cov, system.state
+    cov, R = normals.cov, system.R
     solution = NormalEquations(system.linearised())
     residual, factor = solution.groups[0].e, solution.square() / dof
     limit = factor_limit(dof)
-    C = state.R @ poses.C_rc
+    C = R @ poses.C_rc
     up = C[:, 2]  # the vertical in camera axes
     mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
     forward = C[:, :2, int(np.argmin(np.abs(mean)))]
     result = SimilarityLeverArm(
-        state.arm,
+        system.arm,
         cov * (factor if factor > limit else 1.0),
-        Similarity(state.T - state.s * state.R @ system.origin, state.R, state.s),
+        Similarity(system.T - system.s * R @ system.origin, R, system.s),
         cov[ARM, 2] / np.sqrt(np.diag(cov)[ARM] * cov[2, 2]),
         np.array([_multiple_correlation(cov, 7 + j) for j in range(3)]),
         residual[:n],
@@ -291,56 +291,40 @@ def similarity_lever_arm(
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Unknowns: translation at the origin, rotation, scale, lever arm; and the attitude errors of
-    images (n, 3) that go with them.
-    """
-
-    T: Array
-    R: Array
-    s: float
-    arm: Array
-    psi: Array
-
-    def moved(self, step: Array, psi: Array) -> "_State":
-        return _State(
-            self.T + step[T],
-            rotation_from_vector(step[TURN]) @ self.R,
-            self.s * float(np.exp(np.clip(step[SCALE], -1.0, 1.0))),
-            self.arm + step[ARM],
-            psi,
-        )
-
-
 class _System:
-    """Observation equations of images, then of ground points."""
+    """Unknowns and observation equations of images, then of ground points.
+
+    The unknowns are translation at the origin, rotation, scale and lever arm, and the attitude
+    errors of images (n, 3) that go with them.
+    """
 
     def __init__(self, poses: FlightPoses, ground: GroundPoints) -> None:
         self.poses, self.ground = poses, ground
         self.origin = (ground.model if len(ground.model) else poses.position).mean(axis=0)
         self.source = np.concatenate([poses.position, ground.model])
         self.target = np.concatenate([poses.antenna_m, ground.surveyed_m])
-        self.state = self._start()
+        first = similarity(self.source, self.target)
+        if first is None:
+            raise DataError(
+                "cameras and ground points stand on a line, which leaves the rotation about it"
+                " open; take images of several strips or a ground point beside the line"
+            )
+        self.T, self.R, self.s = first.points(self.origin), first.rotation, first.scale
+        self.arm, self.psi = np.zeros(3), 0.0 * poses.position
 
     def linearised(self) -> list[Equations]:
-        """Return (E.3) at the state, and that a lever arm has an end."""
-        state, n, k = self.state, len(self.poses.position), len(self.source)
-        turn = state.s * state.R
+        """Return (E.3) at the values, and that a lever arm has an end."""
+        n, k = len(self.poses.position), len(self.source)
+        turn = self.s * self.R
         d = (self.source - self.origin) @ turn.T
         rows = np.zeros((k, 3, 10))
         rows[:, :, T], rows[:, :, SCALE] = np.eye(3), d
-        C = rotation_from_vector(state.psi) @ self.poses.C_rc
-        rows[:n, :, ARM] = state.R @ C
-        d = d + rows[:, :, ARM] @ state.arm
+        C = rotation_from_vector(self.psi) @ self.poses.C_rc
+        rows[:n, :, ARM] = self.R @ C
+        d = d + rows[:, :, ARM] @ self.arm
         rows[:, :, TURN] = -skew(d)
-        J = np.concatenate(
-            [
-                np.broadcast_to(turn, (n, 3, 3)),
-                -state.R @ skew(C @ state.arm),
-            ],
-            axis=2,
-        )
+        by_attitude = -self.R @ skew(C @ self.arm)
+        J = np.concatenate([np.broadcast_to(turn, (n, 3, 3)), by_attitude], axis=2)
         images = self.poses.antenna_cov + J @ self.poses.pose_cov @ J.transpose(0, 2, 1)
         points = self.ground.surveyed_cov + turn @ self.ground.model_cov @ turn.T
         cov = np.concatenate([images, points])
@@ -349,28 +333,20 @@ class _System:
                 "a covariance of antenna positions, poses or ground points is not positive"
                 " definite; give standard deviations above zero"
             )
-        residual = self.target - state.T - d
-        residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], state.psi)
+        residual = self.target - self.T - d
+        residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], self.psi)
         self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ inverse(cov[:n])
         self.observed = Equations(residual, rows, {"": cov})
-        arm = Equations.prior(-state.arm, PRIOR_M**2 * np.eye(3), np.eye(3, 10, 7))
+        arm = Equations.prior(-self.arm, PRIOR_M**2 * np.eye(3), np.eye(3, 10, 7))
         return [self.observed, arm]
 
     def move(self, dx: Array) -> None:
-        """Move the state, and the attitudes by what is left (Gauss-Helmert)."""
+        """Move the values, and the attitudes by what is left (Gauss-Helmert)."""
+        self.T, self.R = self.T + dx[T], rotation_from_vector(dx[TURN]) @ self.R
+        self.s *= float(np.exp(np.clip(dx[SCALE], -1.0, 1.0)))
+        self.arm = self.arm + dx[ARM]
         left = self.observed.residual(dx)[: len(self.gain)]
-        self.state = self.state.moved(dx, np.einsum("kij,kj->ki", self.gain, left))
-
-    def _start(self) -> _State:
-        """Return first values: the similarity without lever arm."""
-        first = similarity(self.source, self.target)
-        if first is None:
-            raise DataError(
-                "cameras and ground points stand on a line, which leaves the rotation about it"
-                " open; take images of several strips or a ground point beside the line"
-            )
-        psi = 0.0 * self.poses.position
-        return _State(first.points(self.origin), first.rotation, first.scale, np.zeros(3), psi)
+        self.psi = np.einsum("kij,kj->ki", self.gain, left)
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:

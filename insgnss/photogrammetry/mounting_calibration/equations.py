@@ -53,7 +53,7 @@ from ...geodesy.rotation import (
     skew,
     vector_from_rotation,
 )
-from ...geodesy.similarity import Similarity, similarity
+from ...geodesy.similarity import Similarity, similarity, similarity_of_poses
 from ...records.rows import covariance_of_rows
 from ..adjust.aerial import BORESIGHT, COMMON, LEVER_ARM, TIME_OFFSET, AerialControl
 from ..adjust.unknowns import Unknowns
@@ -149,13 +149,11 @@ def first_frame(block: BlockPoses, flight: FlightPoses, rows: Rows, frame: str) 
 
     """
     X, Y = block.position, flight.eo.position_m[rows]
-    fitted = similarity(X, Y)
-    if block.georeferenced and (frame == "shift" or fitted is None):
-        return Similarity((Y - X).mean(axis=0), np.eye(3), 1.0)
-    if fitted is None:  # along one line: attitudes tell the turn about it, but for the bore-sight
-        C_o = flight.eo.C_mc[rows]
-        R = nearest_rotation(np.einsum("nij,nkj->ik", C_o, block.C_rc))
-        fitted = similarity(X, Y, R)
+    fitted = None
+    if not block.georeferenced:
+        fitted = similarity_of_poses(X, block.C_rc, Y, flight.eo.C_mc[rows])
+    elif frame != "shift":
+        fitted = similarity(X, Y)
     return fitted or Similarity((Y - X).mean(axis=0), np.eye(3), 1.0)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file
+from ...base.wording import first_of
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
@@ -31,7 +32,6 @@ from ...records import Array
 from ...records.block import BrownCamera
 from ...records.rows import rows_of
 
-MOST_NAMED = 3
 # formats without the rest of a block
 ONLY_POSES = (
     *("bentley", "inpho_prj", "pix4d_external", "pix4d_camera"),
@@ -483,9 +483,8 @@ def joined(
         (len(names), second, names, rows[:, 1]),
     ):
         if missing := sorted(set(range(count)) - set(taken.tolist())):
-            some = ", ".join(own[k] for k in missing[:MOST_NAMED])
-            more = " ..." if len(missing) > MOST_NAMED else ""
-            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}{more}")
+            some = first_of([own[k] for k in missing])
+            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}")
     return rows[:, 0], rows[:, 1], tuple(notes)
 
 

@@ -1,6 +1,5 @@
 """What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write, json_text
 from ...base.inputs import is_file, opened, sha256
 from ...base.output.staging import together
-from ...base.provenance import made_from, other_results
+from ...base.provenance import made_from, other_results, refuse_overwriting
 from ...io.formats.images.exif import camera_tags, time_taken
 from ...io.formats.orientation.mounting_file import (
     MountingFile,
@@ -280,10 +279,7 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     """
     page, document = out.with_suffix(".html"), out.with_suffix(".json")
     given = [Path(path) for path in result.document.get("inputs", ())]
-    inputs = {path.resolve() for path in given}
-    for path in (out, document, page):
-        if path.resolve() in inputs:
-            raise UsageError(f"{path}: is an input, which stays as it is; give another --out FILE")
+    refuse_overwriting((out, document, page), given, "another --out FILE")
     if not force and out.is_file():
         own = {digest for _, digest in result.mounting.inputs}
         others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
@@ -298,9 +294,8 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     with together():
         write_mounting_file(result.mounting, out)
         files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
-        made = json_ready(result.as_dict()) | made_from(files, document, [out])
-        twin = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-        atomic_write(document, twin)
+        made = json_text(result.as_dict() | made_from(files, document, [out]))
+        atomic_write(document, made)
         atomic_write(page, page_of(result).html())
     return result
 
