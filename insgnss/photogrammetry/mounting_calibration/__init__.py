@@ -6,7 +6,8 @@ joined by names (`poses`), what does not belong together is named (`readings`), 
 products (`products`). `calibrate mounting` has its adjustment here, since it processes the flight:
 
     records, block_poses    poses of a block, and of the flight with its whole covariance
-    solution                the joint adjustment (L.1 to L.6)
+    equations               its unknowns and observation equations (L.1, L.2, L.5, L.6)
+    solution                the joint adjustment (L.4), its factors, what one more line would give
     block_errors            what errors of a block's poses look like
     judgement               a verdict each, and which further flight line would determine it
     plausibility            poses that are not of this flight, and why

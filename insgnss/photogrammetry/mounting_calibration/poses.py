@@ -15,6 +15,7 @@ from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
+from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.metashape_block import read_metashape_references
 from ...io.formats.blocks.pose_table import (
@@ -465,30 +466,17 @@ def joined(
     InputError
         Too few pairs.
     """
-    row_by_name = {name: k for k, name in enumerate(names)}
-    if not any(name in row_by_name for name in images):
-        row_by_name = {_bare(name): k for k, name in enumerate(names)}
-        images = [_bare(name) for name in images]
-    pairs = [(k, row_by_name[name]) for k, name in enumerate(images) if name in row_by_name]
-    if len(pairs) < fewest:
+    rows = matched(images, names)
+    both = np.flatnonzero(rows >= 0), rows[rows >= 0]
+    if both[0].size < fewest:
         raise InputError(
-            f"{second}: {len(pairs)} of its {len(names)} names, such as {shown(names[0])}, are"
+            f"{second}: {both[0].size} of its {len(names)} names, such as {shown(names[0])}, are"
             f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
             " needed); are the files of one flight, and are images named alike?"
         )
-    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     notes = []
-    for count, path, own, taken in (
-        (len(images), first, images, rows[:, 0]),
-        (len(names), second, names, rows[:, 1]),
-    ):
-        if missing := sorted(set(range(count)) - set(taken.tolist())):
-            some = first_of([own[k] for k in missing])
-            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}")
-    return rows[:, 0], rows[:, 1], tuple(notes)
-
-
-def _bare(name: str) -> str:
-    """Return the name of an image without folder and ending."""
-    base = name.replace("\\", "/").rpartition("/")[2]
-    return re.sub(r"\.[A-Za-z][A-Za-z0-9]{1,4}$", "", base)
+    for path, own, taken in zip((first, second), (images, names), both, strict=True):
+        if missing := [own[k] for k in np.setdiff1d(np.arange(len(own)), taken)]:
+            some = f"in {path.name} without partner: {first_of(missing)}"
+            notes.append(f"{len(missing)} of {len(own)} {some}")
+    return *both, tuple(notes)
