@@ -30,7 +30,7 @@ the first values; the estimate is the joint adjustment of (H.3) and (H.4), 13 un
 the covariances of the targets in both frames: the receiver's known size helps the block's scale.
 
 Its variance factor is the check, with the differences of lever arms before and after a flight and
-to the one estimated in flight (Table 1 of the paper, `lever_arm_difference`).
+to the one estimated in flight (Table 1 of the paper, `difference.lever_arm_difference`).
 """
 
 from dataclasses import dataclass
@@ -213,48 +213,6 @@ class MaterialisedLeverArm:
         if self.variance_factor > self.factor_limit:
             text += ": more than covariances say, standard errors grown accordingly"
         return text
-
-
-@dataclass(frozen=True, eq=False)
-class LeverArmDifference:
-    """Difference of two lever arms.
-
-    Parameters
-    ----------
-    difference_m : ndarray, (3,)
-        Second minus first.
-    sigma_m : ndarray, (3,)
-        Its standard errors.
-    chi_square, limit : float
-        Of the difference over its covariance, and what chance allows of it.
-    """
-
-    difference_m: Array
-    sigma_m: Array
-    chi_square: float
-    limit: float
-
-    @property
-    def length_m(self) -> float:
-        """Length of the difference, m."""
-        return float(np.linalg.norm(self.difference_m))
-
-    @property
-    def agrees(self) -> bool:
-        """Whether chance explains the difference."""
-        return self.chi_square <= self.limit
-
-    def summary(self) -> str:
-        """Return the difference with its verdict."""
-        values = ", ".join(
-            f"{1e3 * d:+.1f} +- {1e3 * s:.1f}"
-            for d, s in zip(self.difference_m, self.sigma_m, strict=True)
-        )
-        verdict = "agree" if self.agrees else "contradict each other"
-        return (
-            f"lever arms {1e3 * self.length_m:.1f} mm apart ({values} mm) {verdict} (chi-square"
-            f" {self.chi_square:.1f}, limit {self.limit:.1f})"
-        )
 
 
 def intersected_target(
@@ -519,25 +477,3 @@ def _mirrored(block: Targets, own: Targets) -> bool:
         error = np.inf if fitted is None else ((fitted.points(X) - own.position) ** 2).sum()
         misfit.append(float(error))
     return misfit[1] < MIRRORED**2 * misfit[0]
-
-
-def lever_arm_difference(
-    first: Array, first_cov: Array, second: Array, second_cov: Array
-) -> LeverArmDifference:
-    """Compare two lever arms, such as before take-off and after landing.
-
-    Parameters
-    ----------
-    first, second : ndarray, (3,)
-        Lever arms in the same axes, m.
-    first_cov, second_cov : ndarray, (3, 3)
-        Their covariances, m^2; of independent errors.
-
-    Returns
-    -------
-    LeverArmDifference
-        Second minus first.
-    """
-    difference, cov = np.asarray(second) - first, np.asarray(first_cov) + second_cov
-    size = float(difference @ np.linalg.solve(cov, difference))
-    return LeverArmDifference(difference, np.sqrt(np.diag(cov)), size, 3.0 * factor_limit(3))

@@ -9,13 +9,11 @@ import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
 from ...geodesy.similarity import similarity
-from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
 from ...records import Array
-from ...records.block import BrownCamera
-from ...records.cameras.camera import rays_of
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ...report.charts.chart import Chart
+from ..lever_arm.difference import lever_arm_difference
 from ..lever_arm.materialisation import (
     CameraTargets,
     MaterialisedLeverArm,
@@ -23,11 +21,10 @@ from ..lever_arm.materialisation import (
     ReceiverTargets,
     Targets,
     camera_targets,
-    intersected_target,
-    lever_arm_difference,
     materialised_lever_arm,
     receiver_targets,
 )
+from .intersections import intersected
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
 from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
 from .readings import advice, named_reading, position_readings
@@ -184,80 +181,6 @@ def _points(path: Path) -> _Points:
     position = np.array([target.position for target in targets.values()])
     cov = np.array([target.cov for target in targets.values()])
     return _Points(path, tuple(targets), position, cov, poses)
-
-
-@dataclass(frozen=True)
-class Intersection:
-    """A point that images of known poses see.
-
-    Parameters
-    ----------
-    position : ndarray, (3,)
-        In the frame of the poses.
-    cov : ndarray, (3, 3)
-        Its covariance; by the variance factor where rays miss each other by more.
-    factor : float
-        That factor.
-    miss_px : float
-        By how much the rays miss it, pixels.
-    images : int
-        How many see it.
-    """
-
-    position: Array
-    cov: Array
-    factor: float
-    miss_px: float
-    images: int
-
-
-def intersected(
-    poses: CameraPoses, block: MeasuredBlock, name: str, cameras: Sequence[BrownCamera], kind: str
-) -> Intersection | None:
-    """Intersect a point of a block from the images that have a pose.
-
-    Parameters
-    ----------
-    poses : CameraPoses
-        Their poses.
-    block : MeasuredBlock
-        Image observations.
-    name : str
-        Of the point.
-    cameras : sequence of BrownCamera
-        One of all images, or those of the block.
-    kind : str
-        What the point is called in a refusal.
-
-    Returns
-    -------
-    Intersection or None
-        None where fewer than two images see it.
-
-    Raises
-    ------
-    InputError
-        Its rays do not meet before the cameras.
-    """
-    seen = block.measured.observations
-    row_by_image = {image: k for k, image in enumerate(poses.images)}
-    pose = np.array([row_by_image.get(image, -1) for image in block.measured.images])[seen.image]
-    use = (seen.point == block.measured.points.index(name)) & (pose >= 0)
-    if use.sum() < 2:
-        return None
-    camera = cameras[int(block.camera[seen.image[use][0]]) if len(cameras) > 1 else 0]
-    sigma_px, k = float(np.median(seen.sigma_px[use])), pose[use]
-    try:
-        P, cov, factor = intersected_target(
-            poses.position[k],
-            poses.C[k],
-            rays_of(camera, seen.uv[use]),
-            sigma_px / camera.of("f"),
-        )
-    except DataError as refusal:
-        raise InputError(f"{poses.path}: {kind} {name}: {refusal}") from None
-    miss_px = float(np.sqrt(factor)) * sigma_px
-    return Intersection(P, cov * max(factor, 1.0), factor, miss_px, k.size)
 
 
 def _refuse_large(path: Path, table: NamedPositions) -> None:

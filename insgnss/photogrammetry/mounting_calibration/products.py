@@ -24,7 +24,7 @@ from ...records.cameras.mounting import metashape_offset
 from ...report.charts.chart import Chart
 from ...report.markup import escape, table
 from ...report.verb_page import VerbPage, listed
-from ..lever_arm.materialisation import lever_arm_difference
+from ..lever_arm.difference import lever_arm_difference
 
 DETERMINED, NOT_DETERMINED = "determined", "not determined"
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"

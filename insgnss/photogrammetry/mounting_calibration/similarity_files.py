@@ -16,11 +16,14 @@ from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.camera_toml import read_camera_toml
-from ...io.formats.blocks.ground_points import read_ground_points
-from ...io.formats.blocks.pose_table import NamedPositions
 from ...io.formats.blocks.reading import read_measured_block
 from ...records import Array
 from ...report.charts.chart import Chart
+from ..lever_arm.flight_direction import (
+    FlightDirection,
+    flight_direction,
+    neighbour_correlation,
+)
 from ..lever_arm.similarity import (
     ARM,
     LONGEST_M,
@@ -30,15 +33,13 @@ from ..lever_arm.similarity import (
     SimilarityLeverArm,
     similarity_lever_arm,
 )
-from .flight_direction import FlightDirection, flight_direction, neighbour_correlation
-from .materialise_files import intersected
+from .intersections import intersected, surveyed_points
 from .poses import (
     CameraPoses,
     PlaceOptions,
     PoseSigma,
     Positions,
     joined,
-    positions_of,
     read_camera_poses,
     read_positions,
 )
@@ -151,8 +152,7 @@ def calibrate_similarity(
     direction = flight_direction(position, result.frame.rotation @ camera.C, time)
     if direction is not None:
         notes += (_of_direction(result, direction),)
-    notes += _as_they_stand(camera, position, fixes.plane)
-    notes += (ALIKE,)
+    notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
     origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
     return _calibrated(result, direction, poses, notes, origin, camera.images, inputs)
@@ -184,7 +184,7 @@ def _ground(
     """Return ground points in both frames: surveyed, and intersected from their images."""
     path = options.ground
     assert path is not None
-    surveyed = _surveyed(path, cameras, camera, options.places, plane)
+    surveyed = surveyed_points(path, cameras, camera, options.places, plane)
     block = camera.block
     if options.points is not None:
         block = read_measured_block(options.points)
@@ -227,33 +227,6 @@ def _ground(
     return ground, tuple(notes)
 
 
-def _surveyed(
-    path: Path,
-    cameras: Path,
-    camera: CameraPoses,
-    places: PlaceOptions,
-    plane: TangentPlane | None,
-) -> Positions:
-    """Return ground control in the axes of the antenna positions."""
-    crs = places.crs
-    if path.resolve() == cameras.resolve() and camera.block is not None:
-        ground, crs = camera.block.ground, crs or camera.block.crs
-    else:
-        ground = read_ground_points(path)
-    if ground is None or ground.check.all():
-        raise InputError.in_file(path, "has no ground control; leave --ground out")
-    use = ~ground.check
-    names = tuple(name for name, taken in zip(ground.points, use, strict=True) if taken)
-    table = NamedPositions(names, ground.position_m[use], False, ground.cov[use])
-    if plane is None:
-        return Positions(path, names, table.position, table.cov)
-    if crs is None:
-        raise InputError.in_file(
-            path, "antenna positions are on the Earth; give the CRS of the points, --crs"
-        )
-    return positions_of(path, table, replace(places, crs=crs), plane)
-
-
 def _estimated(
     poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
 ) -> SimilarityLeverArm:
@@ -261,10 +234,10 @@ def _estimated(
     try:
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
-        other = ""
+        ways: tuple[str, ...] = ()
         if len(poses.position) > 3:
-            other = advice(_other_readings(poses, ground, camera, cameras, antenna))
-        raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
+            ways = _other_readings(poses, ground, camera, cameras, antenna)
+        raise InputError(f"{cameras}, {antenna}: {refusal}{advice(ways)}") from None
 
 
 def _other_readings(
@@ -382,15 +355,9 @@ def _with_correlation(
     return replace(result, cov=result.cov * np.outer(root, root)), notes
 
 
-def _along(result: SimilarityLeverArm, direction: FlightDirection) -> tuple[float, float]:
-    """Return the lever arm along the flight direction and its standard error, m."""
-    f = direction.in_camera
-    return float(f @ result.lever_arm_m), float(np.sqrt(f @ result.cov[ARM, ARM] @ f))
-
-
 def _of_direction(result: SimilarityLeverArm, direction: FlightDirection) -> str:
     """Say what a lever arm along the flight direction may be besides."""
-    value, sigma = _along(result, direction)
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
     along, across = direction.split_rms(result.residual_m)
     text = (
         f"along the flight direction (camera {direction.words}) the lever arm is {value:+.3f} +-"
@@ -433,7 +400,7 @@ def _reasons(result: SimilarityLeverArm, direction: FlightDirection | None) -> d
     }
     if direction is None:
         return reasons
-    value, sigma = _along(result, direction)
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
     along, across = direction.split_rms(result.residual_m)
     stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
     long = abs(value) - 3.0 * sigma > LONG_M
@@ -511,7 +478,7 @@ def _document(
         "inputs": inputs,
     }
     if direction is not None:
-        value, sigma = _along(result, direction)
+        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
         along, across = direction.split_rms(result.residual_m)
         document["along_flight_direction"] = {
             "lever_arm_m": value,
