@@ -157,25 +157,16 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
 
     eo = read_eo_local_plane(path)
     plane = hints.plane or origin_in(path)
-    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, path)
-    C_Ef = np.swapaxes(C_fE, 1, 2)
-    sigma_opk = diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk))
-    return Poses(
-        str(path),
+    return CoordinateFrame("tangent plane", plane).poses(
+        path,
         "eo_local_plane",
-        "projection centre",
-        lat,
-        lon,
-        h,
+        eo.position_m,
+        rotation_from_opk(eo.opk) @ CV_RUB,
+        cov_position=diagonal(path, eo.sigma_position_m),
+        cov_attitude=diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk)),
         images=eo.images,
-        C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
-        cov_position=turned(C_Ef, diagonal(path, eo.sigma_position_m)),
-        cov_attitude=turned(C_Ef, sigma_opk),
         angle_set="opk",
         angles=eo.opk,
-        C_fE=C_fE,
-        local=eo.position_m,
-        plane=plane,
     )
 
 
