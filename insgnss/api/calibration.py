@@ -249,10 +249,10 @@ def calibrate_mounting(
     """
     from ..flight.config.flight_file import Flight
     from ..flight.config.load import load_flight
+    from ..photogrammetry.mounting_calibration.equations import Assumptions
     from ..photogrammetry.mounting_calibration.flight_products import calibrated
     from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
     from ..photogrammetry.mounting_calibration.products import written
-    from ..photogrammetry.mounting_calibration.solution import Assumptions
 
     own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
     alike = pose_sigma[0], math.radians(pose_sigma[1])

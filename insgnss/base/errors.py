@@ -89,6 +89,11 @@ class InputError(InsgnssError):
         text = f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}"
         return cls(_ENDS.sub(" ", text))
 
+    @classmethod
+    def in_file(cls, path: object, problem: str) -> "InputError":
+        """Error that names the file, of which no line is to blame."""
+        return cls.at_line(path, None, problem)
+
 
 class DataError(InsgnssError):
     """The input is well formed, but the data do not support the answer.

@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, paths of files, and what JSON takes."""
 
 import hashlib
+import json
 import math
 import os
 from collections.abc import Iterable, Mapping
@@ -96,6 +97,11 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, str | int | None):
         return value
     return json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)
+
+
+def json_text(document: Mapping[str, Any]) -> str:
+    """Return a document as the text of its file."""
+    return json.dumps(json_ready(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def is_pattern(name: str | Path) -> bool:

@@ -189,6 +189,16 @@ def other_results(
     )
 
 
+def refuse_overwriting(
+    goals: Iterable[Path], inputs: Iterable[Path | None], advice: str = "another directory by --out"
+) -> None:
+    """Raise UsageError where a product would take the place of an input."""
+    taken = {path.resolve() for path in inputs if path is not None}
+    for goal in goals:
+        if goal.resolve() in taken:
+            raise UsageError(f"the product {goal} would overwrite an input; give {advice}")
+
+
 def refuse_other_results(
     verb: str,
     document: Path,

@@ -87,3 +87,8 @@ def listed(words: Sequence[object]) -> str:
     """The words in one phrase, "a, b or c"."""
     *first, last = map(str, words)
     return f"{', '.join(first)} or {last}" if first else last
+
+
+def first_of(names: Sequence[str], most: int = 3) -> str:
+    """The first names, with dots for the others: "a, b, c ..."."""
+    return ", ".join(names[:most]) + (" ..." if len(names) > most else "")

@@ -20,5 +20,7 @@ Where to look
     leap seconds and weeks: `gpstime.py`
     the similarity of two frames in closed form, as calibrations of lever arms need it:
         `similarity.py`
+    least squares of calibrations, groups with covariances, variance factors and further
+        observations: `least_squares.py`
     the height that belongs to an air pressure: `atmosphere.py`
 """

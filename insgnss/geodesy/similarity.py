@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .rotation import Array
+from .rotation import Array, nearest_rotation
 
 FLAT = 1e-3  # second singular value over the first: points on a line give no rotation about it
 
@@ -82,3 +82,22 @@ def similarity(
     if not scale > 0.0:
         return None
     return Similarity(Y.mean(axis=0) - scale * rotation @ X.mean(axis=0), rotation, scale)
+
+
+def similarity_of_poses(X: Array, C: Array, Y: Array, C_y: Array) -> Similarity | None:
+    """Fit (S.1) to places; where they stand on a line, with the rotation that attitudes give.
+
+    Parameters
+    ----------
+    X, C : ndarray
+        (n, 3) places and (n, 3, 3) attitudes of cameras in the first frame.
+    Y, C_y : ndarray
+        Of the same cameras in the second; a bore-sight between C and C_y goes into R.
+
+    Returns
+    -------
+    Similarity or None
+        None where all places are one.
+    """
+    fitted = similarity(X, Y)
+    return fitted or similarity(X, Y, nearest_rotation(np.einsum("nij,nkj->ik", C_y, C)))

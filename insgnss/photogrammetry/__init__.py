@@ -38,9 +38,10 @@ Where to look
         adjusted again: `trials.py` there
     files that do not belong together: `block_adjustment/plausibility.py`; how they would fit:
         `readings.py` there, of a calibration `mounting_calibration/readings.py`
-    lever arm, bore-sight, delay of a flight from poses: (L.1 to L.6) in
-        `mounting_calibration/solution.py`, its other modules in `__init__.py` there; a delay
-        along the flight direction: `flight_direction.py` there
+    lever arm, bore-sight, delay of a flight from poses: (L.1) to (L.6) in
+        `mounting_calibration/equations.py` and `solution.py`, its other modules in `__init__.py`
+        there; a delay along the flight direction: `lever_arm/flight_direction.py`
+    dense least squares of every calibration: `insgnss/geodesy/least_squares.py`
     a lever arm from camera poses: `lever_arm/tripod.py`, `similarity.py` (in flight),
         `materialisation.py` (targets on camera and receiver) there
     a ground point is seen: `VISIBILITY` in `targets/prediction.py`; its target was found: `Rules`

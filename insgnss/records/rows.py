@@ -17,7 +17,7 @@ covariance between rows that were no neighbours is not known. It is never taken 
 """
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -38,6 +38,56 @@ SAME_INSTANT_S = 1e-6
 _AXES = {3: "axis", 6: "pose", 9: "state"}  # names of dimensions in xarray, by their length
 
 Chosen = slice | NDArray[np.int64]
+
+
+def rows_of(
+    record: object, rows: Chosen | NDArray[np.bool_], fields: Iterable[str]
+) -> dict[str, Any]:
+    """Return some rows of fields that have one row each; of those that are None or empty no more.
+
+    Parameters
+    ----------
+    record : object
+        Whose fields they are.
+    rows : slice, or ndarray of int or bool
+        Which rows, in this order.
+    fields : iterable of str
+        Names of tuples and arrays.
+
+    Returns
+    -------
+    dict
+        By name, for `dataclasses.replace`.
+    """
+    chosen: dict[str, Any] = {}
+    for name in fields:
+        value = getattr(record, name)
+        if isinstance(value, tuple) and value:
+            chosen[name] = tuple(value[k] for k in np.arange(len(value))[rows])
+        elif isinstance(value, np.ndarray):
+            chosen[name] = value[rows]
+    return chosen
+
+
+def covariance_of_rows(cov: Array, rows: NDArray[np.int64], size: int = 6) -> Array:
+    """Return the covariance of some rows of a joint one.
+
+    Parameters
+    ----------
+    cov : ndarray, (size n, size n)
+        Of n rows, one after the other.
+    rows : ndarray, (k,)
+        The rows.
+    size : int
+        Components of a row.
+
+    Returns
+    -------
+    ndarray, (size k, size k)
+        Row after row.
+    """
+    columns = (size * np.asarray(rows)[:, None] + np.arange(size)).ravel()
+    return np.asarray(cov[np.ix_(columns, columns)])
 
 
 class Rows:
@@ -246,14 +296,7 @@ class Rows:
         """The rows; those of neighbours in their order without a copy and with what ties them."""
         if not isinstance(rows, slice) and rows.size and (np.diff(rows) == 1).all():
             rows = slice(int(rows[0]), int(rows[-1]) + 1)
-        changes: dict[str, Any] = {}
-        for field in self._ROWS:
-            value = getattr(self, field)
-            if isinstance(value, tuple):
-                indices = range(*rows.indices(len(self))) if isinstance(rows, slice) else rows
-                changes[field] = tuple(value[k] for k in indices)
-            elif value is not None:
-                changes[field] = value[rows]
+        changes = rows_of(self, rows, self._ROWS)
         if self._CROSS is not None and (cross := getattr(self, self._CROSS)) is not None:
             pairs = (
                 slice(rows.start, max(rows.start, rows.stop - 1))

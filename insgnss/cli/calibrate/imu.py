@@ -1,13 +1,12 @@
 """`insgnss calibrate imu`: the deterministic calibration of an IMU from static positions."""
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from ...base.errors import UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write, json_text
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
@@ -97,9 +96,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     flight = () if options.flight is None else (options.flight,)
     with together():
         write_calibration(result.calibration, out, (*summary.splitlines(), _origin(options.imu)))
-        made = json_ready(figures) | made_from((options.imu, *flight), document, [out])
-        text = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(document, f"{text}\n")
+        made = figures | made_from((options.imu, *flight), document, [out])
+        atomic_write(document, json_text(made))
     return show(options, progress, lambda: f"{summary}\n{out}\n{document}", lambda: figures)
 
 

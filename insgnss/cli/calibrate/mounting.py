@@ -78,9 +78,9 @@ def _length(text: str) -> float:
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
     from ...flight.config.load import load_flight
+    from ...photogrammetry.mounting_calibration.equations import Assumptions
     from ...photogrammetry.mounting_calibration.flight_products import calibrated
     from ...photogrammetry.mounting_calibration.in_flight import calibrate_mounting
-    from ...photogrammetry.mounting_calibration.solution import Assumptions
 
     if options.frame == "similarity" and options.shift_sigma is not None:
         raise UsageError(

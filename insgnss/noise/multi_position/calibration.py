@@ -211,10 +211,11 @@ def calibrate_accelerometers(
         f = (mean - p[:3]) @ M.T
         norm = np.linalg.norm(f, axis=1)
         row = (f / norm[:, None]) @ M
-        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in entries)])
+        jacobian = np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in entries)])
+        return norm[:, None] - gravity, jacobian[:, None]
 
     fit = solve_groups(
-        {"gravity": Group(gravity_norm, sigma**2, 9)},
+        {"gravity": Group(gravity_norm, np.square(sigma)[:, None, None], 9)},
         np.zeros(9),
         sizes(POSSIBLE, "accel", ACCEL_NAMES),
     )
@@ -275,7 +276,7 @@ def calibrate_gyroscopes(
         for a in range(3):
             jacobian[:, a, 3 + 3 * a : 6 + 3 * a] = -rate
         jacobian[:, :, 12:] = -E @ np.swapaxes(C, 1, 2)
-        return (periods.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
+        return periods.gyro_mean - p[:3] - rate @ E.T, jacobian
 
     def turned(p: Array) -> tuple[Array, Array]:
         M = np.linalg.inv(_response(p[3:12], entries))
@@ -288,11 +289,12 @@ def calibrate_gyroscopes(
             residual[row] = basis[i + 1] @ v
             jacobian[row, :, :12] = basis[i + 1] @ skew(v) @ J  # (P.4)
             jacobian[row, :, 12:] = -length * basis[i + 1] @ Rt @ skew(up[i]) @ C[i].T
-        return residual.ravel(), jacobian.reshape(-1, 15)
+        return residual.reshape(1, -1), jacobian.reshape(1, -1, 15)
 
-    groups = {"rest": Group(rest, np.repeat(sigma**2, 3), 3)}
+    groups = {"rest": Group(rest, np.square(sigma)[:, None, None] * np.eye(3), 3)}
     if turns:
-        groups["turns"] = Group(turned, _turn_covariance(periods, turns, accel, up, basis), 9)
+        cov = _turn_covariance(periods, turns, accel, up, basis)
+        groups["turns"] = Group(turned, cov[None], 9)
     rate, rate_sigma = _earth_prior(latitude)
     fit = solve_groups(
         groups,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
+from ...geodesy.least_squares import Equations, NormalEquations
 from ...records import Array
 
 CONFIDENCE = 0.99
@@ -25,9 +26,9 @@ class Group:
     Parameters
     ----------
     model : callable
-        Maps parameters (p,) to residuals (m,) and their Jacobian (m, p).
-    covariance : ndarray, (m, m) or (m,)
-        Covariance or variances of the residuals.
+        Maps parameters (p,) to residuals (k, d) and their Jacobian (k, d, p).
+    covariance : ndarray, (k, d, d)
+        Covariance of the residuals.
     determined : int
         Number of parameters that the group mainly determines.
     """
@@ -35,12 +36,6 @@ class Group:
     model: Callable[[Array], tuple[Array, Array]]
     covariance: Array
     determined: int
-
-    def whitening(self) -> Array:
-        """Return the matrix (m, m) that makes the residuals white of unit variance."""
-        if self.covariance.ndim == 1:
-            return np.diag(1.0 / np.sqrt(self.covariance))
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,46 +83,45 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
     from scipy.optimize import least_squares
     from scipy.stats import chi2
 
-    white = {name: group.whitening() for name, group in groups.items()}
-    inflate = dict.fromkeys(groups, 1.0)
-    values, factor = prior, dict.fromkeys(groups, 1.0)
+    def linearised(q: Array) -> list[Equations]:
+        """Linearise every group, and the prior, by the parameters in units of its sigmas."""
+        out = []
+        for name, group in groups.items():
+            residual, jacobian = group.model(prior + prior_sigma * q)
+            out.append(Equations(-residual, jacobian * prior_sigma, {name: group.covariance}))
+        return [*out, Equations.prior(-q, np.eye(q.size))]
+
+    def white(q: Array, factors: Mapping[str, float], column: int) -> Array:
+        """Return misclosures (0) or derivatives (1) of all groups, whitened."""
+        return np.concatenate([group.whitened(factors)[column] for group in linearised(q)])
+
+    q, factor, wanted = np.zeros(prior.size), dict[str, float](), dict.fromkeys(groups, 1.0)
     for _ in range(ROUNDS):
-        weights = {name: white[name] / inflate[name] for name in groups}
-
-        def residual(q: Array, weights: dict[str, Array] = weights) -> Array:
-            p = prior + prior_sigma * q
-            return np.concatenate(
-                [*(weights[name] @ group.model(p)[0] for name, group in groups.items()), q]
-            )
-
-        def jacobian(q: Array, weights: dict[str, Array] = weights) -> Array:
-            p = prior + prior_sigma * q
-            rows = [
-                weights[name] @ group.model(p)[1] * prior_sigma for name, group in groups.items()
-            ]
-            return np.concatenate([*rows, np.eye(q.size)])
-
-        start = (values - prior) / prior_sigma
+        inflate, wanted = wanted, dict.fromkeys(groups, 1.0)
         solution = least_squares(
-            residual, start, jac=jacobian, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-10
+            lambda q, factors: -white(q, factors, 0),
+            q,
+            lambda q, factors: white(q, factors, 1),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-10,
+            args=(inflate,),
         )
         if not solution.success:
             raise DataError(
                 "calibration does not converge; the stationary periods contradict each other, look"
                 " at units and at the recording"
             )
-        values = prior + prior_sigma * solution.x
-        wanted = {}
-        for name, group in groups.items():
-            free = len(group.covariance) - group.determined
-            square = float(np.sum((white[name] @ group.model(values)[0]) ** 2))
+        normals = NormalEquations(linearised(solution.x), inflate)
+        q = solution.x + normals.dx  # scipy stops where the gradient is small, not at its zero
+        for (name, group), own in zip(groups.items(), linearised(q), strict=False):
+            free = own.e.size - group.determined
+            square = NormalEquations([own]).square()
             factor[name] = square / free if free > 0 else 1.0
-            wanted[name] = (
-                np.sqrt(factor[name]) if free > 0 and square > chi2.ppf(CONFIDENCE, free) else 1.0
-            )
-        settled = all(abs(wanted[name] / inflate[name] - 1.0) < 0.01 for name in groups)
-        if settled:
+            if free > 0 and square > chi2.ppf(CONFIDENCE, free):
+                wanted[name] = factor[name]
+        if all(abs(np.sqrt(wanted[name] / inflate[name]) - 1.0) < 0.01 for name in groups):
             break
-        inflate = wanted
-    covariance = np.linalg.inv(solution.jac.T @ solution.jac) * np.outer(prior_sigma, prior_sigma)
-    return Fit(values, covariance, solution.fun[: -prior.size], factor)
+    covariance = normals.cov * np.outer(prior_sigma, prior_sigma)
+    residual = -white(q, inflate, 0)[: -prior.size]
+    return Fit(prior + prior_sigma * q, covariance, residual, factor)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.least_squares import Equations, NormalEquations
 from ...records.block import Array
 from ..adjust.direct import joint_covariance
 from ..adjust.normals import cofactors_of, problem_of
@@ -58,10 +59,9 @@ class CheckPoints:
 
     def shift(self) -> tuple[Array, Array]:
         """Return the shift of all check points (3,), m, by least squares, and its covariance."""
-        H = np.tile(np.eye(3), (len(self.rows), 1))
-        weighted = np.linalg.solve(self.cov_of_differences, H)
-        cov = np.linalg.inv(H.T @ weighted)
-        return cov @ (weighted.T @ self.difference_m.ravel()), cov
+        H, cov = np.tile(np.eye(3), (1, len(self.rows), 1)), {"": self.cov_of_differences[None]}
+        normals = NormalEquations([Equations(self.difference_m.reshape(1, -1), H, cov)])
+        return normals.dx, normals.cov
 
 
 def check_points(solved: Solved) -> CheckPoints:

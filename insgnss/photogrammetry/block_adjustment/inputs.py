@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError, near
 from ...base.tables import Columns
+from ...base.wording import first_of
 from ...flight.config.block_file import BlockFile
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
@@ -135,8 +136,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         own = set(rows[rows >= 0].tolist())
         names = [name for k, name in enumerate(eo.images) if k not in own]
-        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
-        notes.append(f"{unseen} images of the aerial control have no image observations: {some}")
+        which = f"have no image observations: {first_of(names)}"
+        notes.append(f"{unseen} images of the aerial control {which}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
@@ -186,9 +187,8 @@ def calibrated(file: BlockFile, block: ImageBlock) -> tuple[InteriorObservation,
         return ()
     P = read_camera_covariance(file.camera.file)
     if P is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             file.camera.file,
-            None,
             "no [sigma], which camera.weighed asks for; write it, or leave camera.weighed out",
         )
     (camera,) = block.cameras
@@ -263,10 +263,9 @@ def _oriented_only(
     if not few.any():
         return source
     names = [images[k] for k in np.flatnonzero(few)]
-    some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
     notes.append(
         f"{len(names)} images are left out, which see fewer than {FEWEST_POINTS} points and have no"
-        f" aerial control: {some}"
+        f" aerial control: {first_of(names)}"
     )
     return _without_images(source, names)
 
@@ -347,9 +346,8 @@ def ground_in_plane(
             advice = "they lie there with easting and northing exchanged: exchange the columns"
         else:
             advice = f"{crs} is not their CRS; name the right one, with its zone"
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"point {ground.points[k]!r} ({x:.0f}, {y:.0f}, {z:.0f}) lies {away[k] / 1e3:.0f} km"
             f" from the images; {advice}",
         )
@@ -436,7 +434,5 @@ def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
     missing = [name for name in ground.points if name not in names]
     if not missing:
         return []
-    some = ", ".join(missing[:5]) + (" ..." if missing[5:] else "")
-    return [
-        f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {some}"
-    ]
+    which = f"are measured in no image: {first_of(missing, 5)}"
+    return [f"{len(missing)} of {len(ground.points)} ground points {which}"]

@@ -9,7 +9,6 @@ One more ground control point is tried where the points are worst: the block is 
 and what it gains is said. Where points are good enough everywhere, it gains little.
 """
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write, json_text
 from ...base.output.staging import together
 from ...flight.config.block_file import BlockFile
 from ...io.formats.blocks.camera_toml import read_camera_toml
@@ -223,7 +222,7 @@ def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
     where = plan.best[0] if plan.best and plan.best[2] < WORTH * plan.best[1] else None
     chart = precision_map(plan.figures, ground_of(plan.solved), where)
     lines = plan.summary().splitlines()
-    text = json.dumps(json_ready(plan.as_dict()), indent=1, allow_nan=False, ensure_ascii=False)
+    text = json_text(plan.as_dict())
     page = VerbPage(
         f"{plan.figures['name']}: plan",
         lines[0],
@@ -232,11 +231,11 @@ def _written(plan: Plan, out: Path) -> tuple[Path, ...]:
         [chart],
         (listed("What to expect", lines[1:]),),
         inputs=input_paths(plan.solved),
-        twin=text + "\n",
+        twin=text,
     )
     with together() as staging:
         into = staging.tree(out)
-        atomic_write(into / DOCUMENT, text + "\n")
+        atomic_write(into / DOCUMENT, text)
         atomic_write(into / PAGE, page.html())
         return staging.goals()
 

@@ -10,19 +10,17 @@ adjust.json   everything that was found
 adjust.html   the page
 """
 
-import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...base.errors import InputError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.errors import InputError
+from ...base.files import atomic_write, json_text
 from ...base.inputs import sha256
 from ...base.output.staging import together
-from ...base.provenance import made_from, paths_named_by
+from ...base.provenance import made_from, paths_named_by, refuse_overwriting
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import CV_RUB, nearest_rotation, opk_from_rotation, opk_jacobian
 from ...io.formats.blocks.camera_files import write_cameras
@@ -85,11 +83,11 @@ def written(
         start = file.path.absolute().parent
         figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
-        document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(into / DOCUMENT, document + "\n")
-        write_page(into / PAGE, solved, figures, judgement, document + "\n")
+        document = json_text(figures)
+        atomic_write(into / DOCUMENT, document)
+        write_page(into / PAGE, solved, figures, judgement, document)
         files = staging.goals()
-        _refuse_overwriting(solved, files)
+        refuse_overwriting(files, _input_files(solved))
     return files
 
 
@@ -117,15 +115,6 @@ def _write_orientation(
     figures["notes"] += _write_cameras(solved, into)
     if (mounting := adjusted_mounting(solved)) is not None:
         write_mounting_file(mounting, into / MOUNTING)
-
-
-def _refuse_overwriting(solved: Solved, goals: Sequence[Path]) -> None:
-    taken = {path.resolve() for path in _input_files(solved)}
-    for goal in goals:
-        if goal.resolve() in taken:
-            raise UsageError(
-                f"the product {goal} would overwrite an input; give another directory by --out"
-            )
 
 
 def _input_files(solved: Solved) -> list[Path]:

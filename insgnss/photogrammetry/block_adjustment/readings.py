@@ -21,6 +21,7 @@ from ...geodesy.rotation import (
     vector_from_rotation,
 )
 from ...records.block import INTERIOR, Array, BrownCamera
+from ...records.rows import rows_of
 from ..adjust.start import directions, intersected
 from .inputs import Inputs
 
@@ -66,13 +67,7 @@ class Reading:
 
     def rows(self, keep: NDArray[np.bool_] | Rows) -> "Reading":
         """Return some of its rays."""
-        return replace(
-            self,
-            xy=self.xy[keep],
-            image=self.image[keep],
-            point=self.point[keep],
-            f=self.f[keep],
-        )
+        return replace(self, **rows_of(self, keep, ("xy", "image", "point", "f")))
 
     def moved(self, change: Array) -> tuple[Array, Array]:
         """Return the poses with a bore-sight (3,), rad, and behind it perhaps a delay, s."""

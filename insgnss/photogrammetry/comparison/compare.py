@@ -224,23 +224,18 @@ def components(a: Poses, b: Poses) -> tuple[Component, ...]:
 
     They are east, north, up; turns about east, north, up; velocities, where both files have them.
     """
-    d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
-    out = [
-        Component(name, "m", d[:, k], None if s is None else s[:, k])
-        for k, name in enumerate(("east", "north", "up"))
-    ]
+    sigma = _sigma(a.cov_position, b.cov_position)
+    kinds: list[tuple[str, str, Array, Array | None]] = [("", "m", difference(a, b), sigma)]
     if a.C_Ex is not None and b.C_Ex is not None:
-        psi, s = turn_between(a, b), _sigma(a.cov_attitude, b.cov_attitude)
-        out += [
-            Component(f"about {name}", "rad", psi[:, k], None if s is None else s[:, k])
-            for k, name in enumerate(("east", "north", "up"))
-        ]
+        sigma = _sigma(a.cov_attitude, b.cov_attitude)
+        kinds.append(("about ", "rad", turn_between(a, b), sigma))
     if a.velocity is not None and b.velocity is not None:
-        out += [
-            Component(f"v {name}", "m/s", (b.velocity - a.velocity)[:, k])
-            for k, name in enumerate(("east", "north", "up"))
-        ]
-    return tuple(out)
+        kinds.append(("v ", "m/s", b.velocity - a.velocity, None))
+    return tuple(
+        Component(f"{kind}{axis}", unit, d[:, k], None if s is None else s[:, k])
+        for kind, unit, d, s in kinds
+        for k, axis in enumerate(("east", "north", "up"))
+    )
 
 
 def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:

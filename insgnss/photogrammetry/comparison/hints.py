@@ -78,7 +78,7 @@ def diagonal(path: Path, sigma: Array | None, E: Array | None = None) -> Array |
         row = int(np.argmax(wrong.any(axis=1)))
         value = sigma[row][wrong[row]][0]
         problem = f"pose {row + 1}: a standard deviation of {value:g}, others are positive"
-        raise InputError.at_line(path, None, f"{problem}; correct it or leave these columns out")
+        raise InputError.in_file(path, f"{problem}; correct it or leave these columns out")
     P = np.zeros((len(sigma), 3, 3))
     P[:, range(3), range(3)] = sigma**2
     return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
@@ -112,5 +112,5 @@ def origin_in(path: Path) -> TangentPlane | None:
     lat, lon, height = map(finite, origin.groups())
     if np.isnan([lat, lon, height]).any() or not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
         problem = f"the header's {shown(origin[0])} is no origin of a tangent plane"
-        raise InputError.at_line(path, None, f"{problem}; {PLAIN}, angles in degrees")
+        raise InputError.in_file(path, f"{problem}; {PLAIN}, angles in degrees")
     return TangentPlane(np.radians(lat), np.radians(lon), height)

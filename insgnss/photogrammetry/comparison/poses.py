@@ -4,6 +4,7 @@ The form is geodetic positions, attitudes against true north, standard deviation
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,23 @@ from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
+from ...records.framed import PROJECTED, TANGENT
+from ...records.rows import rows_of
+from .hints import turned
 
 Array = NDArray[np.float64]
 
 
 class NoOriginError(InputError):
     """A file of coordinates in a tangent plane does not say where its origin is."""
+
+
+PLANE_M = 1e5  # largest coordinate in a tangent plane (m): beyond, it is of a projected CRS
+BY_ROW = (
+    *("images", "lat", "lon", "height", "time", "C_Ex", "velocity"),
+    *("cov_position", "cov_attitude", "angles", "C_fE", "local"),
+)
+"""Fields of `Poses` that have one row each, where they are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,24 +98,7 @@ class Poses:
 
     def taken(self, rows: NDArray[np.int64]) -> "Poses":
         """Only these rows."""
-        changes = {
-            name: None if (value := getattr(self, name)) is None else value[rows]
-            for name in (
-                "lat",
-                "lon",
-                "height",
-                "time",
-                "C_Ex",
-                "velocity",
-                "cov_position",
-                "cov_attitude",
-                "angles",
-                "C_fE",
-                "local",
-            )
-        }
-        changes["images"] = tuple(self.images[k] for k in rows) if self.images else ()
-        return replace(self, **changes)  # type: ignore[arg-type]
+        return replace(self, **rows_of(self, rows, BY_ROW))
 
     def moved(self, lat: Array, lon: Array, height: Array) -> "Poses":
         """The same at other places."""
@@ -148,10 +143,8 @@ class CoordinateFrame:
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
-                raise InputError.at_line(
-                    path,
-                    None,
-                    "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
+                raise InputError.in_file(
+                    path, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056"
                 )
             try:
                 lat, lon, h = self.projection.inverse(x)
@@ -166,3 +159,52 @@ class CoordinateFrame:
             raise NoOriginError(f"{path}: {problem}")
         lat, lon, h = self.plane.geodetic_from_position(x)
         return lat, lon, h, self.plane.C_mn(lat, lon) @ NED_ENU
+
+    def poses(
+        self,
+        path: object,
+        form: str,
+        x: Array,
+        C: Array,
+        true_north: bool = False,
+        cov_position: Array | None = None,
+        cov_attitude: Array | None = None,
+        **others: Any,
+    ) -> Poses:
+        """Poses of projection centres `x` (n, 3) in this frame.
+
+        Parameters
+        ----------
+        C : (n, 3, 3) camera into the axes of the frame; with `true_north` into east, north, up.
+        cov_position, cov_attitude : (n, 3, 3) in the axes of the frame, and of C, or None.
+        others : further fields of `Poses`.
+        """
+        lat, lon, h, C_fE = self.resolved(x, path)
+        C_Ef = np.swapaxes(C_fE, 1, 2)
+        return Poses(
+            str(path),
+            form,
+            "projection centre",
+            lat,
+            lon,
+            h,
+            C_Ex=C if true_north else C_Ef @ C,
+            cov_position=turned(C_Ef, cov_position),
+            cov_attitude=cov_attitude if true_north else turned(C_Ef, cov_attitude),
+            C_fE=None if true_north else C_fE,
+            local=x if self.kind in (TANGENT, PROJECTED) else None,
+            plane=self.plane,
+            projection=self.projection,
+            **others,
+        )
+
+
+def tangent_frame(path: object, x: Array, plane: TangentPlane | None) -> CoordinateFrame:
+    """Frame of coordinates (n, 3) without a CRS; InputError where they are too large for it."""
+    if plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
+        raise InputError.in_file(
+            path,
+            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
+            " EPSG:2056",
+        )
+    return CoordinateFrame(TANGENT, plane)

@@ -109,9 +109,8 @@ def sniff_poses(path: str | Path) -> str:
     if form := returned_form(path, head):
         return form
     if directory:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "is a directory without poses known here; give that of a COLMAP or OpenSfM model, or of"
             " MicMac's Orientation-*.xml",
         )
@@ -158,25 +157,16 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
 
     eo = read_eo_local_plane(path)
     plane = hints.plane or origin_in(path)
-    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, path)
-    C_Ef = np.swapaxes(C_fE, 1, 2)
-    sigma_opk = diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk))
-    return Poses(
-        str(path),
+    return CoordinateFrame("tangent plane", plane).poses(
+        path,
         "eo_local_plane",
-        "projection centre",
-        lat,
-        lon,
-        h,
+        eo.position_m,
+        rotation_from_opk(eo.opk) @ CV_RUB,
+        cov_position=diagonal(path, eo.sigma_position_m),
+        cov_attitude=diagonal(path, eo.sigma_opk, opk_jacobian(eo.opk)),
         images=eo.images,
-        C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
-        cov_position=turned(C_Ef, diagonal(path, eo.sigma_position_m)),
-        cov_attitude=turned(C_Ef, sigma_opk),
         angle_set="opk",
         angles=eo.opk,
-        C_fE=C_fE,
-        local=eo.position_m,
-        plane=plane,
     )
 
 
@@ -207,9 +197,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         )
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
-        raise InputError.at_line(
-            path, None, "has no position; the columns x y z or lat lon h are needed"
-        )
+        raise InputError.in_file(path, "has no position; the columns x y z or lat lon h are needed")
     lat, lon, h, C_fE = frame.resolved(x, path)
     if frame.kind != eo.frame_kind:
         C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))

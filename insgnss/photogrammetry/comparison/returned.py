@@ -8,16 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...base.errors import InputError
 from ...geodesy.crs import is_geographic
 from ...geodesy.frames import TangentPlane
 from ...io.formats.returned.poses import ReturnedPoses
 from ...io.formats.returned.reading import read_returned_poses
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from .hints import Hints
-from .poses import CoordinateFrame, Poses
-
-PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
+from .poses import CoordinateFrame, Poses, tangent_frame
 
 
 def read_adjusted_poses(form: str, path: Path, hints: Hints) -> Poses:
@@ -35,23 +32,15 @@ def read_adjusted_poses(form: str, path: Path, hints: Hints) -> Poses:
         x = x * frame.projection.unit_m
     elif frame.kind == GEOGRAPHIC and given.kind != GEOGRAPHIC:
         x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
-    lat, lon, h, C_fE = frame.resolved(x, path)
-    C_Ef = np.swapaxes(C_fE, 1, 2)
-    return Poses(
-        str(path),
+    return frame.poses(
+        path,
         form,
-        "projection centre",
-        lat,
-        lon,
-        h,
+        x,
+        given.C,
+        given.true_north,
         images=given.images,
-        C_Ex=given.C if given.true_north else C_Ef @ given.C,
         angle_set=given.angle_set,
         angles=given.angles,
-        C_fE=None if given.true_north else C_fE,
-        local=x if frame.kind in (TANGENT, PROJECTED) else None,
-        plane=frame.plane,
-        projection=frame.projection,
         notes=given.notes,
     )
 
@@ -69,12 +58,4 @@ def _frame(given: ReturnedPoses, hints: Hints, path: Path) -> CoordinateFrame:
         if is_geographic(hints.crs):
             return CoordinateFrame(GEOGRAPHIC)
         return CoordinateFrame(PROJECTED, projection=hints.projection)
-    if hints.plane is None and float(np.abs(given.position[:, :2]).max()) > PLANE_M:
-        x = given.position[0]
-        raise InputError.at_line(
-            path,
-            None,
-            f"does not say the CRS of its coordinates, {x[0]:.3f} {x[1]:.3f}; give it, --crs"
-            " EPSG:2056",
-        )
-    return CoordinateFrame(TANGENT, hints.plane)
+    return tangent_frame(path, given.position, hints.plane)

@@ -36,8 +36,8 @@ from ...geodesy.rotation import (
     ypr_jacobian,
 )
 from ...io.formats.text.text import TextTable, read_text_table
-from .hints import HEAD, Hints, diagonal, origin_in, turned
-from .poses import CoordinateFrame, Poses
+from .hints import HEAD, Hints, diagonal, origin_in
+from .poses import CoordinateFrame, Poses, tangent_frame
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,6 @@ NORTHINGS = (
     "lat",
     "north",
 )  # how the first coordinate begins where the second is the one to the east
-PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
 
 
 @dataclass(frozen=True)
@@ -97,36 +96,24 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
     unit_m = np.ones(3) if frame.projection is None else frame.projection.unit_m
     x = x * unit_m
-    lat, lon, h, C_fE = frame.resolved(
-        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if frame.kind == "geographic" else x, path
-    )
-    C_Ef = np.swapaxes(C_fE, 1, 2)
+    if frame.kind == "geographic":
+        x = np.column_stack([np.radians(x[:, :2]), x[:, 2]])
     angles, R, E = _attitude(table, of, layout)
-    north = layout.angle_set == "ypr" and frame.kind != "tangent plane"
     s_position, s_angles = _sigmas(table, of)
-    P = diagonal(path, s_angles, E)
     time, week = _time(path, table, of)
-    return Poses(
-        str(path),
+    return frame.poses(
+        path,
         form,
-        "projection centre",
-        lat,
-        lon,
-        h,
+        x,
+        R,
+        layout.angle_set == "ypr" and frame.kind != "tangent plane",
+        diagonal(path, None if s_position is None else s_position * unit_m),
+        diagonal(path, s_angles, E),
         images=table.strings(of["image"]) if "image" in of else (),
         time=time,
         gps_week=week if week is not None else hints.gps_week,
-        C_Ex=R if north else C_Ef @ R,
-        cov_position=turned(
-            C_Ef, diagonal(path, None if s_position is None else s_position * unit_m)
-        ),
-        cov_attitude=P if north else turned(C_Ef, P),
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,
-        C_fE=None if north else C_fE,
-        local=x if frame.kind in ("tangent plane", "projected") else None,
-        plane=frame.plane,
-        projection=frame.projection,
     )
 
 
@@ -226,11 +213,4 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
                 hints.projected(code[0]) if hints.projection is None and code else hints.projection
             ),
         )
-    if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.at_line(
-            path,
-            None,
-            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
-            " EPSG:2056",
-        )
-    return CoordinateFrame("tangent plane", hints.plane or plane)
+    return tangent_frame(path, x, hints.plane or plane)

@@ -30,7 +30,7 @@ the first values; the estimate is the joint adjustment of (H.3) and (H.4), 13 un
 the covariances of the targets in both frames: the receiver's known size helps the block's scale.
 
 Its variance factor is the check, with the differences of lever arms before and after a flight and
-to the one estimated in flight (Table 1 of the paper, `lever_arm_difference`).
+to the one estimated in flight (Table 1 of the paper, `difference.lever_arm_difference`).
 """
 
 from dataclasses import dataclass
@@ -38,12 +38,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
+from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from .checks import factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
-SIGNIFICANCE = 0.01  # of global tests and of a difference
 MISFIT_M, MISFIT_SIGMA = 0.005, 10.0  # residuals of both: other targets, not small covariances
 MIRRORED = 0.3  # misfit of a mirrored block over that of the block
 ITERATIONS = 30
@@ -68,10 +69,7 @@ class Targets:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        for name, shape in {"position": (n, 3), "cov": (n, 3, 3)}.items():
-            value = np.asarray(getattr(self, name))
-            if value.shape != shape or not np.isfinite(value).all():
-                raise DataError(f"{name}: finite values of shape {shape} are needed")
+        refuse_other_shapes(self, position=(n, 3), cov=(n, 3, 3))
         if n < FEWEST:
             raise DataError(f"{n} targets; a frame needs {FEWEST} that stand on no line")
         if not (np.linalg.eigvalsh(self.cov)[:, 0] > 0.0).all():
@@ -217,48 +215,6 @@ class MaterialisedLeverArm:
         return text
 
 
-@dataclass(frozen=True, eq=False)
-class LeverArmDifference:
-    """Difference of two lever arms.
-
-    Parameters
-    ----------
-    difference_m : ndarray, (3,)
-        Second minus first.
-    sigma_m : ndarray, (3,)
-        Its standard errors.
-    chi_square, limit : float
-        Of the difference over its covariance, and what chance allows of it.
-    """
-
-    difference_m: Array
-    sigma_m: Array
-    chi_square: float
-    limit: float
-
-    @property
-    def length_m(self) -> float:
-        """Length of the difference, m."""
-        return float(np.linalg.norm(self.difference_m))
-
-    @property
-    def agrees(self) -> bool:
-        """Whether chance explains the difference."""
-        return self.chi_square <= self.limit
-
-    def summary(self) -> str:
-        """Return the difference with its verdict."""
-        values = ", ".join(
-            f"{1e3 * d:+.1f} +- {1e3 * s:.1f}"
-            for d, s in zip(self.difference_m, self.sigma_m, strict=True)
-        )
-        verdict = "agree" if self.agrees else "contradict each other"
-        return (
-            f"lever arms {1e3 * self.length_m:.1f} mm apart ({values} mm) {verdict} (chi-square"
-            f" {self.chi_square:.1f}, limit {self.limit:.1f})"
-        )
-
-
 def intersected_target(
     position: Array, C_rc: Array, image: Array, sigma: float
 ) -> tuple[Array, Array, float]:
@@ -295,24 +251,25 @@ def intersected_target(
     if np.linalg.eigvalsh(normal)[0] < 1e-6 * n:
         raise DataError("rays to the target are parallel; take images from more directions")
     P = np.linalg.solve(normal, np.einsum("nij,nj->i", across, position))
-    for _ in range(ITERATIONS):
+    cov = np.tile(sigma**2 * np.eye(2), (n, 1, 1))
+
+    def linearised() -> list[Equations]:
         u = np.einsum("nji,nj->ni", C_rc, P - position)
         if not (u[:, 2] > 0.0).all():
             raise DataError(
                 "rays to the target meet behind a camera: wrong poses or another target"
             )
-        seen = u[:, :2] / u[:, 2:]
+        projected = u[:, :2] / u[:, 2:]
         J = np.zeros((n, 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0 / u[:, 2]
-        J[:, :, 2] = -seen / u[:, 2:]
-        J = J @ C_rc.transpose(0, 2, 1) / sigma
-        residual = (image - seen) / sigma
-        cov = np.linalg.inv(np.einsum("nki,nkj->ij", J, J))
-        right = np.einsum("nki,nk->i", J, residual)
-        P = P + cov @ right
-        if float(right @ cov @ right) < CONVERGED:
-            break
-    return P, cov, float((residual**2).sum()) / (2 * n - 3)
+        J[:, :, 2] = -projected / u[:, 2:]
+        return [Equations(image - projected, J @ C_rc.transpose(0, 2, 1), {"": cov})]
+
+    def move(dx: Array) -> None:
+        P[:] += dx
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    return P, normals.cov, normals.square() / (2 * n - 3)
 
 
 def camera_targets(
@@ -357,8 +314,6 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
     DataError
         Without a session, and where targets of two sessions do not fit.
     """
-    from scipy.stats import chi2
-
     if not sessions:
         raise DataError("no session of the receiver; give one file a session (--receiver)")
     first = sessions[0]
@@ -379,8 +334,7 @@ def receiver_targets(*sessions: ReceiverSession) -> ReceiverTargets:
         antenna.append(position)
         antenna_cov.append(R @ session.antenna_cov @ R.T + cov)
     mean, mean_cov, factor = weighted_mean(np.array(antenna), np.array(antenna_cov))
-    dof = 3 * (len(sessions) - 1)
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof) if dof else float("nan")
+    limit = factor_limit(3 * (len(sessions) - 1))
     means = [
         weighted_mean(np.array([p[i] for p in points]), np.array([c[i] for c in covs]))
         for i in range(n)
@@ -404,24 +358,19 @@ def _rigid(session: ReceiverSession, target: Targets) -> tuple[Array, Array, Arr
     if start is None:
         raise DataError("targets on the receiver stand on a line; add one beside it")
     R, A = start.rotation, start.points(session.antenna_m)
-    for _ in range(ITERATIONS):
+
+    def linearised() -> list[Equations]:
         d = (X.position - session.antenna_m) @ R.T
         rows = np.concatenate([np.broadcast_to(np.eye(3), (len(d), 3, 3)), -skew(d)], axis=2)
-        weight = np.linalg.inv(np.asarray(target.cov + R @ X.cov @ R.T, dtype=np.float64))
-        step, normal = _step(rows, target.position - A - d, weight)
-        A, R = A + step[:3], rotation_from_vector(step[3:]) @ R
-        if float(step @ normal @ step) < CONVERGED:
-            break
+        return [Equations(target.position - A - d, rows, {"": target.cov + R @ X.cov @ R.T})]
+
+    def move(dx: Array) -> None:
+        nonlocal A, R
+        A, R = A + dx[:3], rotation_from_vector(dx[3:]) @ R
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
     d = (X.position - session.antenna_m) @ R.T
-    cov: Array = np.asarray(np.linalg.inv(normal)[:3, :3], dtype=np.float64)
-    return R, A, cov, A + d - target.position
-
-
-def _step(rows: Array, residual: Array, weight: Array) -> tuple[Array, Array]:
-    """Return the Gauss-Newton step and the normal matrix."""
-    normal = np.einsum("kip,kij,kjq->pq", rows, weight, rows)
-    right = np.einsum("kip,kij,kj->p", rows, weight, residual)
-    return np.linalg.solve(normal, right), normal
+    return R, A, normals.cov[:3, :3], A + d - target.position
 
 
 def materialised_lever_arm(
@@ -451,8 +400,6 @@ def materialised_lever_arm(
     DataError
         Where targets differ in number, stand on a line or do not fit.
     """
-    from scipy.stats import chi2
-
     P, G = camera_in_block, receiver_in_block
     first, R2, two_step = _two_steps(camera.targets, receiver, P, G)
     n, N = len(P.position), len(P.position) + len(G.position)
@@ -463,7 +410,8 @@ def materialised_lever_arm(
     # unknowns: T1 at the origin, turn of R1, log of s, O, turn of R2
     T1, R1, s, arm = first.points(origin), first.rotation, first.scale, two_step
     local = receiver.targets.position - receiver.antenna_m
-    for _ in range(ITERATIONS):
+
+    def linearised() -> list[Equations]:
         d = s * (source - origin) @ R1.T
         target = np.concatenate([camera.targets.position, arm + local @ R2.T])
         rows = np.zeros((N, 3, 13))
@@ -472,16 +420,17 @@ def materialised_lever_arm(
         cov = s**2 * R1 @ source_cov @ R1.T
         cov[:n] += own_cov[:n]
         cov[n:] += R2 @ own_cov[n:] @ R2.T
-        weight = np.linalg.inv(cov)
-        residual = target - T1 - d
-        step, normal = _step(rows, residual, weight)
-        T1, R1, s = T1 + step[:3], rotation_from_vector(step[3:6]) @ R1, s * float(np.exp(step[6]))
-        arm, R2 = arm + step[7:10], rotation_from_vector(step[10:]) @ R2
-        if float(step @ normal @ step) < CONVERGED:
-            break
-    dof = 3 * N - 13
-    factor = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
+        return [Equations(target - T1 - d, rows, {"": cov})]
+
+    def move(dx: Array) -> None:
+        nonlocal T1, R1, s, arm, R2
+        T1, R1, s = T1 + dx[:3], rotation_from_vector(dx[3:6]) @ R1, s * float(np.exp(dx[6]))
+        arm, R2 = arm + dx[7:10], rotation_from_vector(dx[10:]) @ R2
+
+    normals, _ = adjusted(linearised, move, CONVERGED, ITERATIONS)
+    residual, dof = normals.groups[0].e, 3 * N - 13
+    factor = normals.square() / dof
+    limit = factor_limit(dof)
     if factor > limit and _mirrored(P, camera.targets) and _mirrored(G, receiver.targets):
         raise DataError(
             "targets of the block fit those of camera and receiver only as in a mirror: an axis of"
@@ -495,8 +444,7 @@ def materialised_lever_arm(
             " taken apart or a mirrored frame"
         )
     J = np.concatenate([-np.eye(3), skew(arm)], axis=1)
-    block_cov: Array = np.asarray(np.linalg.inv(normal)[7:10, 7:10], dtype=np.float64)
-    block_cov = block_cov * (factor if factor > limit else 1.0)
+    block_cov = normals.cov[7:10, 7:10] * (factor if factor > limit else 1.0)
     arm_cov = block_cov + R2 @ receiver.antenna_cov @ R2.T + J @ camera.frame_cov @ J.T
     return MaterialisedLeverArm(arm, arm_cov, block_cov, two_step, s, residual, factor, limit)
 
@@ -529,28 +477,3 @@ def _mirrored(block: Targets, own: Targets) -> bool:
         error = np.inf if fitted is None else ((fitted.points(X) - own.position) ** 2).sum()
         misfit.append(float(error))
     return misfit[1] < MIRRORED**2 * misfit[0]
-
-
-def lever_arm_difference(
-    first: Array, first_cov: Array, second: Array, second_cov: Array
-) -> LeverArmDifference:
-    """Compare two lever arms, such as before take-off and after landing.
-
-    Parameters
-    ----------
-    first, second : ndarray, (3,)
-        Lever arms in the same axes, m.
-    first_cov, second_cov : ndarray, (3, 3)
-        Their covariances, m^2; of independent errors.
-
-    Returns
-    -------
-    LeverArmDifference
-        Second minus first.
-    """
-    from scipy.stats import chi2
-
-    difference, cov = np.asarray(second) - first, np.asarray(first_cov) + second_cov
-    size = float(difference @ np.linalg.solve(cov, difference))
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, 3))
-    return LeverArmDifference(difference, np.sqrt(np.diag(cov)), size, limit)

@@ -41,9 +41,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...geodesy.rotation import is_rotation, rotation_from_vector, skew
+from ...geodesy.least_squares import Equations, NormalEquations, adjusted, inverse
+from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
 from ...records import Array
+from .checks import factor_limit, refuse_no_rotation, refuse_other_shapes
 
 CORRELATED = 0.95  # with the translation: above, a component is not determined
 RULER_M = 0.05  # standard error of a lever arm measured on the aircraft by hand
@@ -51,7 +53,6 @@ PRIOR_M = 100.0  # no lever arm is longer
 LONGEST_M = 5.0  # of a lever arm on an aircraft that maps: more are other images' positions
 UPWARDS = 0.5  # vertical part of the mean viewing direction: 30 deg above the horizon
 MISFIT_M, MISFIT_SIGMA = 0.5, 10.0  # residuals of both: other data, not too small covariances
-SIGNIFICANCE = 0.01  # of the global test
 ITERATIONS = 30
 CONVERGED = 1e-8  # squared step over its variance
 ONE_HEADING = 0.97  # length of the mean of unit vectors: spread of some 14 deg
@@ -84,22 +85,9 @@ class FlightPoses:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _check(
-            self,
-            {
-                "position": (n, 3),
-                "C_rc": (n, 3, 3),
-                "pose_cov": (n, 6, 6),
-                "antenna_m": (n, 3),
-                "antenna_cov": (n, 3, 3),
-            },
-        )
-        for k, C in enumerate(self.C_rc):
-            if not is_rotation(C, 1e-4):
-                raise DataError(
-                    f"image {k + 1}: C_rc is no rotation (mirrored axes, or rounded to fewer than"
-                    " five digits)"
-                )
+        poses = {"position": (n, 3), "C_rc": (n, 3, 3), "pose_cov": (n, 6, 6)}
+        refuse_other_shapes(self, **poses, antenna_m=(n, 3), antenna_cov=(n, 3, 3))
+        refuse_no_rotation(self.C_rc, "C_rc", "image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +113,8 @@ class GroundPoints:
 
     def __post_init__(self) -> None:
         n = len(self.model)
-        _check(
-            self,
-            {
-                "model": (n, 3),
-                "model_cov": (n, 3, 3),
-                "surveyed_m": (n, 3),
-                "surveyed_cov": (n, 3, 3),
-            },
-        )
+        model = {"model": (n, 3), "model_cov": (n, 3, 3)}
+        refuse_other_shapes(self, **model, surveyed_m=(n, 3), surveyed_cov=(n, 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +248,6 @@ def similarity_lever_arm(
         Where there are too few images, they stand on a line, cameras look upwards, residuals or the
         lever arm are those of other data, or a covariance is not positive definite.
     """
-    from scipy.stats import chi2
-
     ground = ground or GroundPoints()
     n, k = len(poses.position), len(ground.model)
     dof = 3 * (n + k) - 10
@@ -278,34 +257,21 @@ def similarity_lever_arm(
             " lever arm are 10 unknowns and need four images, and many more to be good"
         )
     system = _System(poses, ground)
-    state, converged = _start(system), True
-    for _ in range(ITERATIONS):
-        rows, residual, weight = system.linearised(state)
-        normal = np.einsum("kip,kij,kjq->pq", rows, weight, rows)
-        right = np.einsum("kip,kij,kj->p", rows, weight, residual)
-        normal[ARM, ARM] += np.eye(3) / PRIOR_M**2
-        right[ARM] -= state.arm / PRIOR_M**2
-        step = np.linalg.solve(normal, right)
-        left = residual - rows @ step
-        state = state.moved(step, np.einsum("kij,kj->ki", system.gain, left[:n]))
-        misfit = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
-        if float(step @ normal @ step) < CONVERGED * max(misfit, 1.0):
-            break
-    else:
-        converged = False
-    _, residual, weight = system.linearised(state)
-    factor = float(np.einsum("ki,kij,kj->", residual, weight, residual)) / dof
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof)
-    cov = np.linalg.inv(normal)
-    cov = 0.5 * (cov + cov.T)
-    C = state.R @ poses.C_rc
+    normals, converged = adjusted(
+        system.linearised, system.move, CONVERGED, ITERATIONS, redundancy=dof
+    )
+    cov, R = normals.cov, system.R
+    solution = NormalEquations(system.linearised())
+    residual, factor = solution.groups[0].e, solution.square() / dof
+    limit = factor_limit(dof)
+    C = R @ poses.C_rc
     up = C[:, 2]  # the vertical in camera axes
     mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
     forward = C[:, :2, int(np.argmin(np.abs(mean)))]
     result = SimilarityLeverArm(
-        state.arm,
+        system.arm,
         cov * (factor if factor > limit else 1.0),
-        Similarity(state.T - state.s * state.R @ system.origin, state.R, state.s),
+        Similarity(system.T - system.s * R @ system.origin, R, system.s),
         cov[ARM, 2] / np.sqrt(np.diag(cov)[ARM] * cov[2, 2]),
         np.array([_multiple_correlation(cov, 7 + j) for j in range(3)]),
         residual[:n],
@@ -325,55 +291,40 @@ def similarity_lever_arm(
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Unknowns: translation at the origin, rotation, scale, lever arm; and the attitude errors of
-    images (n, 3) that go with them.
-    """
-
-    T: Array
-    R: Array
-    s: float
-    arm: Array
-    psi: Array
-
-    def moved(self, step: Array, psi: Array) -> "_State":
-        return _State(
-            self.T + step[T],
-            rotation_from_vector(step[TURN]) @ self.R,
-            self.s * float(np.exp(np.clip(step[SCALE], -1.0, 1.0))),
-            self.arm + step[ARM],
-            psi,
-        )
-
-
 class _System:
-    """Observation equations of images, then of ground points."""
+    """Unknowns and observation equations of images, then of ground points.
+
+    The unknowns are translation at the origin, rotation, scale and lever arm, and the attitude
+    errors of images (n, 3) that go with them.
+    """
 
     def __init__(self, poses: FlightPoses, ground: GroundPoints) -> None:
         self.poses, self.ground = poses, ground
         self.origin = (ground.model if len(ground.model) else poses.position).mean(axis=0)
         self.source = np.concatenate([poses.position, ground.model])
         self.target = np.concatenate([poses.antenna_m, ground.surveyed_m])
+        first = similarity(self.source, self.target)
+        if first is None:
+            raise DataError(
+                "cameras and ground points stand on a line, which leaves the rotation about it"
+                " open; take images of several strips or a ground point beside the line"
+            )
+        self.T, self.R, self.s = first.points(self.origin), first.rotation, first.scale
+        self.arm, self.psi = np.zeros(3), 0.0 * poses.position
 
-    def linearised(self, state: _State) -> tuple[Array, Array, Array]:
-        """Return rows (E.3) (k, 3, 10), residuals (k, 3) and weights (k, 3, 3)."""
+    def linearised(self) -> list[Equations]:
+        """Return (E.3) at the values, and that a lever arm has an end."""
         n, k = len(self.poses.position), len(self.source)
-        turn = state.s * state.R
+        turn = self.s * self.R
         d = (self.source - self.origin) @ turn.T
         rows = np.zeros((k, 3, 10))
         rows[:, :, T], rows[:, :, SCALE] = np.eye(3), d
-        C = rotation_from_vector(state.psi) @ self.poses.C_rc
-        rows[:n, :, ARM] = state.R @ C
-        d = d + rows[:, :, ARM] @ state.arm
+        C = rotation_from_vector(self.psi) @ self.poses.C_rc
+        rows[:n, :, ARM] = self.R @ C
+        d = d + rows[:, :, ARM] @ self.arm
         rows[:, :, TURN] = -skew(d)
-        J = np.concatenate(
-            [
-                np.broadcast_to(turn, (n, 3, 3)),
-                -state.R @ skew(C @ state.arm),
-            ],
-            axis=2,
-        )
+        by_attitude = -self.R @ skew(C @ self.arm)
+        J = np.concatenate([np.broadcast_to(turn, (n, 3, 3)), by_attitude], axis=2)
         images = self.poses.antenna_cov + J @ self.poses.pose_cov @ J.transpose(0, 2, 1)
         points = self.ground.surveyed_cov + turn @ self.ground.model_cov @ turn.T
         cov = np.concatenate([images, points])
@@ -382,28 +333,20 @@ class _System:
                 "a covariance of antenna positions, poses or ground points is not positive"
                 " definite; give standard deviations above zero"
             )
-        residual = self.target - state.T - d
-        residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], state.psi)
-        weight = np.linalg.inv(cov)
-        self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ weight[:n]
-        return rows, residual, weight
+        residual = self.target - self.T - d
+        residual[:n] += np.einsum("kij,kj->ki", J[:, :, 3:], self.psi)
+        self.gain = (self.poses.pose_cov @ J.transpose(0, 2, 1))[:, 3:] @ inverse(cov[:n])
+        self.observed = Equations(residual, rows, {"": cov})
+        arm = Equations.prior(-self.arm, PRIOR_M**2 * np.eye(3), np.eye(3, 10, 7))
+        return [self.observed, arm]
 
-
-def _start(system: _System) -> _State:
-    """Return first values: the similarity without lever arm."""
-    first = similarity(system.source, system.target)
-    if first is None:
-        raise DataError(
-            "cameras and ground points stand on a line, which leaves the rotation about it open;"
-            " take images of several strips or a ground point beside the line"
-        )
-    return _State(
-        first.points(system.origin),
-        first.rotation,
-        first.scale,
-        np.zeros(3),
-        0.0 * system.poses.position,
-    )
+    def move(self, dx: Array) -> None:
+        """Move the values, and the attitudes by what is left (Gauss-Helmert)."""
+        self.T, self.R = self.T + dx[T], rotation_from_vector(dx[TURN]) @ self.R
+        self.s *= float(np.exp(np.clip(dx[SCALE], -1.0, 1.0)))
+        self.arm = self.arm + dx[ARM]
+        left = self.observed.residual(dx)[: len(self.gain)]
+        self.psi = np.einsum("kij,kj->ki", self.gain, left)
 
 
 def _multiple_correlation(cov: Array, index: int) -> float:
@@ -436,10 +379,3 @@ def _plausible(result: SimilarityLeverArm, viewing: Array) -> None:
             f" {'xyz'[axis]} (limit {LONGEST_M:g} m): images and antenna positions are shifted by"
             " one or more, or their times are off"
         )
-
-
-def _check(record: object, shapes: dict[str, tuple[int, ...]]) -> None:
-    for name, shape in shapes.items():
-        value = np.asarray(getattr(record, name))
-        if value.shape != shape or not np.isfinite(value).all():
-            raise DataError(f"{name}: finite values of shape {shape} are needed")

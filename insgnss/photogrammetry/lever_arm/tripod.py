@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...geodesy.rotation import is_rotation, skew, vector_from_rotation
+from ...geodesy.least_squares import Equations, NormalEquations
+from ...geodesy.rotation import skew, vector_from_rotation
 from ...records import Array
+from .checks import SIGNIFICANCE, factor_limit, refuse_no_rotation, refuse_other_shapes
 
-SIGNIFICANCE = 0.01  # of the global test, and of the outlier test over all setups
 TURNED_DEG = 20.0  # between setups: below, a common offset of the frames hides in the lever arm
 
 
@@ -61,25 +62,11 @@ class TripodSetups:
 
     def __post_init__(self) -> None:
         n = len(self.position_m)
-        shapes = {
-            "position_m": (n, 3),
-            "C_mc": (n, 3, 3),
-            "pose_cov": (n, 6, 6),
-            "pin_m": (n, 3),
-            "pin_cov": (n, 3, 3),
-        }
-        for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name))
-            if value.shape != shape or not np.isfinite(value).all():
-                raise DataError(f"{name}: finite values of shape {shape} are needed")
+        poses = {"position_m": (n, 3), "C_mc": (n, 3, 3), "pose_cov": (n, 6, 6)}
+        refuse_other_shapes(self, **poses, pin_m=(n, 3), pin_cov=(n, 3, 3))
         if not n:
             raise DataError("no setup; the lever arm needs one, and three to check it")
-        for j, C in enumerate(self.C_mc):
-            if not is_rotation(C, 1e-4):
-                raise DataError(
-                    f"setup {j + 1}: C_mc is no rotation (mirrored axes, or rounded to fewer than"
-                    " five digits)"
-                )
+        refuse_no_rotation(self.C_mc, "C_mc", "setup")
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +171,6 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
     DataError
         Where a covariance is not positive definite.
     """
-    from scipy.stats import chi2
-
     each, cov = setup_lever_arms(setups)
     used = np.ones(len(each), dtype=np.bool_)
     for _ in range(len(each) // 3):
@@ -194,8 +179,7 @@ def tripod_lever_arm(setups: TripodSetups) -> TripodLeverArm:
             break
         used[worst] = False
     mean, mean_cov, factor = weighted_mean(each[used], cov[used])
-    dof = 3 * (int(used.sum()) - 1)
-    limit = float(chi2.ppf(1.0 - SIGNIFICANCE, dof) / dof) if dof else float("nan")
+    limit = factor_limit(3 * (int(used.sum()) - 1))
     grown = factor if factor > limit else 1.0
     C = setups.C_mc[used]
     turns = vector_from_rotation(np.einsum("iba,jbc->ijac", C, C))
@@ -262,13 +246,9 @@ def weighted_mean(each: Array, cov: Array) -> tuple[Array, Array, float]:
     variance_factor : float
         NaN of one vector.
     """
-    weight = np.linalg.inv(cov)
-    mean_cov = np.linalg.inv(weight.sum(axis=0))
-    mean = mean_cov @ np.einsum("nij,nj->i", weight, each)
-    v = each - mean
-    dof = 3 * (len(each) - 1)
-    factor = float(np.einsum("ni,nij,nj->", v, weight, v)) / dof if dof else float("nan")
-    return mean, mean_cov, factor
+    normals = NormalEquations([Equations(each, np.tile(np.eye(3), (len(each), 1, 1)), {"": cov})])
+    mean, dof = normals.dx, 3 * (len(each) - 1)
+    return mean, normals.cov, normals.square(mean) / dof if dof else float("nan")
 
 
 def _outlier(each: Array, cov: Array, used: NDArray[np.bool_]) -> int | None:

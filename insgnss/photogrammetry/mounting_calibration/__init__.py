@@ -5,8 +5,10 @@ The formulas of the first three stand in `insgnss.photogrammetry.lever_arm`; her
 joined by names (`poses`), what does not belong together is named (`readings`), and results become
 products (`products`). `calibrate mounting` has its adjustment here, since it processes the flight:
 
+    intersections           targets and ground points from the images that see them
     records, block_poses    poses of a block, and of the flight with its whole covariance
-    solution                the joint adjustment (L.1 to L.6)
+    equations               its unknowns and observation equations (L.1, L.2, L.5, L.6)
+    solution                the joint adjustment (L.4), its factors, what one more line would give
     block_errors            what errors of a block's poses look like
     judgement               a verdict each, and which further flight line would determine it
     plausibility            poses that are not of this flight, and why

@@ -1,6 +1,6 @@
 """Errors of the poses of a block: their covariance by parts, what they share, how a block bends.
 
-(L.2), (L.5) and (L.6) stand in `solution`.
+(L.2), (L.5) and (L.6) stand in `equations`.
 """
 
 import numpy as np
@@ -16,26 +16,7 @@ SHARED_M, SHARED_RAD = 0.03, float(np.radians(0.01))  # of (L.6), where nothing 
 ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
 
 
-def block_diagonal(blocks: Array) -> Array:
-    """Return the matrix (6 m, 6 m) with these blocks on its diagonal.
-
-    Parameters
-    ----------
-    blocks : ndarray, (m, 6, 6)
-        Of the images.
-
-    Returns
-    -------
-    ndarray, (6 m, 6 m)
-        Zeros elsewhere.
-    """
-    m = len(blocks)
-    out = np.zeros((m, 6, m, 6))
-    out[np.arange(m), :, np.arange(m)] = blocks
-    return out.reshape(6 * m, 6 * m)
-
-
-def pose_covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
+def pose_covariances(block: BlockPoses, scale: float) -> dict[str, Array]:
     """Return the parts of Q in the unit of the block.
 
     What is stated is one part, with a floor, (n, 6, 6) of each image alone or (6 n, 6 n) of all; of
@@ -50,20 +31,17 @@ def pose_covariances(block: BlockPoses, scale: float) -> tuple[Array, ...]:
 
     Returns
     -------
-    tuple of ndarray
-        The parts.
+    dict of str to ndarray
+        The parts by name.
     """
     n = len(block.images)
     if block.cov is None:
-        variance = (FIRST_POSITION / scale) ** 2, FIRST_ATTITUDE**2
-        return tuple(
-            np.tile(np.diag([v if k // 3 == share else 0.0 for k in range(6)]), (n, 1, 1))
-            for share, v in enumerate(variance)
-        )
+        of_position = [(FIRST_POSITION / scale) ** 2] * 3 + [0.0] * 3
+        parts = {"positions": of_position, "attitudes": [0.0] * 3 + [FIRST_ATTITUDE**2] * 3}
+        return {name: np.tile(np.diag(share), (n, 1, 1)) for name, share in parts.items()}
     floor = np.array([(LEAST_POSITION / scale) ** 2] * 3 + [LEAST_ATTITUDE**2] * 3)
-    if block.cov.ndim == 2:
-        return (block.cov + np.diag(np.tile(floor, n)),)
-    return (block.cov + np.diag(floor),)
+    whole = block.cov.ndim == 2
+    return {"poses": block.cov + np.diag(np.tile(floor, n) if whole else floor)}
 
 
 def shared_covariance(block: BlockPoses, scale: float, alike: tuple[float, float]) -> Array:

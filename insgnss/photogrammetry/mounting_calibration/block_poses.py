@@ -70,7 +70,7 @@ def block_poses(path: Path, eo: ExteriorOrientation) -> BlockPoses:
         georeferenced,
         str(path),
         notes,
-        () if given.block is None else tuple(given.block.cameras),
+        given.cameras,
     )
 
 

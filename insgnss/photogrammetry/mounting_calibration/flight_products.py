@@ -13,10 +13,10 @@ from ...io.formats.orientation.mounting_file import DELAY, VECTORS, MountingFile
 from ...records.block import Array
 from ...report.charts.chart import Chart
 from ...report.figures.mounting import over_motion
+from .equations import SCALE, TURN
 from .in_flight import MountingResult
 from .judgement import facts_of, linear_functions
 from .products import CalibratedMounting, Provenance, metashape_line, provenance
-from .solution import SCALE, TURN
 
 GROUPS = {"antenna_m": "antenna_m", "imu_m": "imu_m", "boresight": "boresight", "delay": DELAY}
 
@@ -161,7 +161,7 @@ def document(result: MountingResult) -> dict[str, Any]:
         "speed_mps": list(facts.speed),
         "mean_heading_length": facts.headings,
         "tilt_deg": facts.tilt_deg,
-        "factors_of_poses": [float(f) for f in solved.factors],
+        "factors_of_poses": [float(f) for f in solved.factors.values()],
         "factor_of_flight": list(solved.flight_factor),
         "corrections_sigma": list(result.corrections),
         "frame": {

@@ -30,6 +30,7 @@ from ...records.block import Array
 from ...records.cameras.mounting import Mounting
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
+from .equations import Assumptions
 from .judgement import (
     USEFUL,
     Component,
@@ -40,7 +41,7 @@ from .judgement import (
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .records import BlockPoses, FlightPoses, Stated
-from .solution import Assumptions, Solved, solve
+from .solution import Solved, solve
 
 ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again
@@ -151,8 +152,8 @@ def calibrate_mounting(
         The flight or the poses do not support the answer.
     """
     if flight.camera is None:
-        raise InputError.at_line(
-            flight.path, None, "no [camera]; a mounting needs the events of the exposures"
+        raise InputError.in_file(
+            flight.path, "no [camera]; a mounting needs the events of the exposures"
         )
     assumptions = assumptions or Assumptions(frame="auto")
     stated = _stated(flight)
@@ -355,9 +356,9 @@ def _largest(
 
 def _statistics(solved: Solved) -> list[str]:
     """Say how the covariances of both sides agree with the residuals."""
-    own = [float(np.sqrt(x)) for x in solved.factors]
+    own = [float(np.sqrt(x)) for x in solved.factors.values()]
     notes = []
-    if solved.stated:
+    if solved.block.cov is not None:
         words = "standard deviations of the block's poses, by the residuals,"
         notes.append(f"{words} {own[0]:.2f} of those stated; the former are taken")
     else:

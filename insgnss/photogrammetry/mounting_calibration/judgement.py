@@ -26,8 +26,9 @@ from ...geodesy.rotation import (
 from ...records.block import Array
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ..adjust.aerial import BORESIGHT, TIME_OFFSET
+from .equations import CAMERA_FIXED, SCALE, TRANSLATION, TURN
 from .records import Stated
-from .solution import CAMERA_FIXED, SCALE, TRANSLATION, TURN, Solved, Variant
+from .solution import Solved, Variant
 
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}

@@ -1,22 +1,19 @@
 """`insgnss calibrate materialise`: targets on camera and receiver, as files."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
 from ...geodesy.similarity import similarity
-from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
-from ...records.cameras.camera import rays_of
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ...report.charts.chart import Chart
+from ..lever_arm.difference import lever_arm_difference
 from ..lever_arm.materialisation import (
     CameraTargets,
     MaterialisedLeverArm,
@@ -24,13 +21,12 @@ from ..lever_arm.materialisation import (
     ReceiverTargets,
     Targets,
     camera_targets,
-    intersected_target,
-    lever_arm_difference,
     materialised_lever_arm,
     receiver_targets,
 )
+from .intersections import intersected
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
-from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
 from .readings import advice, named_reading, position_readings
 
 ANTENNA = "antenna"
@@ -137,9 +133,8 @@ def calibrate_materialise(
             ("receiver", sum(name in block.names for name in on_receiver)),
         ):
             if count < 3:
-                raise InputError.at_line(
+                raise InputError.in_file(
                     block.path,
-                    None,
                     f"{count} targets of the {kind} by its names ({', '.join(block.names[:4])},"
                     " ...); a frame needs 3 that stand on no line",
                 )
@@ -152,77 +147,48 @@ def calibrate_materialise(
     results = [_estimated(targets, receiver, block, on_camera, used, options) for block in blocks]
     inputs = [camera, mounted, *options.receiver]
     inputs += [path for path in (options.pose, options.after) if path is not None]
-    origin = provenance(inputs, _cameras(own), options.photo, options.date)
+    cameras = () if own.poses is None else own.poses.cameras
+    origin = provenance(inputs, cameras, options.photo, options.date)
     difference, moved = _between(results)
     notes = (receiver.summary(), *difference)
-    return _calibrated(results, receiver, moved, notes, origin.given, inputs)
-
-
-def _cameras(own: _Points) -> Any:
-    return () if own.poses is None or own.poses.block is None else own.poses.block.cameras
+    return _calibrated(results, receiver, moved, notes, origin, inputs)
 
 
 def _points(path: Path) -> _Points:
     """Return the targets of a table, or those that a block intersects."""
     if not path.exists():
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if not is_block(path):
         table = read_position_table(path)
         if table.geodetic:
-            raise InputError.at_line(path, None, "targets stand in Cartesian axes; give x, y, z")
+            raise InputError.in_file(path, "targets stand in Cartesian axes; give x, y, z")
         _refuse_large(path, table)
         return _Points(path, table.names, table.position, table.cov)
     poses = read_camera_poses(path)
     assert poses.block is not None
-    block = poses.block
-    names, position, cov = [], [], []
-    for row, name in enumerate(block.measured.points):
-        if TIE_POINT.fullmatch(name):
-            continue
-        if (target := _intersected(path, poses, block, row)) is not None:
-            names.append(name)
-            position.append(target[0])
-            cov.append(target[1])
-    if not names:
-        raise InputError.at_line(
-            path, None, "no target is measured in two images; measure more of them"
+    if not poses.cameras:
+        raise InputError.in_file(
+            path, "has no interior orientation of its camera; give a project that has one"
         )
-    return _Points(path, tuple(names), np.array(position), np.array(cov), poses)
-
-
-def _intersected(
-    path: Path, poses: CameraPoses, block: MeasuredBlock, point: int
-) -> tuple[Array, Array] | None:
-    seen = block.measured.observations
-    row_by_image = {name: k for k, name in enumerate(poses.images)}
-    pose = np.array([row_by_image.get(name, -1) for name in block.measured.images])[seen.image]
-    use = (seen.point == point) & (pose >= 0)
-    if use.sum() < 2:
-        return None
-    if not block.cameras:
-        raise InputError.at_line(
-            path, None, "has no interior orientation of its camera; give a project that has one"
-        )
-    sensor = block.cameras[int(block.camera[seen.image[use][0]])]
-    sigma = float(np.median(seen.sigma_px[use])) / sensor.of("f")
-    k = pose[use]
-    try:
-        P, cov, factor = intersected_target(
-            poses.position[k], poses.C[k], rays_of(sensor, seen.uv[use]), sigma
-        )
-    except DataError as refusal:
-        name = block.measured.points[point]
-        raise InputError(f"{path}: target {name}: {refusal}") from None
-    return P, cov * max(factor, 1.0)
+    targets = {
+        name: target
+        for name in poses.block.measured.points
+        if not TIE_POINT.fullmatch(name)
+        and (target := intersected(poses, poses.block, name, poses.cameras, "target"))
+    }
+    if not targets:
+        raise InputError.in_file(path, "no target is measured in two images; measure more of them")
+    position = np.array([target.position for target in targets.values()])
+    cov = np.array([target.cov for target in targets.values()])
+    return _Points(path, tuple(targets), position, cov, poses)
 
 
 def _refuse_large(path: Path, table: NamedPositions) -> None:
     """Refuse targets in millimetres, where the table says metres by its standard deviations."""
     apart = float(np.ptp(table.position, axis=0).max())
     if table.cov is not None and apart > 1e5 * float(np.sqrt(table.cov.max())):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"targets are up to {apart:g} apart with standard deviations of"
             f" {np.sqrt(table.cov.max()):g}: both in one unit",
         )
@@ -231,9 +197,8 @@ def _refuse_large(path: Path, table: NamedPositions) -> None:
 def _session(path: Path, options: MaterialiseOptions) -> _Points:
     points = _points(path)
     if options.antenna_name not in points.names:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"no row {options.antenna_name!r} with the phase centre by GNSS;"
             f" {near(options.antenna_name, points.names)}; name it by --antenna-name",
         )
@@ -242,9 +207,8 @@ def _session(path: Path, options: MaterialiseOptions) -> _Points:
         words = ""
         if apart * 1e-3 < 1.0:
             words = "; in millimetres?"
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"targets and phase centre are {apart:.3g} m apart (limit {LONGEST_M:g} m on a"
             f" receiver){words}",
         )
@@ -258,8 +222,8 @@ def _common(sessions: Sequence[_Points], paths: Sequence[Path]) -> list[str]:
     for session, path in zip(sessions[1:], paths[1:], strict=True):
         names = [name for name in names if name in session.names]
         if len(names) < 3:
-            raise InputError.at_line(
-                path, None, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
+            raise InputError.in_file(
+                path, f"has {len(names)} targets of {paths[0]} by their names; 3 are needed"
             )
     return names
 
@@ -372,8 +336,8 @@ def _calibrated(
     results: Sequence[MaterialisedLeverArm],
     receiver: ReceiverTargets,
     moved: bool,
-    notes: Iterable[str],
-    origin: dict[str, Any],
+    notes: Sequence[str],
+    origin: Provenance,
     inputs: list[Path],
 ) -> CalibratedMounting:
     result = results[0]
@@ -387,28 +351,15 @@ def _calibrated(
         )
     elif sigma.max() > RULER_M:
         reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
-    value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
     verdict = f"{'before the flight: ' if len(results) > 1 else ''}{result.summary()}"
-    mounting = MountingFile(
-        verb="calibrate materialise",
-        antenna_m=None if reason else arm,
-        antenna_cov=None if reason else cov,
-        verdict=(verdict, *notes),
-        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **origin,
-    )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
-        mounting,
+    return of_lever_arm(
+        "materialise",
         "Lever arm by targets on camera and receiver",
-        verdict,
-        (
-            ("antenna_m", "not determined", reason)
-            if reason
-            else ("antenna_m", "determined", value),
-            ("imu_m", "not determined", NO_IMU),
-        ),
-        (*notes, *([line] if line else [])),
+        (arm, cov),
+        reason,
+        (),
+        (verdict, *notes),
+        notes,
         {
             "lever_arms_m": [r.lever_arm_m for r in results],
             "lever_arm_m": arm,
@@ -422,6 +373,7 @@ def _calibrated(
             "inputs": inputs,
         },
         lambda: _charts(results, receiver),
+        origin,
     )
 
 

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from ...base.errors import InputError
 from ...geodesy.gpstime import calendar_from_gps, leap_seconds
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
-from ...geodesy.similarity import similarity
+from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
+from .equations import SCALE
 from .readings import attitude_readings, position_readings
 from .records import BlockPoses, FlightPoses, Rows
-from .solution import SCALE, Solved
+from .solution import Solved
 
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
 BETTER = 0.4
@@ -109,12 +110,8 @@ def misfit(X: Array, C: Array, X_o: Array, C_o: Array) -> Misfit:
     Misfit
         Root mean squares about the mean.
     """
-    fitted = similarity(X, X_o)
-    if fitted is None:  # along one line, or in one point
-        R = nearest_rotation(np.einsum("nij,nkj->ik", C_o, C))
-        fitted = similarity(X, X_o, R)
-        if fitted is None:
-            return Misfit(float(np.sqrt(((X_o - X_o.mean(axis=0)) ** 2).sum(axis=1).mean())), np.pi)
+    if (fitted := similarity_of_poses(X, C, X_o, C_o)) is None:  # in one point
+        return Misfit(float(np.sqrt(((X_o - X_o.mean(axis=0)) ** 2).sum(axis=1).mean())), np.pi)
     d = X_o - fitted.points(X)
     each = np.einsum("nji,njk->nik", C_o, fitted.rotation @ C)
     E = nearest_rotation(each.sum(axis=0))

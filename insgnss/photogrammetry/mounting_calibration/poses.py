@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file
+from ...base.wording import first_of
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
 from ...io.formats.blocks.ground_points import GroundAxes, GroundTable
+from ...io.formats.blocks.joined import matched
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.metashape_block import read_metashape_references
 from ...io.formats.blocks.pose_table import (
@@ -28,8 +30,9 @@ from ...io.formats.detect import head_of
 from ...io.formats.returned.reading import returned_form
 from ...io.formats.text.layout import decode, shown
 from ...records import Array
+from ...records.block import BrownCamera
+from ...records.rows import rows_of
 
-MOST_NAMED = 3
 # formats without the rest of a block
 ONLY_POSES = (
     *("bentley", "inpho_prj", "pix4d_external", "pix4d_camera"),
@@ -100,14 +103,14 @@ class CameraPoses:
     notes: tuple[str, ...] = ()
     opk: Array | None = None
 
+    @property
+    def cameras(self) -> tuple[BrownCamera, ...]:
+        """Cameras that the program of the file knows."""
+        return () if self.block is None else tuple(self.block.cameras)
+
     def taken(self, rows: NDArray[np.int64]) -> "CameraPoses":
         """Return only these rows."""
-        cov = None if self.cov is None else self.cov[rows]
-        images = tuple(self.images[k] for k in rows)
-        opk = None if self.opk is None else self.opk[rows]
-        return replace(
-            self, images=images, position=self.position[rows], C=self.C[rows], cov=cov, opk=opk
-        )
+        return replace(self, **rows_of(self, rows, ("images", "position", "C", "cov", "opk")))
 
     def with_sigma(self, sigma: PoseSigma, scale: float = 1.0) -> Array:
         """Return the covariances of the file, those of `sigma` where it has none.
@@ -148,8 +151,8 @@ class CameraPoses:
             The poses stand in axes of their own.
         """
         if self.frame == "own":
-            raise InputError.at_line(
-                self.path, None, "poses stand in axes of their own, with no place on the Earth"
+            raise InputError.in_file(
+                self.path, "poses stand in axes of their own, with no place on the Earth"
             )
         x, R = self.position, np.eye(3)
         if self.plane is not None:
@@ -192,7 +195,7 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         With file and line.
     """
     if not path.exists():
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if path.is_dir() and any(path.glob("Orientation-*.xml")):
         images, X, C = read_micmac_xml(path)
         geocentric = float(np.linalg.norm(X.mean(axis=0))) > GEOCENTRIC_M
@@ -219,18 +222,15 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
         table = read_pose_table(path)
         return CameraPoses(path, table.names, table.position, table.C_mc, table.cov, opk=table.opk)
     if form == "gnss":
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "no camera poses are known here; read are eo.json, a table image, x, y, z, omega, phi,"
             " kappa, Metashape, COLMAP, OpenSfM, BINGO, DBAT and what insgnss compare reads",
         )
     poses = read_poses(path)
     if poses.C_Ex is None or poses.x != "camera" or not poses.images:
-        raise InputError.at_line(
-            path,
-            None,
-            f"{poses.form} has no attitudes of named images; give poses of an adjustment",
+        raise InputError.in_file(
+            path, f"{poses.form} has no attitudes of named images; give poses of an adjustment"
         )
     plane = poses.plane or TangentPlane(
         *(float(np.mean(v)) for v in (poses.lat, poses.lon, poses.height))
@@ -276,7 +276,7 @@ def is_block(path: Path) -> bool:
         return True
     head = head_of(path)
     if not head:
-        raise InputError.at_line(path, None, "is empty; export the poses again")
+        raise InputError.in_file(path, "is empty; export the poses again")
     text = decode(head).lstrip("\ufeff \r\n\t")
     if head.startswith(b"PK\x03\x04") or text.startswith("<"):
         return True
@@ -290,7 +290,7 @@ def _of_block(path: Path, block: MeasuredBlock | None) -> CameraPoses:
         block = read_measured_block(path, recognised(path))
     rows = np.flatnonzero(block.oriented)
     if not rows.size:
-        raise InputError.at_line(path, None, "no image has a pose; align the images and export")
+        raise InputError.in_file(path, "no image has a pose; align the images and export")
     return CameraPoses(
         path,
         tuple(block.measured.images[k] for k in rows),
@@ -372,7 +372,7 @@ def read_positions(
         With file and line.
     """
     if not is_file(path):
-        raise InputError.at_line(path, None, "does not exist; check the path")
+        raise InputError.in_file(path, "does not exist; check the path")
     if is_block(path):
         ground, crs = read_metashape_references(path)
         return _of_crs(path, ground, options.crs or crs, options.geoid, plane)
@@ -466,31 +466,17 @@ def joined(
     InputError
         Too few pairs.
     """
-    row_by_name = {name: k for k, name in enumerate(names)}
-    if not any(name in row_by_name for name in images):
-        row_by_name = {_bare(name): k for k, name in enumerate(names)}
-        images = [_bare(name) for name in images]
-    pairs = [(k, row_by_name[name]) for k, name in enumerate(images) if name in row_by_name]
-    if len(pairs) < fewest:
+    rows = matched(images, names)
+    both = np.flatnonzero(rows >= 0), rows[rows >= 0]
+    if both[0].size < fewest:
         raise InputError(
-            f"{second}: {len(pairs)} of its {len(names)} names, such as {shown(names[0])}, are"
+            f"{second}: {both[0].size} of its {len(names)} names, such as {shown(names[0])}, are"
             f" among the {len(images)} of {first}, such as {shown(images[0])} ({fewest} are"
             " needed); are the files of one flight, and are images named alike?"
         )
-    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     notes = []
-    for count, path, own, taken in (
-        (len(images), first, images, rows[:, 0]),
-        (len(names), second, names, rows[:, 1]),
-    ):
-        if missing := sorted(set(range(count)) - set(taken.tolist())):
-            some = ", ".join(own[k] for k in missing[:MOST_NAMED])
-            more = " ..." if len(missing) > MOST_NAMED else ""
-            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}{more}")
-    return rows[:, 0], rows[:, 1], tuple(notes)
-
-
-def _bare(name: str) -> str:
-    """Return the name of an image without folder and ending."""
-    base = name.replace("\\", "/").rpartition("/")[2]
-    return re.sub(r"\.[A-Za-z][A-Za-z0-9]{1,4}$", "", base)
+    for path, own, taken in zip((first, second), (images, names), both, strict=True):
+        if missing := [own[k] for k in np.setdiff1d(np.arange(len(own)), taken)]:
+            some = f"in {path.name} without partner: {first_of(missing)}"
+            notes.append(f"{len(missing)} of {len(own)} {some}")
+    return *both, tuple(notes)

@@ -1,19 +1,18 @@
 """What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write, json_text
 from ...base.inputs import is_file, opened, sha256
 from ...base.output.staging import together
-from ...base.provenance import made_from, other_results
+from ...base.provenance import made_from, other_results, refuse_overwriting
 from ...io.formats.images.exif import camera_tags, time_taken
 from ...io.formats.orientation.mounting_file import (
     MountingFile,
@@ -25,8 +24,9 @@ from ...records.cameras.mounting import metashape_offset
 from ...report.charts.chart import Chart
 from ...report.markup import escape, table
 from ...report.verb_page import VerbPage, listed
-from ..lever_arm.materialisation import lever_arm_difference
+from ..lever_arm.difference import lever_arm_difference
 
+DETERMINED, NOT_DETERMINED = "determined", "not determined"
 NO_IMU = "no pose of the camera sees the IMU: by drawing, caliper or calibrate mounting"
 
 HASH = re.compile(r'^sha256 = "([0-9a-f]{64})"', re.MULTILINE)
@@ -107,7 +107,7 @@ def provenance(
     if photo is None:
         return own
     if not is_file(photo):
-        raise InputError.at_line(photo, None, "does not exist; give an image of the camera")
+        raise InputError.in_file(photo, "does not exist; give an image of the camera")
     with opened(photo) as stream:
         tags = camera_tags(stream, photo.name)
         try:
@@ -121,18 +121,6 @@ def provenance(
         focal_px=own.focal_px or tags.focal_px,
         date=date or day,
     )
-
-
-class Estimate(Protocol):
-    """A lever arm that a core estimated."""
-
-    @property
-    def lever_arm_m(self) -> Array:
-        """The lever arm (3,), camera axes, m."""
-
-    @property
-    def sigma_m(self) -> Array:
-        """Its standard errors (3,), m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +190,71 @@ class CalibratedMounting:
         }
 
 
+def of_lever_arm(
+    verb: str,
+    title: str,
+    antenna: tuple[Array, Array],
+    why_not: str,
+    components: Sequence[tuple[str, str, str]],
+    verdict: Sequence[str],
+    details: Sequence[str],
+    document: dict[str, Any],
+    charts: Callable[[], Sequence[Chart]],
+    origin: Provenance,
+) -> CalibratedMounting:
+    """Return the result of a calibration that sees the antenna, and nothing of the IMU.
+
+    Parameters
+    ----------
+    verb : str
+        Of the calibration.
+    title : str
+        Of the page.
+    antenna : tuple of ndarray
+        Lever arm (3,), m, and its covariance (3, 3).
+    why_not : str
+        Why it is not determined; empty where it is.
+    components : sequence of (str, str, str)
+        Those of the antenna; without any the whole is one.
+    verdict : sequence of str
+        Of the file; the first is the headline.
+    details : sequence of str
+        Further sentences.
+    document : dict
+        Figures for machines.
+    charts : callable
+        Makes the charts of the page.
+    origin : Provenance
+        Where it comes from.
+
+    Returns
+    -------
+    CalibratedMounting
+        The result of the verb.
+    """
+    arm, cov = antenna
+    value = f"{millimetres(arm)} +- {millimetres(np.sqrt(np.diag(cov)), '')}"
+    one = ("antenna_m", NOT_DETERMINED if why_not else DETERMINED, why_not or value)
+    mounting = MountingFile(
+        verb=f"calibrate {verb}",
+        antenna_m=None if why_not else arm,
+        antenna_cov=None if why_not else cov,
+        verdict=tuple(verdict),
+        not_determined={"imu_m": NO_IMU} | ({"antenna_m": why_not} if why_not else {}),
+        **origin.given,
+    )
+    line = metashape_line(mounting)
+    return CalibratedMounting(
+        mounting,
+        title,
+        verdict[0],
+        (*(components or [one]), ("imu_m", NOT_DETERMINED, NO_IMU)),
+        (*details, *([line] if line else [])),
+        document,
+        charts,
+    )
+
+
 def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:
     """Write mounting.toml and, beside it, a document for machines and the page.
 
@@ -226,10 +279,7 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     """
     page, document = out.with_suffix(".html"), out.with_suffix(".json")
     given = [Path(path) for path in result.document.get("inputs", ())]
-    inputs = {path.resolve() for path in given}
-    for path in (out, document, page):
-        if path.resolve() in inputs:
-            raise UsageError(f"{path}: is an input, which stays as it is; give another --out FILE")
+    refuse_overwriting((out, document, page), given, "another --out FILE")
     if not force and out.is_file():
         own = {digest for _, digest in result.mounting.inputs}
         others = set(HASH.findall(out.read_text(encoding="utf-8", errors="replace")))
@@ -244,9 +294,8 @@ def written(result: CalibratedMounting, out: Path, force: bool = False) -> Calib
     with together():
         write_mounting_file(result.mounting, out)
         files = [file for path in given for file in (_within(path) if path.is_dir() else [path])]
-        made = json_ready(result.as_dict()) | made_from(files, document, [out])
-        twin = json.dumps(made, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-        atomic_write(document, twin)
+        made = json_text(result.as_dict() | made_from(files, document, [out]))
+        atomic_write(document, made)
         atomic_write(page, page_of(result).html())
     return result
 
@@ -279,7 +328,7 @@ def compared(result: CalibratedMounting, other: Path) -> CalibratedMounting:
     file, _ = read_mounting_file(other)
     if file.antenna_m is None or file.antenna_cov is None:
         problem = "has no antenna_m with standard errors in [calibration.sigma] to compare with"
-        raise InputError.at_line(other, None, problem)
+        raise InputError.in_file(other, problem)
     mounting = result.mounting
     if mounting.antenna_m is None or mounting.antenna_cov is None:
         return result

@@ -1,6 +1,6 @@
 """What a calibration of the mounting starts from: poses of an image block, and of the flight."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from ...geodesy.rotation import is_rotation
 from ...records import ExteriorOrientation
 from ...records.block import Array, BrownCamera
 from ...records.cameras.mounting import Mounting
+from ...records.rows import covariance_of_rows, rows_of
 from ...records.strips import CommonErrors, StripCovariance
 
 Rows = NDArray[np.int64]
@@ -40,7 +41,7 @@ class BlockPoses:
         Those of the block, as far as it names them.
     shared : ndarray, (6, 6), optional
         Covariance of errors that all images have alike in camera axes, m (of the flight) and rad;
-        None: as `solution` assumes them. Not beside the covariance of all images together.
+        None: as `equations` assumes them. Not beside the covariance of all images together.
 
     Raises
     ------
@@ -91,23 +92,10 @@ class BlockPoses:
         BlockPoses
             The same otherwise.
         """
-        cov = self.cov
-        if cov is not None and cov.ndim == 2:
-            columns = (6 * np.asarray(rows)[:, None] + np.arange(6)).ravel()
-            cov = cov[np.ix_(columns, columns)]
-        elif cov is not None:
-            cov = cov[rows]
-        return BlockPoses(
-            tuple(self.images[k] for k in rows),
-            self.position[rows],
-            self.C_rc[rows],
-            cov,
-            self.georeferenced,
-            self.source,
-            self.notes,
-            self.cameras,
-            self.shared,
-        )
+        chosen = rows_of(self, rows, ("images", "position", "C_rc", "cov"))
+        if self.cov is not None and self.cov.ndim == 2:
+            chosen["cov"] = covariance_of_rows(self.cov, rows)
+        return replace(self, **chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +155,7 @@ class FlightPoses:
             own = np.flatnonzero(wanted[line.rows])
             wanted[line.rows] = False
             if own.size:
-                columns = (6 * own[:, None] + np.arange(6)).ravel()
-                cov = line.cov[np.ix_(columns, columns)]
+                cov = covariance_of_rows(line.cov, own)
                 pieces.append((line.rows[own], self.common.rest(line.rows[own], cov)))
         for row in np.flatnonzero(wanted):
             alone = np.array([row])

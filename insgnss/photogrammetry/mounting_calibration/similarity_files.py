@@ -16,14 +16,14 @@ from ...base.errors import DataError, InputError
 from ...geodesy.frames import TangentPlane
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.camera_toml import read_camera_toml
-from ...io.formats.blocks.ground_points import read_ground_points
-from ...io.formats.blocks.pose_table import NamedPositions
 from ...io.formats.blocks.reading import read_measured_block
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
-from ...records.cameras.camera import rays_of
 from ...report.charts.chart import Chart
-from ..lever_arm.materialisation import intersected_target
+from ..lever_arm.flight_direction import (
+    FlightDirection,
+    flight_direction,
+    neighbour_correlation,
+)
 from ..lever_arm.similarity import (
     ARM,
     LONGEST_M,
@@ -33,18 +33,24 @@ from ..lever_arm.similarity import (
     SimilarityLeverArm,
     similarity_lever_arm,
 )
-from .flight_direction import FlightDirection, flight_direction, neighbour_correlation
+from .intersections import intersected, surveyed_points
 from .poses import (
     CameraPoses,
     PlaceOptions,
     PoseSigma,
     Positions,
     joined,
-    positions_of,
     read_camera_poses,
     read_positions,
 )
-from .products import NO_IMU, CalibratedMounting, metashape_line, provenance
+from .products import (
+    DETERMINED,
+    NOT_DETERMINED,
+    CalibratedMounting,
+    Provenance,
+    of_lever_arm,
+    provenance,
+)
 from .readings import advice, attitude_readings, named_reading, position_readings
 
 ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
@@ -146,12 +152,10 @@ def calibrate_similarity(
     direction = flight_direction(position, result.frame.rotation @ camera.C, time)
     if direction is not None:
         notes += (_of_direction(result, direction),)
-    notes += _as_they_stand(camera, position, fixes.plane)
-    notes += (ALIKE,)
+    notes += (*_as_they_stand(camera, position, fixes.plane), ALIKE)
     inputs = [cameras, antenna, *(p for p in (options.ground, options.points) if p is not None)]
-    sensors = () if camera.block is None else camera.block.cameras
-    origin = provenance(inputs, sensors, options.photo, options.date or camera.date)
-    return _calibrated(result, direction, poses, notes, origin.given, camera.images, inputs)
+    origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
+    return _calibrated(result, direction, poses, notes, origin, camera.images, inputs)
 
 
 def _antenna_cov(
@@ -180,57 +184,37 @@ def _ground(
     """Return ground points in both frames: surveyed, and intersected from their images."""
     path = options.ground
     assert path is not None
-    surveyed = _surveyed(path, cameras, camera, options.places, plane)
+    surveyed = surveyed_points(path, cameras, camera, options.places, plane)
     block = camera.block
     if options.points is not None:
         block = read_measured_block(options.points)
-    own = () if camera.block is None else camera.block.cameras
-    sensors = own if options.camera is None else (read_camera_toml(options.camera),)
+    sensors = camera.cameras if options.camera is None else (read_camera_toml(options.camera),)
     if block is None or not len(block.measured.observations):
-        raise InputError.at_line(
-            cameras, None, "has no image observations of ground points; give them by --points"
+        raise InputError.in_file(
+            cameras, "has no image observations of ground points; give them by --points"
         )
     if not sensors:
-        raise InputError.at_line(
-            cameras, None, "has no interior orientation; give --camera camera.toml"
-        )
-    seen, names = block.measured.observations, block.measured.points
-    row_by_image = {name: k for k, name in enumerate(camera.images)}
-    pose = np.array([row_by_image.get(name, -1) for name in block.measured.images])[seen.image]
+        raise InputError.in_file(cameras, "has no interior orientation; give --camera camera.toml")
     model, model_cov, rows, notes = [], [], [], []
     for row, name in enumerate(surveyed.names):
-        if name not in names:
+        if name not in block.measured.points:
             continue
-        use = (seen.point == names.index(name)) & (pose >= 0)
-        if use.sum() < 2:
+        point = intersected(camera, block, name, sensors, "ground point")
+        if point is None:
             continue
-        sensor = sensors[0]
-        if len(sensors) > 1:
-            sensor = sensors[int(block.camera[seen.image[use][0]])]
-        sigma = float(np.median(seen.sigma_px[use])) / sensor.of("f")
-        k = pose[use]
-        try:
-            P, cov, factor = intersected_target(
-                camera.position[k], camera.C[k], rays_of(sensor, seen.uv[use]), sigma
-            )
-        except DataError as refusal:
-            raise InputError(f"{cameras}: ground point {name}: {refusal}") from None
-        miss_px = np.sqrt(factor) * sigma * sensor.of("f")
-        if miss_px > MISS_PX and factor > MISS_FACTOR:
+        if point.miss_px > MISS_PX and point.factor > MISS_FACTOR:
             raise InputError(
-                f"{cameras}: rays of {len(k)} images miss ground point {name} by {miss_px:.0f} px"
-                f" rms (limit {MISS_PX:g} px): poses, camera and image observations are not of one"
-                " block, or attitudes count in other angles"
+                f"{cameras}: rays of {point.images} images miss ground point {name} by"
+                f" {point.miss_px:.0f} px rms (limit {MISS_PX:g} px): poses, camera and image"
+                " observations are not of one block, or attitudes count in other angles"
             )
+        model.append(point.position)
         # neighbouring poses have their error in common
-        cov = cov * max(factor, 1.0) + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3)
-        model.append(P)
-        model_cov.append(cov)
+        model_cov.append(point.cov + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3))
         rows.append(row)
     if not rows:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"none of its {len(surveyed.names)} points, such as {surveyed.names[0]}, is measured in"
             " two images; measure them, or leave --ground out",
         )
@@ -243,33 +227,6 @@ def _ground(
     return ground, tuple(notes)
 
 
-def _surveyed(
-    path: Path,
-    cameras: Path,
-    camera: CameraPoses,
-    places: PlaceOptions,
-    plane: TangentPlane | None,
-) -> Positions:
-    """Return ground control in the axes of the antenna positions."""
-    crs = places.crs
-    if path.resolve() == cameras.resolve() and camera.block is not None:
-        ground, crs = camera.block.ground, crs or camera.block.crs
-    else:
-        ground = read_ground_points(path)
-    if ground is None or ground.check.all():
-        raise InputError.at_line(path, None, "has no ground control; leave --ground out")
-    use = ~ground.check
-    names = tuple(name for name, taken in zip(ground.points, use, strict=True) if taken)
-    table = NamedPositions(names, ground.position_m[use], False, ground.cov[use])
-    if plane is None:
-        return Positions(path, names, table.position, table.cov)
-    if crs is None:
-        raise InputError.at_line(
-            path, None, "antenna positions are on the Earth; give the CRS of the points, --crs"
-        )
-    return positions_of(path, table, replace(places, crs=crs), plane)
-
-
 def _estimated(
     poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
 ) -> SimilarityLeverArm:
@@ -277,10 +234,10 @@ def _estimated(
     try:
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
-        other = ""
+        ways: tuple[str, ...] = ()
         if len(poses.position) > 3:
-            other = advice(_other_readings(poses, ground, camera, cameras, antenna))
-        raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
+            ways = _other_readings(poses, ground, camera, cameras, antenna)
+        raise InputError(f"{cameras}, {antenna}: {refusal}{advice(ways)}") from None
 
 
 def _other_readings(
@@ -398,15 +355,9 @@ def _with_correlation(
     return replace(result, cov=result.cov * np.outer(root, root)), notes
 
 
-def _along(result: SimilarityLeverArm, direction: FlightDirection) -> tuple[float, float]:
-    """Return the lever arm along the flight direction and its standard error, m."""
-    f = direction.in_camera
-    return float(f @ result.lever_arm_m), float(np.sqrt(f @ result.cov[ARM, ARM] @ f))
-
-
 def _of_direction(result: SimilarityLeverArm, direction: FlightDirection) -> str:
     """Say what a lever arm along the flight direction may be besides."""
-    value, sigma = _along(result, direction)
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
     along, across = direction.split_rms(result.residual_m)
     text = (
         f"along the flight direction (camera {direction.words}) the lever arm is {value:+.3f} +-"
@@ -449,7 +400,7 @@ def _reasons(result: SimilarityLeverArm, direction: FlightDirection | None) -> d
     }
     if direction is None:
         return reasons
-    value, sigma = _along(result, direction)
+    value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
     along, across = direction.split_rms(result.residual_m)
     stamps = along > STAMPS * across and along**2 - across**2 > RULER_M**2
     long = abs(value) - 3.0 * sigma > LONG_M
@@ -471,7 +422,7 @@ def _calibrated(
     direction: FlightDirection | None,
     poses: FlightPoses,
     notes: tuple[str, ...],
-    origin: dict[str, Any],
+    origin: Provenance,
     images: Sequence[str],
     inputs: list[Path],
 ) -> CalibratedMounting:
@@ -482,36 +433,27 @@ def _calibrated(
         if direction is not None and abs(direction.in_camera[axis]) > SAME_AXIS:
             value += ", lever arm and delay of the exposures times speed as one"
         components.append(
-            (f"antenna_m {'xyz'[axis]}", "not determined", reasons[axis].strip())
+            (f"antenna_m {'xyz'[axis]}", NOT_DETERMINED, reasons[axis].strip())
             if axis in reasons
-            else (f"antenna_m {'xyz'[axis]}", "determined", value)
+            else (f"antenna_m {'xyz'[axis]}", DETERMINED, value)
         )
     parts = result.summary().split("; ")
     headline = f"{parts[0]}; {parts[-1] if parts[-1].startswith('res') else '; '.join(parts[-2:])}"
-    undetermined = {"imu_m": NO_IMU}
-    if reasons:
-        words = ", ".join(
-            f"{'xyz'[axis]} {text}" if word == "determined" else f"{'xyz'[axis]} {word} {text}"
-            for axis, (_, word, text) in enumerate(components)
-        )
-        undetermined["antenna_m"] = words
-    mounting = MountingFile(
-        verb="calibrate similarity",
-        antenna_m=None if reasons else result.lever_arm_m,
-        antenna_cov=None if reasons else result.cov[ARM, ARM],
-        verdict=(headline, *(f"{name} {word}: {text}" for name, word, text in components)),
-        not_determined=undetermined,
-        **origin,
+    each = (
+        f"{'xyz'[axis]} {text}" if word == DETERMINED else f"{'xyz'[axis]} {word} {text}"
+        for axis, (_, word, text) in enumerate(components)
     )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
-        mounting,
+    return of_lever_arm(
+        "similarity",
         "Lever arm in flight",
-        headline,
-        (*components, ("imu_m", "not determined", NO_IMU)),
-        (*notes, *([line] if line else [])),
+        (result.lever_arm_m, result.cov[ARM, ARM]),
+        ", ".join(each) if reasons else "",
+        components,
+        (headline, *(f"{name} {word}: {text}" for name, word, text in components)),
+        notes,
         _document(result, direction, images, inputs),
         lambda: _charts(result, direction, poses),
+        origin,
     )
 
 
@@ -536,7 +478,7 @@ def _document(
         "inputs": inputs,
     }
     if direction is not None:
-        value, sigma = _along(result, direction)
+        value, sigma = direction.lever_arm(result.lever_arm_m, result.cov[ARM, ARM])
         along, across = direction.split_rms(result.residual_m)
         document["along_flight_direction"] = {
             "lever_arm_m": value,

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
@@ -21,7 +20,7 @@ from .poses import (
     read_camera_poses,
     read_positions,
 )
-from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .products import CalibratedMounting, of_lever_arm, provenance
 from .readings import advice, attitude_readings, named_reading, position_readings
 
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
@@ -96,33 +95,19 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
     )
     result = _estimated(setups, poses, pins, camera.opk)
     inputs = (poses, pins)
-    cameras = () if camera.block is None else camera.block.cameras
-    origin = provenance(inputs, cameras, options.photo, options.date or camera.date)
-    reason = _undetermined(result)
-    value = f"{millimetres(result.lever_arm_m)} +- {millimetres(result.sigma_m, '')}"
+    origin = provenance(inputs, camera.cameras, options.photo, options.date or camera.date)
     verdict = result.summary().split("; ")
-    mounting = MountingFile(
-        verb="calibrate tripod",
-        antenna_m=None if reason else result.lever_arm_m,
-        antenna_cov=None if reason else result.cov,
-        verdict=tuple(verdict),
-        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **origin.given,
-    )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
-        mounting,
+    return of_lever_arm(
+        "tripod",
         "Lever arm from a tripod",
-        verdict[0],
-        (
-            ("antenna_m", "not determined", reason)
-            if reason
-            else ("antenna_m", "determined", value),
-            ("imu_m", "not determined", NO_IMU),
-        ),
-        (*verdict[1:], *notes, *([line] if line else [])),
+        (result.lever_arm_m, result.cov),
+        _undetermined(result),
+        (),
+        verdict,
+        (*verdict[1:], *notes),
         _document(result, camera.images, inputs),
         lambda: _charts(result, setups, camera.images),
+        origin,
     )
 
 
@@ -139,7 +124,7 @@ def _in_one_frame(
     pin = read_positions(pins, places, camera.plane)
     if pin.plane is None and camera.frame == "geocentric":
         problem = "are local coordinates, the poses geocentric; give the CRS of the pins, --crs"
-        raise InputError.at_line(pins, None, problem)
+        raise InputError.in_file(pins, problem)
     if pin.plane is not None:
         return camera.in_plane(pin.plane), pin
     return camera, pin

@@ -80,7 +80,7 @@ def inputs_of(request: Request) -> Inputs:
     refuse_field_of_view(camera)
     notes: list[str] = []
     if not len(eo.images):
-        raise InputError.at_line(request.eo, None, "no image; process the flight with its camera")
+        raise InputError.in_file(request.eo, "no image; process the flight with its camera")
     vehicle, own_crs = None, None
     if request.vehicle is not None:
         vehicle = _vehicle(request, eo, notes)
@@ -91,7 +91,7 @@ def inputs_of(request: Request) -> Inputs:
         read, own_crs = ground_of(request.ground, None)
         in_plane = ground_in_plane(BlockFile(path=request.eo, ground=table), None, eo, notes)
         if in_plane is None or read is None:
-            raise InputError.at_line(request.ground, None, "no ground point; write one line each")
+            raise InputError.in_file(request.ground, "no ground point; write one line each")
         ground, given = in_plane, read
         seen = predict(
             camera, eo.position_m, eo.C_mc, eo.cov, ground.position_m, ground.cov, camera_cov
@@ -99,9 +99,7 @@ def inputs_of(request: Request) -> Inputs:
     if not seen.visible.any():
         raise DataError(_unseen(eo, ground, camera, seen))
     extra = request.search_px**2 * np.eye(2)
-    widened = Predictions(
-        seen.image, seen.point, seen.uv, seen.cov + extra, seen.by_point, seen.visibility
-    )
+    widened = replace(seen, cov=seen.cov + extra)
     if camera_cov is None:
         notes.append(
             f"{request.camera} has no [sigma]: the camera is taken as known exactly, and ellipses"

@@ -53,15 +53,15 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
         No directory, no photograph, none of these images, or two files for one image.
     """
     if not directory.is_dir():
-        raise InputError.at_line(directory, None, "no directory; give that of the photographs")
+        raise InputError.in_file(directory, "no directory; give that of the photographs")
     paths = sorted(
         path
         for path in directory.rglob("*")
         if path.suffix.lower() in ENDINGS and not path.name.startswith(".")
     )
     if not paths:
-        raise InputError.at_line(
-            directory, None, f"no photograph ({' '.join(ENDINGS)}) in it or in its folders"
+        raise InputError.in_file(
+            directory, f"no photograph ({' '.join(ENDINGS)}) in it or in its folders"
         )
     names = [path.name for path in paths]
     wanted = {Path(name).stem.lower() for name in images}
@@ -73,9 +73,8 @@ def photographs_in(directory: Path, images: Sequence[str]) -> Photographs:
             )
     rows = matched(images, names)
     if not (rows >= 0).any():
-        raise InputError.at_line(
+        raise InputError.in_file(
             directory,
-            None,
             f"none of its {len(paths)} photographs ({names[0]}, ...) is an image of the orientation"
             f" ({images[0]}, ...); the same names must stand in both",
         )
@@ -120,8 +119,8 @@ def read_grey(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.flo
                 return np.asarray(photograph.convert("L"), dtype=np.float32)
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             reason = str(error).replace(str(path), "").strip(" '\"") or type(error).__name__
-            raise InputError.at_line(
-                path, None, f"not a photograph that can be read ({reason}); copy it again"
+            raise InputError.in_file(
+                path, f"not a photograph that can be read ({reason}); copy it again"
             ) from None
 
 
@@ -130,7 +129,7 @@ def _refuse_size(
 ) -> None:
     """Refuse a photograph of another size than the camera."""
     if has[0] * has[1] > LARGEST_PX:
-        raise InputError.at_line(path, None, f"{has[0]} x {has[1]} pixels cannot be")
+        raise InputError.in_file(path, f"{has[0]} x {has[1]} pixels cannot be")
     if wanted is None or tuple(has) == tuple(wanted):
         return
     advice = "give the photographs as the camera took them, or the camera of these"
@@ -139,8 +138,6 @@ def _refuse_size(
             f"it was turned (Orientation {orientation}): give the photographs as the camera took"
             " them"
         )
-    raise InputError.at_line(
-        path,
-        None,
-        f"{has[0]} x {has[1]} pixels, the camera has {wanted[0]} x {wanted[1]}; {advice}",
+    raise InputError.in_file(
+        path, f"{has[0]} x {has[1]} pixels, the camera has {wanted[0]} x {wanted[1]}; {advice}"
     )

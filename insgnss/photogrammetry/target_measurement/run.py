@@ -1,9 +1,8 @@
 """The two jobs of `insgnss targets`: predict and measure."""
 
-import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,15 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write, json_text
 from ...base.output.staging import together
-from ...base.provenance import made_from, paths_named_by, refuse_other_results
+from ...base.provenance import (
+    made_from,
+    paths_named_by,
+    refuse_other_results,
+    refuse_overwriting,
+)
+from ...base.wording import first_of
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
@@ -25,6 +30,7 @@ from .trials import advice
 from .windows import Window, windows_of
 
 DOCUMENT = "targets.json"
+ANOTHER = "another place by --out"  # for products that would overwrite an input
 FEW = 0.2
 """Share of the targets below which it is likelier that files do not belong together than that the
 others are covered: of a survey's targets four of five are there."""
@@ -169,15 +175,14 @@ def predict_targets(
     files: tuple[Path, ...] = ()
     if write:
         path = out or request.eo.parent / DIRECTORY / PREDICTIONS
-        _refuse_overwriting(request, [path, path.with_suffix(".json")])
+        refuse_overwriting([path, path.with_suffix(".json")], _inputs_of(request), ANOTHER)
         progress(f"writing {path}")
         with together() as staging:
             table = staging.tree(path.parent) / path.name
             write_predictions(inputs, table)
             document = table.with_suffix(".json")
             figures |= made_from(paths_named_by(request), document, [table])
-            text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-            atomic_write(document, text + "\n")
+            atomic_write(document, json_text(figures))
             for new, goal in () if force else staging.changed():
                 _refuse_foreign(new, goal)
         files = (path, path.with_suffix(".json"))
@@ -267,8 +272,7 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     names = [name for name, n in zip(inputs.ground.points, count, strict=True) if not n]
     if not names:
         return []
-    some = ", ".join(names[:5]) + (" ..." if names[5:] else "")
-    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {some}"]
+    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {first_of(names, 5)}"]
 
 
 def _noun(inputs: Inputs) -> str:
@@ -295,8 +299,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         notes.append(f"{without} images that show ground points have no photograph")
     if photographs.strangers:
         names = [path.name for path in photographs.strangers]
-        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
-        notes.append(f"{len(names)} photographs have no pose in the orientation: {some}")
+        which = f"have no pose in the orientation: {first_of(names)}"
+        notes.append(f"{len(names)} photographs {which}")
     notes += _size(inputs, windows)
     never = [
         name
@@ -304,10 +308,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         if looked and not measured
     ]
     if never and good:
-        some = ", ".join(never[:5]) + (" ..." if never[5:] else "")
-        notes.append(
-            f"{len(never)} of {len(count)} ground points were measured in no photograph: {some}"
-        )
+        which = f"were measured in no photograph: {first_of(never, 5)}"
+        notes.append(f"{len(never)} of {len(count)} ground points {which}")
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"
         f" {int((count[:, 1] > 0).sum())} {_noun(inputs)} in"
@@ -417,19 +419,11 @@ def _written(
         own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
         figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
-        text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(into / DOCUMENT, text + "\n")
+        atomic_write(into / DOCUMENT, json_text(figures))
         files = staging.goals()
-        _refuse_overwriting(inputs.request, files)
+        refuse_overwriting(files, _inputs_of(inputs.request), ANOTHER)
     return files
 
 
-def _refuse_overwriting(request: Request, goals: Sequence[Path]) -> None:
-    """Refuse products in the place of inputs."""
-    inputs = (request.eo, request.ground, request.camera, request.target.picture)
-    taken = {path.resolve() for path in inputs if path is not None}
-    for goal in goals:
-        if goal.resolve() in taken:
-            raise UsageError(
-                f"the product {goal} would overwrite an input; give another place by --out"
-            )
+def _inputs_of(request: Request) -> tuple[Path | None, ...]:
+    return request.eo, request.ground, request.camera, request.target.picture

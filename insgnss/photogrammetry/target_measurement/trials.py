@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import InputError
+from ...records.rows import rows_of
 from ..targets.measurement import Rules
-from ..targets.prediction import Predictions
 from .inputs import Inputs
 from .photographs import Photographs
 from .request import Target
@@ -52,14 +52,9 @@ def advice(
     plain = replace(rules, clear=-1.0)  # no shadow is looked for
     for words, target, wider_px in _trials(inputs.request.target):
         progress(f"trying {words}")
-        some = Predictions(
-            seen.image[rows],
-            seen.point[rows],
-            seen.uv[rows],
-            seen.cov[rows] + wider_px**2 * np.eye(2),
-            seen.by_point[rows],
-            seen.visibility[rows],
-        )
+        fields = ("image", "point", "uv", "by_point", "visibility")
+        cov = seen.cov[rows] + wider_px**2 * np.eye(2)
+        some = replace(seen, **rows_of(seen, rows, fields), cov=cov)
         request = replace(inputs.request, target=target)
         trial = replace(inputs, request=request, predictions=some)
         try:

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.least_squares import Equations, NormalEquations
+
 Array = NDArray[np.float64]
 
 LIMIT = 4.0  # sigmas: one good measurement in 3000 is lost
@@ -39,18 +41,16 @@ def disagreeing(
         where fewer than three images see the point.
     """
     out = np.full(len(off), np.nan)
-    weight = np.linalg.inv(cov)
-    prior = np.linalg.inv(point_cov)
+    prior = Equations.prior(np.zeros(3), point_cov)
     while np.isnan(out).sum() >= _FEWEST:
         size = np.full(len(off), -np.inf)
         for k in np.flatnonzero(np.isnan(out)):  # each against what the others say
             others = np.flatnonzero(np.isnan(out))
             others = others[others != k]
-            BtP = by_point[others].transpose(0, 2, 1) @ weight[others]
-            Q = np.linalg.inv(prior + (BtP @ by_point[others]).sum(axis=0))
-            dX = Q @ np.einsum("nij,nj->i", BtP, off[others])
-            e = off[k] - by_point[k] @ dX
-            C = cov[k] + by_point[k] @ Q @ by_point[k].T
+            seen = Equations(off[others], by_point[others], {"": cov[others]})
+            normals = NormalEquations([prior, seen])
+            e = off[k] - by_point[k] @ normals.dx
+            C = cov[k] + by_point[k] @ normals.cov @ by_point[k].T
             size[k] = np.sqrt(e @ np.linalg.solve(C, e))
         worst = int(size.argmax())
         if size[worst] <= limit:

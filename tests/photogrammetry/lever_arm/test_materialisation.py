@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from insgnss.base.errors import DataError
+from insgnss.photogrammetry.lever_arm.difference import lever_arm_difference
 from insgnss.photogrammetry.lever_arm.materialisation import (
     ReceiverSession,
     Targets,
     camera_targets,
     intersected_target,
-    lever_arm_difference,
     materialised_lever_arm,
     receiver_targets,
 )

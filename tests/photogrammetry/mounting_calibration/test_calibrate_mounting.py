@@ -29,9 +29,10 @@ from insgnss.photogrammetry.block_adjustment.aerial.control import Control, cont
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.solve import set_up
 from insgnss.photogrammetry.mounting_calibration.block_poses import block_poses
+from insgnss.photogrammetry.mounting_calibration.equations import Assumptions
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
 from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses
-from insgnss.photogrammetry.mounting_calibration.solution import Assumptions, solve
+from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.report.charts.files import charts_of
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.image_block import BlockOptions

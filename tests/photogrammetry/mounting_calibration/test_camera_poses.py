@@ -72,7 +72,7 @@ def test_names_are_joined_without_their_endings(tmp_path) -> None:
         ("a/DSC1.JPG", "a/DSC2.JPG"), ("DSC2", "DSC3"), tmp_path / "p", tmp_path / "q", 1
     )
     assert (first.tolist(), second.tolist()) == ([1], [0])
-    assert notes == ("1 of 2 in p without partner: DSC1", "1 of 2 in q without partner: DSC3")
+    assert notes == ("1 of 2 in p without partner: a/DSC1.JPG", "1 of 2 in q without partner: DSC3")
 
 
 def test_what_holds_no_poses_is_refused(tmp_path) -> None:

@@ -24,6 +24,11 @@ from insgnss.geodesy.rotation import (
 )
 from insgnss.photogrammetry.adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from insgnss.photogrammetry.mounting_calibration.block_errors import shared_covariance
+from insgnss.photogrammetry.mounting_calibration.equations import (
+    SCALE,
+    TRANSLATION,
+    Assumptions,
+)
 from insgnss.photogrammetry.mounting_calibration.judgement import (
     CONTRADICTING,
     DETERMINED,
@@ -32,12 +37,7 @@ from insgnss.photogrammetry.mounting_calibration.judgement import (
     misread_boresight,
 )
 from insgnss.photogrammetry.mounting_calibration.records import Stated
-from insgnss.photogrammetry.mounting_calibration.solution import (
-    SCALE,
-    TRANSLATION,
-    Assumptions,
-    solve,
-)
+from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.records.strips import CommonErrors
 
 KNOWN = Assumptions(lever_arm_sigma_m=LEVER_SIGMA_M)
@@ -161,8 +161,8 @@ def test_poses_without_covariance_get_it_from_their_residuals() -> None:
     """Oracle: what they were made with, 10 mm and 0.003 deg; 300 values tell it to 15 %."""
     of = posed(seed=7)
     result = solved(replace(of, block=replace(of.block, cov=None)))
-    assert not result.stated
-    position = 0.02 * np.sqrt(result.factors[0])
+    assert set(result.factors) == {"positions", "attitudes"}
+    position = 0.02 * np.sqrt(result.factors["positions"])
     assert position == pytest.approx(0.010, rel=0.3)
     e, P = errors(of, result)
     assert (np.abs(e) < 4.0 * np.sqrt(np.diag(P))).all()

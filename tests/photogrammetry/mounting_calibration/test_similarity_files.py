@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.cli import main
 from insgnss.io.formats.orientation.mounting_file import read_mounting_file
-from insgnss.photogrammetry.mounting_calibration.flight_direction import (
+from insgnss.photogrammetry.lever_arm.flight_direction import (
     flight_direction,
     neighbour_correlation,
 )

@@ -188,7 +188,7 @@ def test_an_input_is_not_overwritten(tmp_path, capsys) -> None:
     before = (tmp_path / "pin.toml").read_bytes()
     words = [str(tmp_path / name) for name in ("poses.csv", "pin.toml")]
     assert main(["calibrate", "tripod", *words, "--out", words[1], "-q"]) == 2
-    assert "is an input, which stays as it is; give another --out FILE" in capsys.readouterr().err
+    assert "would overwrite an input; give another --out FILE" in capsys.readouterr().err
     assert (tmp_path / "pin.toml").read_bytes() == before
 
 

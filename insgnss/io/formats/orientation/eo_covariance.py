@@ -15,6 +15,7 @@ from ....base.files import atomic_write
 from ....base.inputs import opened
 from ....base.unpacking import check_archive
 from ....records import ExteriorOrientation
+from ....records.rows import covariance_of_rows
 from ....records.strips import CommonErrors, StripCovariance
 from ..text.text import Source
 
@@ -100,8 +101,7 @@ def read_eo_covariance(path: Source, eo: ExteriorOrientation) -> tuple[StripCova
                 if cov.shape != (6 * whole.size, 6 * whole.size):
                     raise ValueError(f"cov_{k}: shape {cov.shape} of {whole.size} images")
                 index = np.searchsorted(whole, in_file[rows])
-                columns = (6 * index[:, None] + np.arange(6)).ravel()
-                strips.append(StripCovariance(rows, cov[np.ix_(columns, columns)]))
+                strips.append(StripCovariance(rows, covariance_of_rows(cov, index)))
     for strip in strips:
         _refuse_other_covariances(path, eo, strip)
     return tuple(strips)

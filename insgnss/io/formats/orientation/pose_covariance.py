@@ -11,6 +11,7 @@ from ....base.inputs import opened
 from ....base.output.staging import staged
 from ....base.unpacking import check_archive
 from ....records.block import Array
+from ....records.rows import covariance_of_rows
 from ..text.text import Source
 
 FILE = "poses_covariance.npz"
@@ -72,8 +73,7 @@ def read_pose_covariance(path: Source, images: Sequence[str], own: Array | None 
     row_by_name = {name: k for k, name in enumerate(names)}
     missing = next((name for name in images if name not in row_by_name), None)
     rows = np.array([row_by_name.get(name, 0) for name in images], dtype=np.int64)
-    columns = (6 * rows[:, None] + np.arange(6)).ravel()
-    cov = cov[np.ix_(columns, columns)]
+    cov = covariance_of_rows(cov, rows)
     if missing is None and own is not None:
         sigma = np.sqrt(np.diagonal(cov).reshape(-1, 6)[:, :3])
         other = np.sqrt(np.diagonal(own, axis1=1, axis2=2)[:, :3])

@@ -22,6 +22,7 @@ from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, r
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ....records.relative import GAP_S
+from ....records.rows import covariance_of_rows
 from ...adjust.aerial import (
     BORESIGHT,
     COMMON,
@@ -112,8 +113,7 @@ def control_of(inputs: Inputs, options: AerialControlTable | None = None) -> Con
         if seen.size == 0:
             continue
         rows = piece[seen]
-        columns = (6 * seen[:, None] + np.arange(6)).ravel()
-        cov = whole[np.ix_(columns, columns)]
+        cov = covariance_of_rows(whole, seen)
         parameters, factor = dict.fromkeys(shared, 0), None
         printed = control in RELATIVE and options.relative_weights != "smoothed"
         if common is not None and common.factor[rows].any() and not printed:
@@ -170,9 +170,8 @@ def _motion(eo: ExteriorOrientation, options: AerialControlTable) -> tuple[Array
     """Return velocities and rates of the images, zero where they are not known and not needed."""
     missing = eo.velocity_mps is None or eo.rate_radps is None
     if options.time_offset_sigma_s > 0.0 and missing:
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.file,
-            None,
             "no velocities of the images, which a delay needs; process the flight again, or leave"
             " aerial_control.time_offset_sigma_s out",
         )
@@ -242,9 +241,8 @@ def _pieces(
         return kind, _strips(eo, beside)
     if kind == "chain":
         if eo.cross is None:
-            raise InputError.at_line(
+            raise InputError.in_file(
                 options.file,
-                None,
                 "no covariances of neighbours (images were left out), which"
                 ' aerial_control.covariance = "chain" needs; take the whole file, or "image"',
             )

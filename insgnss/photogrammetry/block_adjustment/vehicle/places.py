@@ -15,6 +15,7 @@ from ....io.formats.blocks.joined import matched
 from ....io.formats.vehicle.target_sizes import read_target_sizes
 from ....records import ExteriorOrientation
 from ....records.block import Array
+from ....records.rows import covariance_of_rows, rows_of
 from .observed import observed, without
 from .track import Track, read_track, rows_by_name, week_shift
 
@@ -59,17 +60,10 @@ class Vehicle:
 
     def rows(self, rows: Rows) -> "Vehicle":
         """Return some of the exposures."""
-        columns = (3 * rows[:, None] + np.arange(3)).ravel()
-        return replace(
-            self,
-            images=tuple(self.images[k] for k in rows),
-            points=tuple(self.points[k] for k in rows),
-            time=self.time[rows],
-            exposures=self.exposures.rows(rows),
-            cov=self.cov[np.ix_(columns, columns)],
-            size_px=self.size_px[rows],
-            size_sigma_px=self.size_sigma_px[rows],
-        )
+        fields = ("images", "points", "time", "size_px", "size_sigma_px")
+        cov = covariance_of_rows(self.cov, rows, 3)
+        exposures = self.exposures.rows(rows)
+        return replace(self, **rows_of(self, rows, fields), exposures=exposures, cov=cov)
 
     def seen_in(self, measured: ImagePoints) -> "Vehicle":
         """Return the exposures whose measurement of the target is among image observations."""
@@ -219,16 +213,14 @@ def at_exposures(
         reason = "are not named in it"
     elif track.time is None:
         assert track.images is not None
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"names none of the images that see the target, such as {images[0]!r};"
             f" {near(images[0], track.images[:200])}",
         )
     elif not np.isfinite(time).any():
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "has stamps, and nothing says when the images were exposed: give aerial control"
             " (eo.json), or name the image of each position",
         )
@@ -242,7 +234,7 @@ def at_exposures(
         reason = f"have no event of the vehicle within {1e3 * EVENT_S:g} ms"
     else:
         if len(track.time) < 2:
-            raise InputError.at_line(path, None, "one row; two are needed to interpolate")
+            raise InputError.in_file(path, "one row; two are needed to interpolate")
         filled = np.where(np.isfinite(time), time, track.time[0] - 1e6)
         placed, there = track.at(filled, options.longest_gap_s)
         placed = placed.rows(np.flatnonzero(there))
@@ -280,17 +272,15 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
     off = placed.time - time
     middle = float(np.nanmedian(off))
     if abs(middle) > OTHER_EVENT_S:
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.file,
-            None,
             f"its stamps lie {middle:+.3f} s from those of the same images ({scale_of(middle)});"
             " give both in one time scale, or vehicle.time_offset_s",
         )
     if np.nanmax(np.abs(off - middle)) > EVENT_S:
         k = int(np.nanargmax(np.abs(off - middle)))
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.file,
-            None,
             f"its stamp of image {placed.images[k] if placed.images else k} lies"
             f" {off[k] - middle:+.3f} s from that of the image, others do not: events are joined"
             " with other images",
@@ -342,12 +332,11 @@ def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
     )
     for seconds in (weeks * WEEK_S, 3600.0 * round(off / 3600.0)):
         if seconds and a - seconds <= last and first <= b - seconds:
-            raise InputError.at_line(
-                options.file, None, f"{text}, as if off by {scale_of(seconds)}; correct its stamps"
+            raise InputError.in_file(
+                options.file, f"{text}, as if off by {scale_of(seconds)}; correct its stamps"
             )
-    raise InputError.at_line(
+    raise InputError.in_file(
         options.file,
-        None,
         f"{text}; give the vehicle's file of this flight"
         + (
             ", at a higher rate, or a larger vehicle.longest_gap_s"
@@ -366,9 +355,8 @@ def _sizes(options: VehicleTable, images: Sequence[str], notes: list[str]) -> tu
     rows = matched(table.images, images)
     own = rows >= 0
     if not own.any():
-        raise InputError.at_line(
+        raise InputError.in_file(
             options.sizes,
-            None,
             f"image {table.images[0]!r} does not see the vehicle's target, nor any other of it;"
             f" {near(table.images[0], list(images)[:200])}",
         )

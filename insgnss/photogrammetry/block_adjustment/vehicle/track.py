@@ -43,6 +43,7 @@ from ....io.formats.vehicle.target_positions import read_target_positions
 from ....records import ExteriorOrientation
 from ....records.block import Array
 from ....records.interpolation import cubic
+from ....records.rows import covariance_of_rows, rows_of
 from ...adjust.aerial import chained_covariance
 from ...adjust.kinematic import gauss_markov
 
@@ -134,33 +135,15 @@ class Track:
             root = root[first] + np.clip(u, 0.0, 1.0)[:, None, None] * (root[last] - root[first])
         cov = self.cov
         if cov is not None:  # instants are rows
-            cov = _blocks_of(cov, np.where(u < 0.5, first, last))
-        return (
-            replace(
-                self,
-                images=None,
-                time=time,
-                position_m=position,
-                velocity=velocity,
-                C_mv=C,
-                root=root,
-                cov=cov,
-            ),
-            within,
-        )
+            cov = covariance_of_rows(cov, np.where(u < 0.5, first, last), 3)
+        there = replace(self, images=None, time=time, position_m=position, velocity=velocity)
+        return replace(there, C_mv=C, root=root, cov=cov), within
 
     def rows(self, rows: Rows) -> "Track":
         """Return some rows of the track."""
-        return replace(
-            self,
-            images=None if self.images is None else tuple(self.images[k] for k in rows),
-            time=None if self.time is None else self.time[rows],
-            position_m=self.position_m[rows],
-            velocity=self.velocity[rows],
-            C_mv=self.C_mv[rows],
-            root=None if self.root is None else self.root[rows],
-            cov=None if self.cov is None else _blocks_of(self.cov, rows),
-        )
+        fields = ("images", "time", "position_m", "velocity", "C_mv", "root")
+        cov = None if self.cov is None else covariance_of_rows(self.cov, rows, 3)
+        return replace(self, **rows_of(self, rows, fields), cov=cov)
 
     def covariance(self, time: Array | None = None) -> Array:
         """Return the covariance of all positions, (3 k, 3 k), m^2 (KI.1).
@@ -188,11 +171,6 @@ class Track:
 
 SAME_S = 1e-4
 """Stamps that differ by less are those of one instant: a vehicle at 20 m/s moves by 2 mm."""
-
-
-def _blocks_of(cov: Array, rows: Rows) -> Array:
-    columns = (3 * rows[:, None] + np.arange(3)).ravel()
-    return np.asarray(cov[np.ix_(columns, columns)])
 
 
 def read_track(
@@ -242,8 +220,8 @@ def _is_trajectory(path: Path) -> bool:
                         f.strip() for f in line.split(",")
                     }
     except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check path and permission"
+        raise InputError.in_file(
+            path, f"cannot be read: {error.strerror or error}; check path and permission"
         ) from None
     return False
 
@@ -251,21 +229,19 @@ def _is_trajectory(path: Path) -> bool:
 def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None) -> Track:
     given = read_trajectory_csv(path)
     if plane is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"positions on the globe ({COLUMNS[2]} ...), which need aerial control, whose"
             " tangent plane has the axes of the block; give a table of positions in these axes",
         )
     if options.target_m is None:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "places of the IMU, and vehicle.target_m (targets: --target-m) is missing: forward,"
             " right, down from there to the target, m",
         )
     if len(given.time) < 2:
-        raise InputError.at_line(path, None, "one row; a trajectory has two at least")
+        raise InputError.in_file(path, "one row; a trajectory has two at least")
     _refuse_radians(path, given)
     arm = np.array(options.target_m)
     C_mn = plane.C_mn(given.lat, given.lon)
@@ -313,9 +289,8 @@ def _refuse_radians(path: Path, given: TrajectoryTable) -> None:
         for x in (heading, np.degrees(heading))
     )
     if as_degrees > ACROSS_RAD and as_radians < 0.25 * as_degrees and as_radians < ACROSS_RAD:
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"headings lie {np.degrees(as_degrees):.0f} deg off the way that the vehicle goes, and"
             f" {np.degrees(as_radians):.0f} deg as radians; give degrees (roll_deg, pitch_deg,"
             " heading_deg)",
@@ -328,19 +303,18 @@ def _of_eo(
     own = read_one_camera(path, "an adjustment")
     arm = np.zeros(3) if options.target_m is None else np.array(options.target_m)
     if not len(own.images):
-        raise InputError.at_line(path, None, "no event; process the vehicle with the exposures")
+        raise InputError.in_file(path, "no event; process the vehicle with the exposures")
     if own.velocity_mps is None or own.rate_radps is None:
-        raise InputError.at_line(path, None, "no velocities; process the vehicle again")
+        raise InputError.in_file(path, "no velocities; process the vehicle again")
     if eo is not None and (own.datum, own.epoch) != (eo.datum, eo.epoch):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             f"positions in {own.datum or 'WGS 84'} {own.epoch or ''}, those of the images in"
             f" {eo.datum or 'WGS 84'} {eo.epoch or ''}; process both with one gnss.datum",
         )
     if plane is None:
-        raise InputError.at_line(
-            path, None, "needs aerial control, whose tangent plane has the axes of the block"
+        raise InputError.in_file(
+            path, "needs aerial control, whose tangent plane has the axes of the block"
         )
     own_plane = TangentPlane(*own.origin)
     turn = plane.C_em.T @ own_plane.C_em
@@ -390,9 +364,8 @@ def _of_table(
     options: VehicleTable, path: Path, plane: TangentPlane | None, eo: ExteriorOrientation | None
 ) -> Track:
     if options.target_m is not None and any(options.target_m):
-        raise InputError.at_line(
+        raise InputError.in_file(
             path,
-            None,
             "a table has positions of the target itself, so that vehicle.target_m has no meaning;"
             " leave it out, or give the trajectory.csv of the vehicle",
         )
@@ -400,8 +373,8 @@ def _of_table(
     position, cov = given.position_m, given.cov
     if options.crs is not None:
         if plane is None:
-            raise InputError.at_line(
-                path, None, "vehicle.crs needs aerial control, whose tangent plane the axes are"
+            raise InputError.in_file(
+                path, "vehicle.crs needs aerial control, whose tangent plane the axes are"
             )
         names = tuple(str(k) for k in range(len(position)))
         axes = GroundAxes(

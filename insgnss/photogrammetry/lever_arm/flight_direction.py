@@ -62,6 +62,22 @@ class FlightDirection:
         across = d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]
         return float(np.sqrt((along**2).mean())), float(np.sqrt((across**2).mean()))
 
+    def lever_arm(self, arm: Array, cov: Array) -> tuple[float, float]:
+        """Return the lever arm along this direction and its standard error.
+
+        Parameters
+        ----------
+        arm, cov : ndarray
+            (3,) and (3, 3) in camera axes, m.
+
+        Returns
+        -------
+        tuple of float
+            m.
+        """
+        f = self.in_camera
+        return float(f @ arm), float(np.sqrt(f @ cov @ f))
+
 
 def flight_direction(position: Array, C_mc: Array, time: Array | None) -> FlightDirection | None:
     """Find where the camera flies to.
