@@ -5,7 +5,6 @@ These are its columns, clock and units. A table whose columns the reader knows b
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +15,15 @@ from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ....io.formats import UNITS
 from ....io.formats.gnss.heights import refused_heights
-from ....io.formats.text.headers import Kinds, factor_of, kinds_like, names_of, unit_in
+from ....io.formats.text.columns import TableSpec
+from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
 from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
 from .halves import half_of_imu
-from .names import Grid, Roles
+from .names import ACCEL, GYRO, Grid, Roles
 from .roles import (
-    ACCEL,
-    GYRO,
     POSITION_SIGMAS,
     fixes_by_values,
     gnss_roles,
@@ -308,9 +306,9 @@ def _events(path: Path, table: Table) -> list[Source]:
     if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
         return []
     if any(name is not None for name in table.grid.names):
-        from ....io.formats.events import events
+        from ....io.formats.events.events import SPEC
 
-        reader_names = set(_as_reader_names(table, events.ALIASES, events.KINDS))
+        reader_names = set(SPEC.named(table.fields))
         return (
             [Source("events", path, f"exposures, {len(table.grid.values)} of them")]
             if {"tow", "image"} <= reader_names
@@ -402,28 +400,19 @@ def _spell_out(
 
 def _reader_finds(role: Role, table: Table, columns: dict[str, int]) -> bool:
     """Whether the reader of text tables takes just these columns by the header."""
-    from ....io.formats.gnss import gnss_text
-    from ....io.formats.imu import imu_csv
-
-    reader = imu_csv if role == "imu" else gnss_text
-    taken = _as_reader_names(table, reader.ALIASES, reader.KINDS)
+    taken = _spec(role).named(table.fields)
     by_itself = {name: k for k, name in enumerate(taken) if name is not None}
     return len(by_itself) == sum(name is not None for name in taken) and by_itself == columns
 
 
-def _as_reader_names(
-    table: Table, aliases: Mapping[str, tuple[str, ...]], kinds: Kinds
-) -> list[str | None]:
-    """What a reader of text tables with these aliases takes each column for by the header."""
-    return names_of(
-        table.fields,
-        {alias: name for name, spellings in aliases.items() for alias in spellings},
-        kinds,
-    )
+def _spec(role: Role) -> TableSpec:
+    """What the reader of text tables takes."""
+    from ....io.formats.gnss import gnss_text
+    from ....io.formats.imu import imu_csv
+
+    return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.SPEC
 
 
 def _is_default(role: Role, columns: list[str]) -> bool:
     """Whether the reader of text tables takes a file without header for these columns."""
-    from ....io.formats.gnss import gnss_text
-
-    return tuple(columns) in ((("tow", *GYRO, *ACCEL),) if role == "imu" else gnss_text.DEFAULTS)
+    return " ".join(columns) in _spec(role).layouts

@@ -13,15 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError, UsageError
 from ....records import GnssFixes, ImuSamples, Quantity
 from ....records.observations import OF_THE_SOLUTION
+from ..gnss import gnss_text
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
-from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
-from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
-from ..imu.imu_csv import ALIASES as IMU_ALIASES
-from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
-from ..text.order import Lines, NumberedRows, Picked
-from ..text.units import check_units
+from ..imu import imu_csv
+from ..text.columns import Settled, TableSpec
+from ..text.order import Lines, NumberedRows, Picked, refuse_rows
+from ..text.units import imu_kinds
 from .content import Content, take_columns
 
 Array = NDArray[np.float64]
@@ -56,11 +55,9 @@ def _taken(
 
 def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
-        if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
-            raise lines.error_at(
-                int(np.argmax(bad)),
-                f"{name} is {column[int(np.argmax(bad))]}; it must be finite; leave the row out",
-            )
+        if name not in OF_THE_SOLUTION:
+            message = f"{name} is {{}}; it must be finite; leave the row out"
+            refuse_rows(lines, ~np.isfinite(column), message, column)
 
 
 def imu_of_content(
@@ -91,13 +88,29 @@ def imu_of_content(
     ImuSamples
         The samples.
     """
-    units = check_units(units, UNIT_KEYS)
-    cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
+    units = imu_csv.SPEC.checked_units(units)
+    required = imu_csv.required_columns(rate_hz)
+    cols = _taken(path, content, columns, variable, required, tuple(imu_csv.SPEC.names))
     lines = NumberedRows(str(path))
     _finite(cols, lines)
-    fields = {key: _fields(columns, names) for key, names in TRIADS.items()}
-    scales, notes = scales_of(str(path), None, fields, units, quantity, rate_hz)
-    return imu_from_columns(cols, lines, str(path), scales, quantity, gps_week, notes)
+    kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
+    settled = _settled(imu_csv.SPEC, path, columns, units, kinds)
+    scales = imu_csv.scales_of(settled, kinds, rate_hz)
+    return imu_csv.imu_from_columns(
+        cols, lines, str(path), scales, quantity, gps_week, settled.notes
+    )
+
+
+def _settled(
+    spec: TableSpec,
+    path: object,
+    columns: Columns,
+    units: Mapping[str, str],
+    kinds: Mapping[str, str] | None = None,
+) -> Settled:
+    """Return the units by the caller and by what the file calls the columns."""
+    fields = {key: _fields(columns, names.split()) for key, names in spec.units.items()}
+    return spec.settled(str(path), None, fields, units, kinds)
 
 
 def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
@@ -147,11 +160,12 @@ def gnss_of_content(
     InputError
         A value that is not finite, repeated positions, or a `repeat_column` that never changes.
     """
-    units = check_units(units, GNSS_UNIT_KEYS)
-    fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
-    scales, notes = fix_scales(str(path), None, fields, units)
+    spec = gnss_text.SPEC
+    units = spec.checked_units(units, "quality")
+    settled = _settled(spec, path, columns, units)
+    scales = gnss_text.fix_scales(settled, units)
     geoid_m, more = settled_undulation(path, None, _fields(columns, ("h",)), undulation_m)
-    table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
+    table = _taken(path, content, columns, variable, spec.required.split(), tuple(spec.names))
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
         mark = (
@@ -181,5 +195,13 @@ def gnss_of_content(
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(
-        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, geoid_m, (*notes, *more)
+        table,
+        lines,
+        str(path),
+        scales,
+        gps_week,
+        sigma_m,
+        sigma_velocity,
+        geoid_m,
+        (*settled.notes, *more),
     )

@@ -21,11 +21,11 @@ from ....base.errors import InputError, near
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
+from ..text.columns import first_repeat
 from ..text.layout import shown
 from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from ..text.xml import parse_xml
-from .columns import first_repeat
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
 IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z", "sx", "sy", "sz")

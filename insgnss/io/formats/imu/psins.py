@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import ImuSamples, Quantity
-from ..text.columns import gps_time
+from ..text.clock import gps_time
 from ..text.layout import BINARY, Layout, decode, is_binary, is_comment
 from ..text.text import Source, load, number, parse
 from ..text.units import DEG

@@ -16,8 +16,8 @@ from ....base.files import atomic_write
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
-from ..text.columns import Aliases, Columns, columns_of
-from ..text.text import Source, read_text_table
+from ..text.columns import Columns, TableSpec
+from ..text.text import Source
 from .exported import (
     OPK,
     angles_of,
@@ -30,15 +30,20 @@ from .exported import (
 
 Array = NDArray[np.float64]
 
-POSE = ("E", "N", "U", "omega", "phi", "kappa")
-SIGMA = ("sE", "sN", "sU", "sOmega", "sPhi", "sKappa")
-COLUMNS = ("image", *POSE, *SIGMA)
-ALIASES: Aliases = {
-    "image": ("image", "img", "photo", "name", "label", "filename"),
-    **{
-        name: (name.lower(), f"{name.lower()}_m", f"{name.lower()}_deg") for name in (*POSE, *SIGMA)
+POSE, SIGMA = "E N U omega phi kappa", "sE sN sU sOmega sPhi sKappa"
+COLUMNS = f"image {POSE} {SIGMA}"
+SPEC = TableSpec(
+    {
+        "image": "image img photo name label filename",
+        **{
+            name: f"{name.lower()} {name.lower()}_m {name.lower()}_deg"
+            for name in f"{POSE} {SIGMA}".split()
+        },
     },
-}
+    required=f"image {POSE}",
+    layouts=(COLUMNS, f"image {POSE}"),
+    text=True,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +108,7 @@ def header(eo: FramedOrientation) -> str:
         ),
         "sigmas: one standard deviation, m and deg",
         *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
-        " ".join(COLUMNS),
+        COLUMNS,
     ]
     return "".join(f"# {line}\n" for line in lines)
 
@@ -116,16 +121,11 @@ def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
     InputError
         What cannot be read, with file and line.
     """
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, COLUMNS[:7], (COLUMNS, COLUMNS[:7]), columns)
-
-    def block(names: tuple[str, ...]) -> Array:
-        return np.column_stack([table.floats(index[name]) for name in names])
-
-    sigma = block(SIGMA) if all(name in index for name in SIGMA) else None
-    pose = block(POSE)
+    table = SPEC.read(path, columns)
+    sigma = table.block(SIGMA) if all(name in table for name in SIGMA.split()) else None
+    pose = table.block(POSE)
     return LocalPlaneEo(
-        table.strings(index["image"]),
+        table.strings("image"),
         pose[:, :3],
         np.radians(pose[:, 3:]),
         None if sigma is None else sigma[:, :3],

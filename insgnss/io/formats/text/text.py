@@ -72,6 +72,13 @@ class Table:
     bad: Mapping[int, InputError] = field(default_factory=dict)
     dates: frozenset[int] = frozenset()
 
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def floats(self, column: int) -> Array:
+        """Return a column (n,)."""
+        return np.ascontiguousarray(self.values[:, column])
+
     def refuse_text(self, columns: Iterable[int]) -> None:
         """Raise InputError at the first field in these columns that is no number."""
         taken = set(columns)
@@ -93,6 +100,9 @@ class TextTable:
     rows: list[list[str]]
     lines: list[int]
     complete: bool = True
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""

@@ -25,7 +25,7 @@ from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacob
 from ....records import GnssFixes, Trajectory
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
-from ..text.columns import check_increasing
+from ..text.clock import check_increasing
 from ..text.order import NumberedRows
 from ..text.text import Source, load_bytes
 
