@@ -19,17 +19,17 @@ def tables_in(path: str | Path) -> list[TableInfo]:
     if form in ("matlab", "npy"):
         return list(tables_of(load_content(form, path)))
     if form == "ardupilot":
-        from .logs.ardupilot import load_ardupilot
+        from .logs.dataflash import read_log
 
-        return list(tables_of(load_ardupilot(path)))
+        return list(tables_of(read_log(path).tables))
     if form == "rosbag":
         from .logs.rosbag import tables_of_bag
 
         return tables_of_bag(path)
     if form == "ulog":
-        from .logs.ulog import load_ulog
+        from .logs.ulog import read_log as read_ulog
 
-        return list(tables_of(load_ulog(path)))
+        return list(tables_of(read_ulog(path).tables))
     if form == "sbet":
         from .trajectory.sbet import FIELDS, read_sbet
 

@@ -88,8 +88,8 @@ def write_rtklib_pos(
     zero = np.zeros(fixes.time.size)
     quality, ns, age, ratios = (zero if c is None else np.nan_to_num(c) for c in given)
     weeks = np.floor(fixes.time / WEEK_S)
-    place = [np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
-    table = [fixes.gps_week + weeks, fixes.time - WEEK_S * weeks, *place, quality, ns]
+    position = [np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
+    table = [fixes.gps_week + weeks, fixes.time - WEEK_S * weeks, *position, quality, ns]
     table += [signed_roots(fixes.cov_ned), age, ratios]
     head, form = HEAD, FORM.format(digits)
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
