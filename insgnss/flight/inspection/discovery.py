@@ -18,41 +18,11 @@ from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
 from .tables.grids import tables_of_file
 from .tables.tabular import VARIABLES, sources_of_table
 
-NO_RECORDINGS = {
-    *(
-        ".toml",
-        ".md",
-        ".yaml",
-        ".yml",
-        ".json",
-        ".xml",
-        ".ini",
-        ".cfg",
-        ".py",
-        ".m",
-        ".r",
-        ".html",
-        ".pdf",
-        ".gz",
-        ".zip",
-    ),
-    *(
-        ".png",
-        ".jpg",
-        ".jpeg",
-        ".tif",
-        ".tiff",
-        ".svg",
-        ".dng",
-        ".mp4",
-        ".sbet",
-        ".smrmsg",
-        ".out",
-        ".kml",
-        ".rdata",
-        ".rda",
-    ),
-}
+_NO_RECORDINGS = (
+    ".toml .md .yaml .yml .json .xml .ini .cfg .py .m .r .html .pdf .gz .zip .png .jpg .jpeg .tif"
+    " .tiff .svg .dng .mp4 .sbet .smrmsg .out .kml .rdata .rda"
+)
+NO_RECORDINGS = set(_NO_RECORDINGS.split())
 RAW_OBSERVATIONS = {".obs", ".rnx", ".crx", ".nav", ".rtcm3", ".ubx"}
 OWN_PRODUCTS = {
     "trajectory.csv",

@@ -36,18 +36,11 @@ if TYPE_CHECKING:
     from .rinex.result import RinexInspection
     from .rinex.survey import Survey
 
-DATA_KEYS = (
-    "accel_file",
-    "columns",
-    "variable",
-    "units",
-    "quantity",
-    "rate_hz",
-    "repeat_column",
-    "sigma_m",
-    "undulation_m",
-    "time_scale",
+_DATA_KEYS = (
+    "accel_file columns variable units quantity rate_hz repeat_column sigma_m undulation_m"
+    " time_scale"
 )
+DATA_KEYS = tuple(_DATA_KEYS.split())
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
 LARGEST, SPARSEST = (
     1e12,

@@ -99,6 +99,10 @@ OF_A_SOLUTION: Names = {
     "hdop": "hdop",
 }
 IMAGES = "image images img photo name label filename file"
+IMAGE_ENDINGS = (
+    ".jpg .jpeg .tif .tiff .png .dng .raw .iiq .arw .cr2 .cr3 .nef .nrw .raf .rw2 .orf .3fr .fff"
+    " .pef .srw .x3f .webp .jp2 .heic"
+)
 EVENTS: Names = {**TIME, "image": f"{IMAGES} event event_id id"}
 DATED: Names = {
     "image": f"{IMAGES} file_name image_name imagename photo_name sourcefile picture camera",

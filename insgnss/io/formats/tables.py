@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...base.errors import InputError
 from .arrays.content import TableInfo, tables_of
-from .detect import by_bytes, head_of, load_content
+from .detect import by_bytes, head_of, is_nmea, load_content
 from .text.headers import kinds_like, unit_in
 from .text.sentences import read_sentences
 from .text.text import read_table, read_text_table
@@ -34,7 +34,7 @@ def tables_in(path: str | Path) -> list[TableInfo]:
         from .trajectory.sbet import FIELDS, read_sbet
 
         return [TableInfo("", FIELDS, read_sbet(path).time.size)]
-    if head.lstrip().startswith(b"$") or b"\n$G" in head:
+    if is_nmea(head):
         return _sentence_kinds(path)
     return [_text(path)]
 

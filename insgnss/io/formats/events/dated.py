@@ -28,7 +28,7 @@ from ....base.errors import InputError, UsageError
 from ....base.wording import named
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
 from ....records import Array, CameraEvents, Check
-from ..names import DATED
+from ..names import DATED, IMAGE_ENDINGS
 from ..text.columns import Columns, NamedTable, TableSpec
 from ..text.layout import Layout, decode, is_comment, shown
 from ..text.order import Lines, note
@@ -43,7 +43,6 @@ STAMP = re.compile(
 DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
 SPEC = TableSpec(DATED, "time", ("time", "image time", "image date time"), text=True)
 QUOTES = " \"'"
-IMAGE_FILE = re.compile(r"\.(jpe?g|tiff?|png|dng|arw|cr[23]|nef|raf|rw2|iiq|3fr)\W*$", re.I)
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
 OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
@@ -237,7 +236,8 @@ def _evident(table: TextTable) -> Columns:
     images = [k for k, name in enumerate(names) if name == "image"]
     if header and not times and "time" not in names:
         times = [k for k, text in enumerate(table.rows[0]) if STAMP.fullmatch(text.strip(QUOTES))]
-        files = [k for k, text in enumerate(table.rows[0]) if IMAGE_FILE.search(text)]
+        endings = tuple(IMAGE_ENDINGS.split())
+        files = [k for k, text in enumerate(table.rows[0]) if text.lower().endswith(endings)]
         images = images or files
         if len(times) != 1 or len(images) != 1:
             return None
