@@ -112,10 +112,10 @@ def _sniff(kind: str, path: str | Path) -> str:
     head, readers = head_of(path), READERS[kind]
     if (form := by_bytes(path, head)) in readers:
         return form
-    recognised = (
-        name for name, (_, _, tells) in readers.items() if tells and function_at(tells)(head)
-    )
-    return next(recognised, list(readers)[-1])
+    for name, reader in readers.items():
+        if reader.tells and function_at(reader.tells)(head):
+            return name
+    return list(readers)[-1]
 
 
 def sniff_imu(path: str | Path) -> str:
