@@ -10,16 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...base.errors import InputError, UsageError
+from ...base.errors import UsageError
 from ...base.units import STANDARD_GRAVITY
 from ...io.formats import TableInfo, describe
 from ...io.formats.arrays.content import take_columns
 from ...io.formats.arrays.mapped import imu_of_content
 from ...io.formats.detect import LOADERS, load_content
-from ...io.formats.imu.imu_csv import ACCEL, GYRO, SPEC
+from ...io.formats.imu.imu_csv import ACCEL, GYRO, SPEC, with_required
 from ...io.formats.names import TIME
 from ...io.formats.text.headers import kinds_like, names_of, unit_in
-from ...io.formats.text.text import read_table
 from ...records import Array, ImuSamples, Quantity
 from .options import TuneOptions
 
@@ -150,15 +149,7 @@ def read_some(
 
 
 def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
-    table = read_table(path, whole=False)
-    names = table.layout.header_fields or tuple(f"[{k + 1}]" for k in range(table.layout.n_fields))
-    index = {}
-    for name, field in fields.items():
-        if field not in names:
-            raise InputError(f"{path}: no column {field}; there are {', '.join(names)}")
-        index[name] = names.index(field)
-    table.refuse_text(index.values())
-    return {name: np.ascontiguousarray(table.values[:, k]) for name, k in index.items()}
+    return with_required(tuple(fields)).read(path, fields).numbers()
 
 
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:

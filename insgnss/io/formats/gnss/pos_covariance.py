@@ -28,14 +28,9 @@ def covariances(
 
     Roots that are all zero have those of `sigma`; the second of the results is where (n,).
     """
-    missing = [name for name in names if name not in cols]
-    if missing:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the header does not name {' '.join(missing)}; let RTKLIB write standard deviations"
-            " (out-outstd)",
-        )
+    if missing := [name for name in names if name not in cols]:
+        message = f"the header does not name {' '.join(missing)}; let RTKLIB write standard"
+        raise InputError.at_line(table.path, None, f"{message} deviations (out-outstd)")
     roots = np.column_stack([cols[name] for name in names])
     unknown = np.asarray(
         (roots == 0.0).all(axis=1) if sigma is not None else np.zeros(len(roots)), dtype=np.bool_
@@ -58,14 +53,8 @@ def covariances(
     P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
     if unknown.any():
         P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
-        notes.append(
-            note(
-                "GNSS rows",
-                f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m",
-                "a covariance each",
-                "sigma_m must suit them",
-            )
-        )
+        finding = f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m"
+        notes.append(note("GNSS rows", finding, "a covariance each", "sigma_m must suit them"))
     return P, unknown
 
 
@@ -82,18 +71,12 @@ def _drop_odd_correlations(
         " definite"
     )
     if bad.mean() > BAD_SHARE_LIMIT:
-        raise table.error_at(
-            row,
-            f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns",
-        )
+        advice = "write more decimals or check the columns"
+        raise table.error_at(row, f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); {advice}")
     P[bad] *= np.eye(3)
-    finding = (
-        f"{summary}, the first in line {table.lines[row]}; these keep their standard deviations"
-        " only"
-    )
-    notes.append(
-        note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
-    )
+    where = f"the first in line {table.lines[row]}; these keep their standard deviations only"
+    expected = "covariances that are positive definite"
+    notes.append(note("GNSS rows", f"{summary}, {where}", expected, "write more decimals"))
 
 
 def covariance_of_roots(roots: Array) -> Array:

@@ -183,19 +183,12 @@ def fixes_of_rows(
         What cannot be, with file and line.
     """
     header, table, cols = read.header, read.table, read.columns
-    notes = [*open_end("GNSS rows", read.complete)] + (
-        []
-        if header.given
-        else [
-            note(
-                "GNSS rows",
-                f"no header; read as {header.scale}, heights above the"
-                f" {'geoid' if undulation_m else 'ellipsoid'}",
-                "RTKLIB's header",
-                "check both; gnss.undulation_m is the geoid's height, where they are above it",
-            )
-        ]
-    )
+    notes = [*open_end("GNSS rows", read.complete)]
+    if not header.given:
+        above = "geoid" if undulation_m else "ellipsoid"
+        finding = f"no header; read as {header.scale}, heights above the {above}"
+        advice = "check both; gnss.undulation_m is the geoid's height, where they are above it"
+        notes.append(note("GNSS rows", finding, "RTKLIB's header", advice))
     base, geodetic = read.base_ecef, _base_place(header)
     if base is None and geodetic is not None:
         advice = "its standard deviations are taken as they are; correct % ref pos of the header"
@@ -204,23 +197,17 @@ def fixes_of_rows(
     cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
+    described = {SOLUTION[n.lower()]: c for n, c in cols.items() if n.lower() in SOLUTION}
     return GnssFixes(
         read.time,
-        lat,
-        lon,
-        height,
-        cov,
-        velocity,
-        velocity_cov,
+        *(lat, lon, height, cov, velocity, velocity_cov),
         quality,
         read.gps_week,
         table.path,
         (*notes, *read.notes),
         base_ecef=base,
         sigma_assumed=assumed if assumed.any() else None,
-        **of_the_solution(
-            {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
-        ),
+        **of_the_solution(described),
     )
 
 
@@ -252,15 +239,10 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
         name if not header.sexagesimal or name == "height" else f"{name}:d"
         for name in POSITION[header.kind]
     ]
-    if missing := [name for name in needed if name not in names] + [
-        name for name in names if names.count(name) > 1
-    ]:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}; let"
-            " RTKLIB write the header",
-        )
+    twice = [name for name in names if names.count(name) > 1]
+    if missing := [name for name in needed if name not in names] + twice:
+        message = f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}"
+        raise InputError.at_line(table.path, None, f"{message}; let RTKLIB write the header")
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
@@ -286,30 +268,18 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
             ) from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
-        _refuse(
-            table,
-            (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0),
-            tod,
-            "{:.3f} s is no time of day",
-        )
+        odd = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
+        _refuse(table, odd, tod, "{:.3f} s is no time of day")
     else:
-        _refuse(
-            table,
-            (cols["week"] < 0.0) | (cols["week"] > 9999.0) | (cols["week"] % 1.0 != 0.0),
-            cols["week"],
-            "{:g} is no GPS week",
-        )
-        _refuse(
-            table,
-            (cols["tow"] < 0.0) | (cols["tow"] > 2.0 * WEEK_S),
-            cols["tow"],
-            "{:.3f} s is no time of week",
-        )
+        week, tow = cols["week"], cols["tow"]
+        odd = (week < 0.0) | (week > 9999.0) | (week % 1.0 != 0.0)
+        _refuse(table, odd, week, "{:g} is no GPS week")
+        _refuse(table, (tow < 0.0) | (tow > 2.0 * WEEK_S), tow, "{:.3f} s is no time of week")
         seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
     if header.scale != "GPST":
         tod = tod + leap_seconds(seconds + GPS_EPOCH_UNIX_S + np.floor(tod))
-    week = int((seconds[0] + tod[0]) // WEEK_S)
-    return (seconds - week * WEEK_S) + tod, week
+    first = int((seconds[0] + tod[0]) // WEEK_S)
+    return (seconds - first * WEEK_S) + tod, first
 
 
 def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
@@ -331,17 +301,10 @@ def _position(
     if header.kind == "latitude":
         n = len(given)
         for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
-            _refuse(
-                table,
-                np.abs(cols[name]) > limit,
-                cols[name],
-                f"{name} {{:.6f}} deg exceeds {limit:.0f}",
-            )
-        lat, lon, height = (
-            np.radians(given[:, 0]),
-            np.radians(given[:, 1]),
-            _above_ellipsoid(table, header, given[:, 2], undulation_m),
-        )
+            message = f"{name} {{:.6f}} deg exceeds {limit:.0f}"
+            _refuse(table, np.abs(cols[name]) > limit, cols[name], message)
+        height = _above_ellipsoid(table, header, given[:, 2], undulation_m)
+        lat, lon = np.radians(given[:, :2].T)
         return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
     C_e = np.eye(3)
     if header.kind == "e-baseline":
@@ -349,12 +312,8 @@ def _position(
         given = origin + given @ C_e.T
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
         radius = np.linalg.norm(given, axis=1)
-    _refuse(
-        table,
-        (radius < 6e6) | (radius > 6e7),
-        radius,
-        "{:.0f} m from the Earth's centre is no antenna",
-    )
+    odd = (radius < 6e6) | (radius > 6e7)
+    _refuse(table, odd, radius, "{:.0f} m from the Earth's centre is no antenna")
     lat, lon, height = ecef_to_geodetic(given)
     return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
 
@@ -428,18 +387,10 @@ def _velocity(
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
-        finding = (
-            "velocities without standard deviations, or of zero, were not estimated and are"
-            " left out"
-        )
-        notes.append(
-            note(
-                "GNSS rows",
-                finding,
-                "velocities with their standard deviations",
-                "let RTKLIB use Doppler, or leave velocities out",
-            )
-        )
+        finding = "velocities without standard deviations, or of zero, were not estimated and are"
+        expected = "velocities with their standard deviations"
+        advice = "let RTKLIB use Doppler, or leave velocities out"
+        notes.append(note("GNSS rows", f"{finding} left out", expected, advice))
         return None, None
     velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
     fastest = np.abs(velocity).max(axis=1, initial=0.0)

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base import __version__
-from ....base.files import atomic_write
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
-from ..text.columns import Columns, TableSpec
+from ..text.columns import Columns, TableOut, TableSpec
 from ..text.text import Source
 from .exported import (
     OPK,
@@ -25,13 +24,16 @@ from .exported import (
     frame_attitude,
     position_sigma,
     quoted_names,
-    table_text,
 )
 
 Array = NDArray[np.float64]
 
 POSE, SIGMA = "E N U omega phi kappa", "sE sN sU sOmega sPhi sKappa"
-COLUMNS = f"image {POSE} {SIGMA}"
+OUT = TableOut(
+    "image E=%.4f N=%.4f U=%.4f omega=%.6f phi=%.6f kappa=%.6f sE=%.5f sN=%.5f sU=%.5f"
+    " sOmega=%.6f sPhi=%.6f sKappa=%.6f",
+    " ",
+)
 SPEC = TableSpec(
     {
         "image": "image img photo name label filename",
@@ -41,7 +43,7 @@ SPEC = TableSpec(
         },
     },
     required=f"image {POSE}",
-    layouts=(COLUMNS, f"image {POSE}"),
+    layouts=(OUT.names, f"image {POSE}"),
     text=True,
 )
 
@@ -84,14 +86,13 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
     images = quoted_names(eo.images, None)
     opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
-    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + " %.6f" * 3 + "\n"
-    atomic_write(path, table_text(header(eo), images, form, table))
+    OUT.write(path, table, images, comments=comments(eo))
 
 
-def header(eo: FramedOrientation) -> str:
-    """Return the comment lines: frame, origin, angle set, what was applied, column names."""
+def comments(eo: FramedOrientation) -> list[str]:
+    """Return the comment lines: frame, origin, angle set, what was applied."""
     lat, lon = np.degrees(eo.frame.origin[:2])
-    lines = [
+    return [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
             f" {eo.gps_week}"
@@ -108,9 +109,7 @@ def header(eo: FramedOrientation) -> str:
         ),
         "sigmas: one standard deviation, m and deg",
         *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
-        COLUMNS,
     ]
-    return "".join(f"# {line}\n" for line in lines)
 
 
 def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
