@@ -352,6 +352,8 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
 
 def read_text_table(path: Source) -> TextTable:
     """Read a table with columns of text, such as image names; for files of some thousand lines."""
+    from . import _kernels
+
     buf, complete = load(path)
     layout = sniff(path, buf)
     rows, lines = [], []
@@ -362,20 +364,10 @@ def read_text_table(path: Source) -> TextTable:
         refuse_long(path, line, text)
         fields = split_fields(text, layout.delimiter)
         if len(fields) != layout.n_fields:
-            cut = (
-                not complete
-                and line == layout.first_line + len(raw) - 1
-                and len(fields) < layout.n_fields
-            )
-            description = (
-                "truncated: the file ends within this line,"
-                if cut
-                else f"{len(fields)} fields, expected {layout.n_fields}:"
-            )
-            seen, advice = shown(text.strip()), "correct or delete the line"
-            if is_binary(text):
-                seen, advice = ascii(text[:10]) + "...", BINARY
-            raise InputError.at_line(path, line, f"{description} {seen}; {advice}")
+            status = _kernels.TOO_MANY if len(fields) > layout.n_fields else _kernels.TOO_FEW
+            ends = np.flatnonzero(buf == ord("\n"))
+            offset = int(ends[line - 2]) + 1 if line > 1 else 0
+            raise _refusal(path, buf, complete, layout, status, offset, line)
         rows.append(fields)
         lines.append(line)
     if not complete:
