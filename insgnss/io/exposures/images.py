@@ -56,9 +56,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
             )
     else:
         try:
-            names = [
-                line.strip() for line in lines_of(decode(read_bytes(path)).removeprefix("\ufeff"))
-            ]
+            names = [line.strip() for line in lines_of(decode(read_bytes(path)))]
         except OSError as error:
             raise InputError.at_line(
                 path,

@@ -112,16 +112,17 @@ def gnss_roles(grid: Grid) -> Roles | None:
 
 def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    named = columns
-    left = _not_finite(grid, columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
-    left |= _unused_velocity(columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
-    left |= _no_sigmas(grid, columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
+    named, left = columns, dict[str, str]()
+
+    def without(reasons: dict[str, str]) -> dict[str, int]:
+        left.update(reasons)
+        return {role: k for role, k in columns.items() if role not in reasons}
+
+    columns = without(_not_finite(grid, columns))
+    columns = without(_unused_velocity(columns))
+    columns = without(_no_sigmas(grid, columns))
     units = {"angle": angle_unit(grid, columns["lat"], columns["lon"])}
-    left |= _quality(grid, columns, units)
-    columns = {role: k for role, k in columns.items() if role not in left}
+    columns = without(_quality(grid, columns, units))
     height = grid.values[:, columns["h"]]
     if (
         units["angle"] == TENTH_MICRODEGREES

@@ -18,7 +18,8 @@ from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
 from ..imu import imu_csv
-from ..text.columns import Settled, TableSpec
+from ..text.columns import TableSpec
+from ..text.headers import Settled
 from ..text.order import Lines, NumberedRows, Picked, refuse_rows
 from ..text.units import imu_kinds
 from .content import Content, take_columns
@@ -30,22 +31,14 @@ OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SI
 
 
 def _taken(
-    path: object,
-    content: Content,
-    columns: Columns,
-    variable: str | None,
-    required: Sequence[str],
-    accepted: Sequence[str],
+    spec: TableSpec, path: object, content: Content, columns: Columns, variable: str | None
 ) -> dict[str, Array]:
     names = list(columns)
-    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in accepted]):
-        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(accepted)}")
-    cols = {
-        name: column
-        for name, column in take_columns(path, content, columns, variable).items()
-        if name in accepted
-    }
-    if missing := [name for name in required if name not in cols]:
+    if isinstance(columns, Mapping) and (odd := [n for n in names if n not in spec.names]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(spec.names)}")
+    taken = take_columns(path, content, columns, variable)
+    cols = {name: column for name, column in taken.items() if name in spec.names}
+    if missing := [name for name in spec.required.split() if name not in cols]:
         raise InputError(
             f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the"
             " file"
@@ -89,12 +82,12 @@ def imu_of_content(
         The samples.
     """
     units = imu_csv.SPEC.checked_units(units)
-    required = imu_csv.required_columns(rate_hz)
-    cols = _taken(path, content, columns, variable, required, tuple(imu_csv.SPEC.names))
+    spec = imu_csv.with_required(imu_csv.required_columns(rate_hz))
+    cols = _taken(spec, path, content, columns, variable)
     lines = NumberedRows(str(path))
     _finite(cols, lines)
     kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
-    settled = _settled(imu_csv.SPEC, path, columns, units, kinds)
+    settled = _settled(spec, path, columns, units, kinds)
     scales = imu_csv.scales_of(settled, kinds, rate_hz)
     return imu_csv.imu_from_columns(
         cols, lines, str(path), scales, quantity, gps_week, settled.notes
@@ -165,7 +158,7 @@ def gnss_of_content(
     settled = _settled(spec, path, columns, units)
     scales = gnss_text.fix_scales(settled, units)
     geoid_m, more = settled_undulation(path, None, _fields(columns, ("h",)), undulation_m)
-    table = _taken(path, content, columns, variable, spec.required.split(), tuple(spec.names))
+    table = _taken(spec, path, content, columns, variable)
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
         mark = (

@@ -62,7 +62,7 @@ def read_gcp_list(
     positive_sigma(sigma_px, "gcp_list")
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
-    text = decode(load_bytes(path).tobytes()).lstrip("\ufeff")
+    text = decode(load_bytes(path).tobytes())
     rows = [
         (line, row.strip())
         for line, row in enumerate(lines_of(text), start=1)

@@ -158,7 +158,7 @@ def recognised(path: Source) -> str:
     head = head_of(path)
     if not head:
         raise InputError.at_line(path, None, "is empty; export the image observations again")
-    text = decode(head).lstrip("\ufeff \r\n\t")
+    text = decode(head).lstrip()
     if head.startswith(b"PK\x03\x04") or path.suffix.lower() in (".psx", ".psz"):
         return "metashape"
     if COLMAP_FILE.fullmatch(path.name):

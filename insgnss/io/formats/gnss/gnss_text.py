@@ -16,8 +16,8 @@ from ....records import GnssFixes
 from ....records.observations import OF_THE_SOLUTION
 from ..names import GNSS, OF_A_SOLUTION, taken_by_readers
 from ..orientation.exported import quoted_names
-from ..text.columns import Columns, NamedTable, Settled, TableOut, TableSpec
-from ..text.headers import normalised
+from ..text.columns import Columns, NamedTable, TableOut, TableSpec
+from ..text.headers import Settled, normalised
 from ..text.text import Source, Table
 from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from .heights import settled_undulation

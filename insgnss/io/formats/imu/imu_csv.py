@@ -16,8 +16,9 @@ from ....base.errors import InputError, UsageError
 from ....records import Check, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..text.clock import clock_of, gps_time
-from ..text.columns import Columns, NamedTable, Settled, TableSpec
+from ..text.columns import Columns, NamedTable, TableSpec
 from ..text.direct import Bytes, Rows, Target, read_columns
+from ..text.headers import Settled
 from ..text.layout import sniff
 from ..text.order import Lines, note, put_in_order
 from ..text.stamps import spread_evenly, unrepeated

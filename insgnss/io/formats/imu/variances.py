@@ -107,13 +107,13 @@ def read_variances(
         A member that does not exist, or what is no unit.
     """
     check_units(units, ("gyro", "accel"))
-    raw = bytes(load_bytes(path)).removeprefix(b"\xef\xbb\xbf")
-    if raw.lstrip()[:1] in (b"{", b"["):
-        return _read_json(path, decode(raw), member, units or {})
+    content = decode(bytes(load_bytes(path)))
+    if content.lstrip()[:1] in ("{", "["):
+        return _read_json(path, content, member, units or {})
     if member is not None:
         raise UsageError(f"{path}: member {member!r} of a text table; only JSON files have members")
     given = {"rate_hz": rate_hz, "samples": samples, "axis": axis}
-    comments = _comments(decode(raw))
+    comments = _comments(content)
     text = {key: str(value) for key, value in given.items() if value is not None}
     for sensor, unit in (units or {}).items():
         text[f"{sensor}_unit"] = unit

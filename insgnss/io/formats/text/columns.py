@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from ..names import Names, taken_by_readers
 from .clock import gps_time
 from .dates import UNIT as DATES_UNIT
 from .direct import Rows
-from .headers import SENSORS, Kinds, names_of, normalised, settled_units
+from .headers import SENSORS, Kinds, Settled, names_of, normalised, settled_units
 from .layout import Layout, shown
 from .order import note, open_end, refuse_rows
 from .text import Source, Table, TextTable, format_rows, read_table, read_text_table
@@ -38,14 +37,6 @@ DATES_FOR_STAMPS = (
     "give a clock of its own where they are of another time scale, or time_offset_s",
 )
 METRES = "m metre metres meter meters"  # spellings of a unit, as `TableSpec.strict` has them
-
-
-class Settled(NamedTuple):
-    """Units and their factors by key, and the notes on them."""
-
-    units: dict[str, str]
-    factors: dict[str, float]
-    notes: tuple[Check, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,9 +218,8 @@ class TableSpec:
         kinds : mapping, optional
             Kind of the unit of each key, where it is not that of its name.
         """
-        columns = {key: names.split() for key, names in self.units.items()}
-        of = {key: KIND_OF.get(key, key) for key in columns} | dict(kinds or {})
-        return Settled(*settled_units(path, line, columns, of, fields, given, self.record))
+        of = {key: KIND_OF.get(key, key) for key in self.units} | dict(kinds or {})
+        return settled_units(path, line, self.units, of, fields, given, self.record)
 
 
 def _uneven_header(path: str, layout: Layout) -> InputError:

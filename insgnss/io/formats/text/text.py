@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
-from ....base.inputs import opened
+from ....base.inputs import BOM, opened
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -140,7 +140,7 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     buf = load_bytes(path, 1)
     if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError.at_line(path, 1, "is UTF-16 text; save it as UTF-8")
-    if bytes(buf[:3]) == b"\xef\xbb\xbf":
+    if bytes(buf[:3]) == BOM:
         buf[:3] = ord(" ")
     buf[-1] = ord("\n")
     return buf, bool(buf[-2] == ord("\n"))
