@@ -41,7 +41,7 @@ def _parts(name: str) -> list[str]:
     return [".".join(parts[k:]) for k in range(len(parts))]
 
 
-CLOCK_NAMES, WEEK_NAMES = taken_by_inspect(TIME["tow"]), taken_by_inspect(TIME["week"])
+CLOCK_NAMES, WEEK_NAMES = (frozenset(taken_by_inspect(TIME[x])) for x in ("tow", "week"))
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 
 

@@ -121,8 +121,9 @@ def read_position_table(path: Source) -> NamedPositions:
         A column that is unknown, a field that is no number, a standard deviation that is not
         positive, a name that is there twice, or no latitude, with file and line.
     """
-    geodetic = "lat" in _header(read_text_table(path))
-    table = (GEODETIC_POSITIONS if geodetic else CARTESIAN_POSITIONS).read(path)
+    whole = read_text_table(path)
+    geodetic = "lat" in _header(whole)
+    table = (GEODETIC_POSITIONS if geodetic else CARTESIAN_POSITIONS).of(whole)
     names = _names(table)
     position = table.block("lat lon z" if geodetic else "x y z")
     if geodetic:

@@ -29,7 +29,7 @@ from ....base.wording import named
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
 from ....records import Array, CameraEvents, Check
 from ..names import DATED, IMAGE_ENDINGS
-from ..text.columns import Columns, NamedTable, TableSpec
+from ..text.columns import Columns, TableSpec
 from ..text.layout import Layout, decode, is_comment, shown
 from ..text.order import Lines, note
 from ..text.text import Source, TextTable, load
@@ -121,7 +121,7 @@ def read_dated_events(
     """
     table = _table(path)
     chosen = columns if columns is not None else _evident(table)
-    named_table = NamedTable(SPEC, table, SPEC.index(table.path, table.layout, chosen))
+    named_table = SPEC.of(table, chosen)
     index, texts = named_table.index, named_table.strings("time")
     if "date" in index and not STAMP.search(texts[0]):
         days = named_table.strings("date")

@@ -188,6 +188,10 @@ class TableSpec:
     def read(self, path: Source, columns: Columns = None) -> "NamedTable":
         """Read a table; InputError with file and line for what cannot be read."""
         table = read_text_table(path) if self.text else read_table(path, whole=False)
+        return self.of(table, columns)
+
+    def of(self, table: Table | TextTable, columns: Columns = None) -> "NamedTable":
+        """Return a table that was read with its columns; InputError as `index`, and for text."""
         if isinstance(table, Table) and table.layout.header is None and columns is None:
             table.refuse_text(range(table.layout.n_fields))
         index = self.index(table.path, table.layout, columns)
