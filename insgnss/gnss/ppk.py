@@ -31,7 +31,7 @@ from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
 from ..io.exposures.match import check_delay, delayed
 from ..io.exposures.naming import ImageMatch, events_of, named
-from ..io.formats.gnss.rtklib_pos import write_rtklib_pos
+from ..io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from ..navigation.prepare.fix_covariance.classes import (
     SAME_EPOCH_S,
     VALIDATED,

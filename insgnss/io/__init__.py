@@ -25,6 +25,8 @@ Where to look
         XML, attributes, JSON `formats/text/numbers.py`
     columns of a large IMU table in two threads: `formats/text/direct.py`; what it refuses is read
         again by `parse` of `formats/text/text.py`, which says what and where
+    a table of text: `TableSpec` and `TableOut` in `formats/text/columns.py`, stamps in `clock.py`
+        there; which names a column may have, for readers and `inspect`: `formats/names.py`
     units of a header: `formats/text/headers.py`, factors in `units.py` there
     zeros of standard deviations: `formats/gnss/rounding.py`; stamps spread evenly, dates:
         `formats/text/stamps.py`, `dates.py` there

@@ -12,7 +12,8 @@ from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_
 from insgnss.gnss.engine.combined import combined
 from insgnss.gnss.engine.rtklib import EngineRun, solve
 from insgnss.gnss.options import SOLUTION_TYPE, EngineOptions
-from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -12,7 +12,8 @@ from insgnss.flight.config.command_line import names_of
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.antenna_files import ANTENNA_FILES
 from insgnss.gnss.ppk import PpkResult
-from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.records import GnssFixes
 
 WORDS = [

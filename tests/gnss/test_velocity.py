@@ -27,7 +27,7 @@ from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import Observations, read_observations
 from insgnss.gnss.satellites.frequencies import HERTZ
 from insgnss.gnss.satellites.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
-from insgnss.io.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.navigation.align.initial import initial_state
 from insgnss.records import GnssFixes
 from insgnss.simulation.dataset import write_simulated

@@ -208,7 +208,7 @@ def test_code_positions_are_said_to_be_absolute_and_relative(diagnostics) -> Non
         f"from one minute to the next positions agree to {2.5 * np.sqrt(2) * change:.2f} m and"
         f" {5 * change:.2f} m" in text
     )
-    assert s["headline"].startswith("Use it: trajectory: median sigmas 2.40 / 2.40 / 4.50 m (N, E, D)")
+    assert s["headline"].startswith("Use it: trajectory: median sigmas 2.40 / 2.40 / 4.50 m")
 
 
 def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def _unit_keys() -> tuple[str, ...]:
-    from ...io.formats.barometer import UNIT_COLUMNS
+    from ...io.formats.barometer import SPEC
 
-    return tuple(UNIT_COLUMNS)
+    return tuple(SPEC.units)
 
 
 @dataclass(frozen=True)

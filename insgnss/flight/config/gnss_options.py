@@ -23,9 +23,9 @@ QUALITIES = ("fixed", "float", "sbas", "dgps", "single", "ppp")
 
 
 def _unit_keys() -> tuple[str, ...]:
-    from ...io.formats.gnss.gnss_text import UNIT_KEYS
+    from ...io.formats.gnss.gnss_text import SPEC
 
-    return UNIT_KEYS
+    return (*SPEC.units, "quality")
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ def _quantities() -> Words:
 
 
 def _imu_unit_keys() -> tuple[str, ...]:
-    from ...io.formats.imu.imu_csv import UNIT_KEYS
+    from ...io.formats.imu.imu_csv import SPEC
 
-    return UNIT_KEYS
+    return tuple(SPEC.units)
 
 
 def _no_axes(item: Declared, value: Any) -> str:

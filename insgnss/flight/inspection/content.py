@@ -5,17 +5,16 @@ reason. Numbers that a file's own header gives a unit for are not given another 
 contradict it.
 """
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.recognise.streams import classes_apart
-from ...records import Check, GnssFixes, ImuSamples
+from ...records import GnssFixes, ImuSamples
 from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
+from .evidence import SAME, SENSORS, SURE, Axes, factor_of_numbers, in_words
 from .mounting_drawing import drawn_in_letters
 from .noise import draft_noise
 from .rinex.result import draft_raw_gnss
@@ -26,12 +25,8 @@ if TYPE_CHECKING:
     from ...navigation.recognise.recognition import Recognition
     from .rinex.survey import Survey
 
-SURE = 0.9
 KNOWN_S = 0.005  # a latency known to this needs no state
 LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
-SAME = 0.02  # of a factor
-UPRIGHT = 0.85  # of |f|, along the axis that is vertical
-SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 REMARKS = (
     "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
     "Keys that are commented out are not settled by the data: check these by hand.",
@@ -41,28 +36,6 @@ NEEDS_POSITION = (
     "a static recording needs a position to become a flight: set gnss.stationary = [latitude,"
     " longitude, height] in a flight file; as it is, insgnss tune makes a noise model of it"
 )
-
-
-@dataclass(frozen=True)
-class Axes:
-    """Axes in words with the evidence.
-
-    `sure` is set where at least the vertical is certain, so that they are better than the default.
-    """
-
-    words: str
-    why: str
-    sure: bool
-
-
-def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
-    """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
-    rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
-    gyro, accel = (
-        recognition.gyro_factor * rate,
-        recognition.accel_factor * recognition.accel_sign * rate,
-    )
-    return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
 
 
 def draft_flight(
@@ -210,7 +183,7 @@ def _units(
             )
         return
     for key, name in SENSORS.items():
-        why.append(_evidence(recognition.finding(name)))
+        why.append(in_words(recognition.finding(name)))
         unit = _unit_of_numbers(source, recognition, key)
         if unit is not None:
             units[key] = unit
@@ -219,7 +192,7 @@ def _units(
         "imu",
         "quantity",
         recognition.quantity,
-        _evidence(finding),
+        in_words(finding),
         finding.confidence > SURE or recognition.quantity == "mean_rate",
     )
     if units:
@@ -230,7 +203,7 @@ def _units(
             "exchanged latitude and longitude, or a wrong sign of one of them, would look the same:"
             " check them"
         )
-        draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
+        draft.add("imu", "accel_sign", -1, f"{in_words(sign)}; {mirrored}", sign.confidence > SURE)
 
 
 def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
@@ -250,7 +223,7 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
     from ...io.formats import UNITS
     from ...io.formats.text.headers import factor_of, kinds_like
 
-    factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+    factor = factor_of_numbers(recognition, key)
     if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
         return None
     header_unit = source.header_units.get(key)
@@ -263,212 +236,6 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
         ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0)
     )
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
-
-
-def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
-    """Check the units that the file gives against the data.
-
-    A contradiction is a note where the draft can follow the data.
-    """
-    checks = []
-    for key, name in SENSORS.items():
-        finding = recognition.finding(name)
-        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
-        if (
-            source.header_units == {}
-            or key not in (source.header_units or SENSORS)
-            or finding.confidence <= SURE
-            or abs(factor - 1.0) < SAME
-        ):
-            continue
-        unit_source = (
-            "its format"
-            if source.header_units is None
-            else f"{source.header_units[key]}, as its header says"
-        )
-        finding_text, expected = (
-            f"{factor:.4g} times what the file says: {finding.evidence}",
-            f"the {key} values in the unit of {unit_source}",
-        )
-        if source.header_units is None:
-            checks.append(
-                Check(
-                    f"unit of {key}",
-                    finding_text,
-                    expected,
-                    "contradiction",
-                    "the file is not what its format says; convert it",
-                )
-            )
-        else:
-            checks.append(
-                Check(
-                    f"unit of {key}", finding_text, expected, "note", "the draft follows the data"
-                )
-            )
-    return checks
-
-
-def counts(source: Source, recognition: "Recognition") -> list[Check]:
-    """Return a contradiction for each sensor whose numbers are in no known unit.
-
-    The flight file must give what one count is worth.
-    """
-    checks = []
-    for key, name in SENSORS.items():
-        finding = recognition.finding(name)
-        counts_likely = (
-            key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
-        ) or "may be counts" in finding.evidence
-        if finding.confidence == 0.0 and counts_likely:
-            worth = (
-                f" (gravity makes it about {recognition.accel_factor:.4g})"
-                if key == "accel"
-                else ""
-            )
-            advice = (
-                f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives"
-                " it, and whether they are increments"
-            )
-            checks.append(
-                Check(
-                    f"unit of {key}",
-                    finding.evidence,
-                    "a unit that is known, or the value of a count",
-                    "contradiction",
-                    advice,
-                )
-            )
-    return checks
-
-
-def assumed_rate(source: Source) -> list[Check]:
-    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
-    if "rate_hz" not in source.keys:
-        return []
-    advice = (
-        "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
-        " in imu.columns"
-    )
-    finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
-    return [
-        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
-    ]
-
-
-def strangers(recognition: "Recognition") -> list[Check]:
-    """Check that samples and fixes are of one recording, latitude and longitude in their order."""
-    from ...navigation.recognise.recognition import EXCHANGED_ADVICE
-
-    if recognition.exchanged:
-        return [
-            Check(
-                "GNSS position",
-                recognition.finding("force sign").evidence,
-                "latitude and longitude in their order",
-                "contradiction",
-                EXCHANGED_ADVICE,
-            )
-        ]
-    clock = recognition.finding("time offset")
-    if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
-        return []
-    advice = (
-        "if it moved, check that samples and fixes are of one recording; no time offset is better"
-        " than all others"
-    )
-    return [
-        Check(
-            "common motion",
-            clock.evidence,
-            "one time offset that explains the motion",
-            "note",
-            advice,
-        )
-    ]
-
-
-def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
-    """Return the findings with the units of the file's header, where the data agree with it."""
-    findings = {finding.name: finding for finding in recognition.findings}
-    for key, name in SENSORS.items():
-        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
-        header_unit, finding = (source.header_units or {}).get(key), findings[name]
-        if (
-            header_unit is not None
-            and finding.confidence > 0.0
-            and abs(factor - 1.0) < SAME
-            and header_unit != finding.value
-        ):
-            evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
-            findings[name] = replace(finding, value=header_unit, evidence=evidence)
-    return replace(recognition, findings=tuple(findings.values()))
-
-
-def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
-    """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
-
-    With the vertical alone forward is chosen freely.
-
-    Parameters
-    ----------
-    source : Source
-    imu : ImuSamples
-        In m/s^2 of specific force.
-    recognition : Recognition or None
-
-    Returns
-    -------
-    Axes
-    """
-    if recognition is not None and recognition.axes is not None:
-        finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")
-        unsure = (
-            ""
-            if finding.confidence > SURE
-            else "; the likeliest, but NOT SURE: check which way it was mounted"
-        )
-        return Axes(recognition.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
-    if source.axes:
-        return Axes(source.axes, "by the convention of the format", True)
-    up = np.median(imu.accel, axis=0)
-    words, axis = vertical_axes(up)
-    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
-        np.median(np.linalg.norm(imu.accel, axis=1))
-    )
-    why = (
-        f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
-        " KNOWN: the data do not show it"
-    )
-    return Axes(words, why, steady)
-
-
-def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
-    """Choose axes by the specific force at rest (3,): the vertical is certain, forward is free.
-
-    Returns
-    -------
-    tuple of str
-        The axes in words, and the IMU axis that is vertical.
-    """
-    from ...navigation.prepare.axes import DIRECTIONS
-
-    axis = int(np.argmax(np.abs(mean_force)))
-    words = ["", "", ""]
-    words[axis] = "up" if mean_force[axis] > 0.0 else "down"
-    first, second = [k for k in range(3) if k != axis]
-    words[first], words[second] = "forward", "right"
-    right_handed = (
-        np.linalg.det(
-            np.column_stack(
-                [np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words]
-            )
-        )
-        > 0.0
-    )
-    if not right_handed:
-        words[second] = "left"
-    return " ".join(words), "xyz"[axis]
 
 
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
@@ -492,12 +259,12 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
         why = (
             "the data do not determine the latency"
             if recognition is None
-            else _evidence(recognition.finding("time offset"))
+            else in_words(recognition.finding("time offset"))
         )
         draft.add("gnss", "time_offset_s", 0.0, why, sure=False)
         return
     scale = recognition.finding("time scale")
-    why = _evidence(recognition.finding("time offset")) + (
+    why = in_words(recognition.finding("time offset")) + (
         f"; time scale {scale.value}: {scale.evidence}" if recognition.time_scale != "same" else ""
     )
     significant = abs(recognition.time_offset_s) > 2.0 * recognition.time_offset_sigma_s
@@ -563,9 +330,3 @@ def left_out(source: Source) -> str:
     """Name the columns of a source's table that nothing takes; empty where all are taken."""
     columns = source.columns_left_out
     return f"; columns left out: {', '.join(columns)}" if columns else ""
-
-
-def _evidence(finding: Any) -> str:
-    return (
-        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
-    )

@@ -14,45 +14,15 @@ import numpy as np
 from ...base.advance import through
 from ...base.errors import InputError, InsgnssError
 from ...base.inputs import check_input, is_file, opened
-from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
+from .sources import NO_SIGMA, SINGLE_POINT, Keys, Role, Source
 from .tables.grids import tables_of_file
 from .tables.tabular import VARIABLES, sources_of_table
 
-NO_RECORDINGS = {
-    *(
-        ".toml",
-        ".md",
-        ".yaml",
-        ".yml",
-        ".json",
-        ".xml",
-        ".ini",
-        ".cfg",
-        ".py",
-        ".m",
-        ".r",
-        ".html",
-        ".pdf",
-        ".gz",
-        ".zip",
-    ),
-    *(
-        ".png",
-        ".jpg",
-        ".jpeg",
-        ".tif",
-        ".tiff",
-        ".svg",
-        ".dng",
-        ".mp4",
-        ".sbet",
-        ".smrmsg",
-        ".out",
-        ".kml",
-        ".rdata",
-        ".rda",
-    ),
-}
+_NO_RECORDINGS = (
+    ".toml .md .yaml .yml .json .xml .ini .cfg .py .m .r .html .pdf .gz .zip .png .jpg .jpeg .tif"
+    " .tiff .svg .dng .mp4 .sbet .smrmsg .out .kml .rdata .rda"
+)
+NO_RECORDINGS = set(_NO_RECORDINGS.split())
 RAW_OBSERVATIONS = {".obs", ".rnx", ".crx", ".nav", ".rtcm3", ".ubx"}
 OWN_PRODUCTS = {
     "trajectory.csv",
@@ -234,15 +204,16 @@ def _fix_log(path: Path, form: str) -> Source:
 
     if form != "nmea":
         return Source("gnss", path, FIX_LOGS[form])
-    keys = {"sigma_velocity_mps": SINGLE_POINT["sigma_velocity_mps"]}
-    why = {
-        "sigma_velocity_mps": (
-            "RMC gives a velocity without standard deviations: those of a usual receiver"
-        )
-    }
+    entry = Keys()
+    velocity = SINGLE_POINT["sigma_velocity_mps"]
+    entry.set(
+        "sigma_velocity_mps",
+        velocity,
+        "RMC gives a velocity without standard deviations: those of a usual receiver",
+    )
     if not any(table.name.endswith("GST") for table in describe(path)):
-        keys["sigma_m"], why["sigma_m"] = SINGLE_POINT["sigma_m"], NO_SIGMA
-    return Source("gnss", path, FIX_LOGS[form], keys, why)
+        entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
+    return Source("gnss", path, FIX_LOGS[form], entry.keys, entry.why)
 
 
 def _flight_log(path: Path, form: str) -> list[Source]:

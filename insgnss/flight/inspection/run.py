@@ -3,6 +3,7 @@
     discovery   which files are samples, fixes, exposures; which columns they have (tables)
     recognise   units, axes, sign of force and clock, from the motion that both sensors saw
     sensing     stationarity, white noise, gravity, Earth rate: class and noise model of the sensor
+    evidence    what the data say of units, axes and clock, and where a file contradicts them
     content     the flight file with the evidence beside each key (draft writes it)
 
 Where there is no receiver the inspection still shows what the samples are, and drafts what they
@@ -36,18 +37,11 @@ if TYPE_CHECKING:
     from .rinex.result import RinexInspection
     from .rinex.survey import Survey
 
-DATA_KEYS = (
-    "accel_file",
-    "columns",
-    "variable",
-    "units",
-    "quantity",
-    "rate_hz",
-    "repeat_column",
-    "sigma_m",
-    "undulation_m",
-    "time_scale",
+_DATA_KEYS = (
+    "accel_file columns variable units quantity rate_hz repeat_column sigma_m undulation_m"
+    " time_scale"
 )
+DATA_KEYS = tuple(_DATA_KEYS.split())
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
 LARGEST, SPARSEST = (
     1e12,
@@ -128,7 +122,7 @@ def inspect_files(
     InputError
         Where nothing, or not one recording, is found, and where a file cannot be read.
     """
-    from .content import in_units_of_file
+    from .evidence import in_units_of_file
     from .rinex.result import RinexInspection
     from .rinex.survey import survey
 
@@ -357,15 +351,9 @@ def _inspection(
     from ...navigation.recognise.plausibility import check_recording
     from ...navigation.recognise.streams import classes_apart
     from .alone import Alone, by_gravity, rest_findings
-    from .content import (
-        assumed_rate,
-        draft_flight,
-        in_si,
-        likely_axes,
-        strangers,
-        unit_contradictions,
-    )
-    from .content import counts as in_counts
+    from .content import draft_flight
+    from .evidence import assumed_rate, in_si, likely_axes, strangers, unit_contradictions
+    from .evidence import counts as in_counts
     from .sensing import sense
 
     raw, alone = imu, Alone(imu, {}, ())

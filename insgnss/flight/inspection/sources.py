@@ -21,6 +21,23 @@ OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 
 
 @dataclass(frozen=True)
+class Keys:
+    """Keys of the flight file's table, each with the reason; both grow as they are found."""
+
+    keys: dict[str, Any] = field(default_factory=dict)
+    why: dict[str, str] = field(default_factory=dict)
+
+    def set(self, key: str, value: Any, reason: str) -> None:
+        """Set a key with its reason."""
+        self.keys[key], self.why[key] = value, reason
+
+    def set_unit(self, of: str, unit: str, reason: str) -> None:
+        """Set a unit and add its reason to those of the others."""
+        reasons = [self.why["units"], reason] if "units" in self.why else [reason]
+        self.set("units", {**self.keys.get("units", {}), of: unit}, "; ".join(reasons))
+
+
+@dataclass(frozen=True)
 class Source:
     """One input as the flight file will name it: keys of its table, each with the reason.
 

@@ -17,13 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
+from ...io.formats.gnss.pos_covariance import covariance_of_roots, without_inverse
 from ...io.formats.gnss.pos_header import ROOTS
-from ...io.formats.gnss.rtklib_pos import (
-    PosRows,
-    covariance_of_roots,
-    fixes_of_rows,
-    without_inverse,
-)
+from ...io.formats.gnss.rtklib_pos import PosRows, fixes_of_rows
 from ...navigation.prepare.fix_covariance.classes import (
     DEGRADED,
     ISOLATED,

@@ -15,29 +15,8 @@ from ...base.files import lines_of, refuse_other_than_utf8
 from ...base.inputs import opened, read_bytes
 from ...records import Array
 from ..formats.images.exif import time_taken
+from ..formats.names import IMAGE_ENDINGS
 from ..formats.text.layout import decode, shown
-
-IMAGE_ENDINGS = {
-    *(
-        ".jpg",
-        ".jpeg",
-        ".tif",
-        ".tiff",
-        ".png",
-        ".dng",
-        ".raw",
-        ".iiq",
-        ".arw",
-        ".cr2",
-        ".cr3",
-        ".nef",
-        ".nrw",
-        ".raf",
-        ".rw2",
-        ".orf",
-    ),
-    *(".3fr", ".fff", ".pef", ".srw", ".x3f", ".webp", ".jp2", ".heic"),
-}
 
 
 def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...]:
@@ -77,9 +56,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
             )
     else:
         try:
-            names = [
-                line.strip() for line in lines_of(decode(read_bytes(path)).removeprefix("\ufeff"))
-            ]
+            names = [line.strip() for line in lines_of(decode(read_bytes(path)))]
         except OSError as error:
             raise InputError.at_line(
                 path,

@@ -6,9 +6,8 @@ option. `describe` says which tables and columns a file holds. `EXPORTS` lists w
 orientation is written to.
 """
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...base.errors import UsageError
 from ...records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
@@ -31,135 +30,111 @@ __all__ = [
     "unit_factor",
 ]
 
-_IMU_MAP = ("columns", "variable", "units", "quantity", "gps_week", "rate_hz")
-_GNSS_MAP = (
-    "columns",
-    "variable",
-    "repeat_column",
-    "sigma_m",
-    "sigma_velocity",
-    "units",
-    "gps_week",
-    "undulation_m",
-)
+_IMU_MAP = "columns variable units quantity gps_week rate_hz"
+_GNSS_MAP = "columns variable repeat_column sigma_m sigma_velocity units gps_week undulation_m"
 
-IMU_OPTIONS = {
-    "matlab": _IMU_MAP,
-    "npy": _IMU_MAP,
-    "aimu": ("quantity", "gps_week"),
-    "psins": ("quantity", "gps_week"),
-    "ardupilot": ("variable", "quantity", "gps_week"),
-    "ulog": ("variable", "quantity", "gps_week"),
-    "rosbag": ("variable", "quantity", "gps_week"),
-    "imu_csv": ("columns", "units", "quantity", "gps_week", "rate_hz", "accel_file"),
-}
-GNSS_OPTIONS = {
-    "matlab": _GNSS_MAP,
-    "npy": _GNSS_MAP,
-    "nmea": ("sigma_m", "sigma_velocity", "gps_week", "undulation_m"),
-    "rtklib_pos": ("sigma_m", "undulation_m", "gps_week"),
-    "sbet": ("sigma_m", "sigma_velocity", "gps_week"),
-    "ardupilot": ("variable", "sigma_m", "sigma_velocity", "gps_week", "undulation_m"),
-    "ulog": ("variable", "sigma_m", "sigma_velocity", "gps_week"),
-    "gnss_text": ("columns", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m"),
-}
-EVENT_OPTIONS = {
-    "mrk": ("gps_week",),
-    "events_pos": ("gps_week",),
-    "event_dates": ("columns", "gps_week", "time_scale"),
-    "ardupilot": ("variable", "gps_week"),
-    "ulog": ("variable", "gps_week"),
-    "events": ("columns", "gps_week", "units"),
-}
-BAROMETER_OPTIONS = {
-    "ardupilot": ("variable", "gps_week"),
-    "ulog": ("variable", "gps_week"),
-    "barometer": ("columns", "gps_week", "units"),
-}
-_READERS = {
+
+class Reader(NamedTuple):
+    """A reader: module and function in `formats`, its options, and what tells its format.
+
+    `tells` is the module and function that tells the format by the first bytes of a file; empty
+    where `detect` does, and of the last of a kind, which is any text.
+    """
+
+    function: str
+    options: str
+    tells: str = ""
+
+
+READERS = {
     "imu": {
-        "aimu": "imu.aimu:read_aimu",
-        "psins": "imu.psins:read_psins",
-        "ardupilot": "logs.ardupilot:read_imu_ardupilot",
-        "ulog": "logs.ulog:read_imu_ulog",
-        "rosbag": "logs.rosbag:read_imu_rosbag",
-        "imu_csv": "imu.imu_csv:read_imu_csv",
+        "matlab": Reader("arrays.mapped:imu_of_content", _IMU_MAP),
+        "npy": Reader("arrays.mapped:imu_of_content", _IMU_MAP),
+        "ardupilot": Reader("logs.ardupilot:read_imu_ardupilot", "variable quantity gps_week"),
+        "ulog": Reader("logs.ulog:read_imu_ulog", "variable quantity gps_week"),
+        "rosbag": Reader("logs.rosbag:read_imu_rosbag", "variable quantity gps_week"),
+        "aimu": Reader("imu.aimu:read_aimu", "quantity gps_week", "detect:is_aimu"),
+        "psins": Reader("imu.psins:read_psins", "quantity gps_week", "detect:is_psins"),
+        "imu_csv": Reader(
+            "imu.imu_csv:read_imu_csv", "columns units quantity gps_week rate_hz accel_file"
+        ),
     },
     "gnss": {
-        "nmea": "gnss.nmea:read_nmea",
-        "rtklib_pos": "gnss.rtklib_pos:read_rtklib_pos",
-        "sbet": "trajectory.sbet:read_gnss_sbet",
-        "ardupilot": "logs.ardupilot:read_gnss_ardupilot",
-        "ulog": "logs.ulog:read_gnss_ulog",
-        "gnss_text": "gnss.gnss_text:read_gnss_text",
+        "matlab": Reader("arrays.mapped:gnss_of_content", _GNSS_MAP),
+        "npy": Reader("arrays.mapped:gnss_of_content", _GNSS_MAP),
+        "sbet": Reader("trajectory.sbet:read_gnss_sbet", "sigma_m sigma_velocity gps_week"),
+        "ardupilot": Reader(
+            "logs.ardupilot:read_gnss_ardupilot",
+            "variable sigma_m sigma_velocity gps_week undulation_m",
+        ),
+        "ulog": Reader("logs.ulog:read_gnss_ulog", "variable sigma_m sigma_velocity gps_week"),
+        "nmea": Reader(
+            "gnss.nmea:read_nmea", "sigma_m sigma_velocity gps_week undulation_m", "detect:is_nmea"
+        ),
+        "rtklib_pos": Reader(
+            "gnss.rtklib_pos:read_rtklib_pos",
+            "sigma_m undulation_m gps_week",
+            "gnss.pos_header:is_rtklib_pos",
+        ),
+        "gnss_text": Reader(
+            "gnss.gnss_text:read_gnss_text",
+            "columns sigma_m sigma_velocity units gps_week undulation_m",
+        ),
     },
     "events": {
-        "mrk": "events.mrk:read_events_mrk",
-        "events_pos": "events.events_pos:read_events_pos",
-        "event_dates": "events.dated:read_dated_events",
-        "ardupilot": "logs.ardupilot:read_events_ardupilot",
-        "ulog": "logs.ulog:read_events_ulog",
-        "events": "events.events:read_events",
+        "ardupilot": Reader("logs.ardupilot:read_events_ardupilot", "variable gps_week"),
+        "ulog": Reader("logs.ulog:read_events_ulog", "variable gps_week"),
+        "mrk": Reader("events.mrk:read_events_mrk", "gps_week", "events.mrk:is_mrk"),
+        "events_pos": Reader(
+            "events.events_pos:read_events_pos", "gps_week", "gnss.pos_header:is_rtklib_pos"
+        ),
+        "event_dates": Reader(
+            "events.dated:read_dated_events",
+            "columns gps_week time_scale",
+            "events.dated:is_dated",
+        ),
+        "events": Reader("events.events:read_events", "columns gps_week units"),
     },
     "barometer": {
-        "ardupilot": "logs.ardupilot:read_barometer_ardupilot",
-        "ulog": "logs.ulog:read_barometer_ulog",
-        "barometer": "barometer:read_barometer_text",
+        "ardupilot": Reader("logs.ardupilot:read_barometer_ardupilot", "variable gps_week"),
+        "ulog": Reader("logs.ulog:read_barometer_ulog", "variable gps_week"),
+        "barometer": Reader("barometer:read_barometer_text", "columns gps_week units"),
     },
 }
+"""Readers by the kind of what they read and by format, in the order in which formats are told."""
+IMU_OPTIONS, GNSS_OPTIONS, EVENT_OPTIONS, BAROMETER_OPTIONS = (
+    {form: tuple(reader.options.split()) for form, reader in readers.items()}
+    for readers in READERS.values()
+)
+
+
+def _sniff(kind: str, path: str | Path) -> str:
+    head, readers = head_of(path), READERS[kind]
+    if (form := by_bytes(path, head)) in readers:
+        return form
+    for name, reader in readers.items():
+        if reader.tells and function_at(reader.tells)(head):
+            return name
+    return list(readers)[-1]
 
 
 def sniff_imu(path: str | Path) -> str:
     """Return the name of an IMU file's format, a key of `IMU_OPTIONS`."""
-    head = head_of(path)
-    form = by_bytes(path, head)
-    if form in IMU_OPTIONS:
-        return form
-    if head.lstrip().startswith((b"$AIMU", b"$APPS")):
-        return "aimu"
-    return "psins" if b"PSINS" in head[:200] and head.startswith(b"%") else "imu_csv"
+    return _sniff("imu", path)
 
 
 def sniff_gnss(path: str | Path) -> str:
     """Return the name of a GNSS file's format, a key of `GNSS_OPTIONS`."""
-    head = head_of(path)
-    form = by_bytes(path, head)
-    if form in GNSS_OPTIONS:
-        return form
-    if head.lstrip().startswith(b"$") or b"\n$G" in head:
-        return "nmea"
-    from .gnss.rtklib_pos import is_rtklib_pos
-
-    return "rtklib_pos" if is_rtklib_pos(head) else "gnss_text"
+    return _sniff("gnss", path)
 
 
 def sniff_events(path: str | Path) -> str:
     """Return the name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
-    head = head_of(path)
-    form = by_bytes(path, head)
-    if form in EVENT_OPTIONS:
-        return form
-    from .events.mrk import is_mrk
-
-    if is_mrk(head):
-        return "mrk"
-    from .gnss.rtklib_pos import is_rtklib_pos
-
-    if is_rtklib_pos(head):
-        return "events_pos"
-    from .events.dated import is_dated
-
-    return "event_dates" if is_dated(head) else "events"
-
-
-def sniff_barometer(path: str | Path) -> str:
-    """Return the name of the format of a barometer's file, a key of `BAROMETER_OPTIONS`."""
-    form = by_bytes(path, head_of(path))
-    return form if form in BAROMETER_OPTIONS else "barometer"
+    return _sniff("events", path)
 
 
 def _options(
-    path: str | Path, form: str, accepted: tuple[str, ...], given: dict[str, Any]
+    path: str | Path, form: str, accepted: list[str], given: dict[str, Any]
 ) -> dict[str, Any]:
     options = {key: value for key, value in given.items() if value is not None}
     extra = [key for key in options if key not in accepted]
@@ -187,16 +162,12 @@ def _options(
     return options
 
 
-def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> Any:
-    if form in LOADERS:
-        from .arrays import mapped as _mapped
-
-        of_content: dict[str, Callable[..., Any]] = {
-            "imu": _mapped.imu_of_content,
-            "gnss": _mapped.gnss_of_content,
-        }
-        return of_content[kind](path, load_content(form, path), **options)
-    return function_at(_READERS[kind][form])(path, **options)
+def _read(kind: str, path: str | Path, spec: dict[str, Any]) -> Any:
+    form = _sniff(kind, path)
+    reader = READERS[kind][form]
+    options = _options(path, form, reader.options.split(), spec)
+    content = (load_content(form, path),) if form in LOADERS else ()
+    return function_at(reader.function)(path, *content, **options)
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
@@ -218,8 +189,7 @@ def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option, or needs one.
     """
-    form = sniff_imu(path)
-    imu: ImuSamples = _read("imu", form, path, _options(path, form, IMU_OPTIONS[form], spec))
+    imu: ImuSamples = _read("imu", path, spec)
     return imu
 
 
@@ -242,8 +212,7 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
     InputError : with file and line, for what cannot be read, and without standard deviations.
     UsageError : the format does not take an option, or needs one.
     """
-    form = sniff_gnss(path)
-    fixes: GnssFixes = _read("gnss", form, path, _options(path, form, GNSS_OPTIONS[form], spec))
+    fixes: GnssFixes = _read("gnss", path, spec)
     return fixes
 
 
@@ -266,10 +235,7 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     InputError : with file and line, for what cannot be read, and an image that occurs twice.
     UsageError : the format does not take an option.
     """
-    form = sniff_events(path)
-    events: CameraEvents = _read(
-        "events", form, path, _options(path, form, EVENT_OPTIONS[form], spec)
-    )
+    events: CameraEvents = _read("events", path, spec)
     return events
 
 
@@ -291,10 +257,7 @@ def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
     InputError : with file and line, for what cannot be read.
     UsageError : the format does not take an option.
     """
-    form = sniff_barometer(path)
-    heights: BarometerHeights = _read(
-        "barometer", form, path, _options(path, form, BAROMETER_OPTIONS[form], spec)
-    )
+    heights: BarometerHeights = _read("barometer", path, spec)
     return heights
 
 

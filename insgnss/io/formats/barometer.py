@@ -7,28 +7,24 @@ zero in between.
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from ...base.errors import InputError
 from ...geodesy.atmosphere import LOWEST_PA, standard_height
 from ...records import Array, BarometerHeights, Check
-from .text.columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
-from .text.headers import Kinds, settled_units
-from .text.order import Lines, open_end, put_in_order
-from .text.text import Source, read_table
-from .text.units import check_units
+from .names import BAROMETER
+from .text.columns import Columns, TableSpec
+from .text.order import Lines, put_in_order, refuse_rows
+from .text.text import Source
 
 ROWS = "barometer rows"  # name of the notes on rows left out or put in order
 HIGHEST_PA = 120e3  # far below sea level
 HEIGHTS_M = (-2000.0, 11000.0)  # above whatever level it counts from
-DEFAULTS = (("tow", "h"),)
-UNIT_COLUMNS = {"length": ("h",), "pressure": ("pressure",), "time": ("tow",)}
-KINDS: Kinds = {name: (kind,) for kind, names in UNIT_COLUMNS.items() for name in names}
-ALIASES: Aliases = {
-    **TIME,
-    "h": ("h", "height", "hgt", "alt", "altitude", "baro", "baro_alt", "baro_height"),
-    "pressure": ("p", "press", "pressure", "baro_pressure", "static_pressure"),
-}
+SPEC = TableSpec(
+    BAROMETER,
+    required="tow",
+    layouts=("tow h",),
+    units={"length": "h", "pressure": "pressure", "time": "tow"},
+    record="barometer",
+)
 
 
 def read_barometer_text(
@@ -62,22 +58,13 @@ def read_barometer_text(
         Neither height nor pressure, a bad value, or time that does not increase, with file and
         line.
     """
-    units = check_units(units, tuple(UNIT_COLUMNS))
-    table = read_table(path)
-    index = columns_of(table, ALIASES, ("tow",), DEFAULTS, columns, KINDS)
-    fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
-    kinds = {key: key for key in UNIT_COLUMNS}
-    taken, factors, notes = settled_units(
-        str(path), table.layout.header_line, UNIT_COLUMNS, kinds, fields, units, "barometer"
-    )
-    cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    tow, week = cols.pop("tow"), cols.pop("week", None)
-    time, gps_week = gps_time(table, tow, week, gps_week, taken["time"])
-    for name, factor in (("h", factors["length"]), ("pressure", factors["pressure"])):
-        if name in cols:
-            cols[name] = cols[name] * factor
-    notes = (*open_end(ROWS, table.complete), *notes)
-    return heights_from_columns(cols, time, table, str(path), gps_week, notes)
+    units = SPEC.checked_units(units)
+    table = SPEC.read(path, columns)
+    settled = table.settled(units)
+    time, gps_week = table.gps_time(gps_week, settled.units["time"])
+    factors = {"h": settled.factors["length"], "pressure": settled.factors["pressure"]}
+    cols = {name: table.floats(name) * factors[name] for name in factors if name in table}
+    return heights_from_columns(cols, time, table, str(path), gps_week, settled.notes)
 
 
 def heights_from_columns(
@@ -122,16 +109,12 @@ def heights_from_columns(
         )
     values = cols[name]
     low, high, unit = (LOWEST_PA, HIGHEST_PA, "Pa") if name == "pressure" else (*HEIGHTS_M, "m")
-    if (odd := ~((values > low) & (values < high))).any():
-        row = int(np.argmax(odd))
-        advice = (
-            "set units = { pressure = ... }" if unit == "Pa" else "set units = { length = ... }"
-        )
-        raise lines.error_at(
-            row,
-            f"{name} {values[row]:g} {unit} of a barometer; it must be between {low:g} and"
-            f" {high:g} {unit}; {advice} or the columns",
-        )
+    key = "pressure" if unit == "Pa" else "length"
+    message = (
+        f"{name} {{:g}} {unit} of a barometer; it must be between {low:g} and {high:g} {unit}; set"
+        f" units = {{{{ {key} = ... }}}} or the columns"
+    )
+    refuse_rows(lines, ~((values > low) & (values < high)), message, values)
     rows, odd_rows = put_in_order(lines, time, lambda i, k: values[i] == values[k], ROWS)
     if rows is not None:
         time, values = time[rows], values[rows]

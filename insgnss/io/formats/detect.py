@@ -50,3 +50,18 @@ def head_of(path: str | Path) -> bytes:
 def load_content(form: str, path: str | Path) -> Any:
     """Load the named arrays of a file of the formats that are read by a column map."""
     return getattr(import_module(f".arrays.{form}", __package__), LOADERS[form])(path)
+
+
+def is_nmea(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are sentences of NMEA or its kin."""
+    return head.lstrip().startswith(b"$") or b"\n$G" in head
+
+
+def is_aimu(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are those of a log of $AIMU sentences."""
+    return head.lstrip().startswith((b"$AIMU", b"$APPS"))
+
+
+def is_psins(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are a header of PSINS."""
+    return b"PSINS" in head[:200] and head.startswith(b"%")

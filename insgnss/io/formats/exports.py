@@ -118,6 +118,9 @@ def function_at(location: str) -> Callable[..., Any]:
 
 
 _REFERENCE = "Metashape camera reference: "
+_TEMPLATE = (
+    "columns delimiter header unit camera_axes attitude north decimals_m decimals_angle length_unit"
+)
 EXPORTS: dict[str, Export] = {
     "eo_local_plane": Export(
         "EO_local-plane.txt",
@@ -252,18 +255,7 @@ EXPORTS: dict[str, Export] = {
         "a table by template: columns, angle set, units, delimiter",
         "orientation.generic_ascii:write_generic_ascii",
         (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
-        options=(
-            "columns",
-            "delimiter",
-            "header",
-            "unit",
-            "camera_axes",
-            "attitude",
-            "north",
-            "decimals_m",
-            "decimals_angle",
-            "length_unit",
-        ),
+        options=tuple(_TEMPLATE.split()),
         reader="orientation.generic_ascii:read_generic_ascii",
         any_unit=True,
     ),

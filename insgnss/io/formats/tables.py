@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...base.errors import InputError
 from .arrays.content import TableInfo, tables_of
-from .detect import by_bytes, head_of, load_content
+from .detect import by_bytes, head_of, is_nmea, load_content
 from .text.headers import kinds_like, unit_in
 from .text.sentences import read_sentences
 from .text.text import read_table, read_text_table
@@ -19,22 +19,22 @@ def tables_in(path: str | Path) -> list[TableInfo]:
     if form in ("matlab", "npy"):
         return list(tables_of(load_content(form, path)))
     if form == "ardupilot":
-        from .logs.ardupilot import load_ardupilot
+        from .logs.dataflash import read_log
 
-        return list(tables_of(load_ardupilot(path)))
+        return list(tables_of(read_log(path).tables))
     if form == "rosbag":
         from .logs.rosbag import tables_of_bag
 
         return tables_of_bag(path)
     if form == "ulog":
-        from .logs.ulog import load_ulog
+        from .logs.ulog import read_log as read_ulog
 
-        return list(tables_of(load_ulog(path)))
+        return list(tables_of(read_ulog(path).tables))
     if form == "sbet":
         from .trajectory.sbet import FIELDS, read_sbet
 
         return [TableInfo("", FIELDS, read_sbet(path).time.size)]
-    if head.lstrip().startswith(b"$") or b"\n$G" in head:
+    if is_nmea(head):
         return _sentence_kinds(path)
     return [_text(path)]
 

@@ -17,21 +17,18 @@ from typing import Any
 from ...base.errors import InputError, UsageError
 from ...io.formats import TableInfo, describe, read_imu, sniff_imu
 from ...io.formats.detect import LOADERS
-from ...io.formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
-from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
+from ...io.formats.imu.imu_csv import ACCEL, GYRO
+from ...io.formats.text.headers import TIME_FACTORS, factor_of, kinds_like, unit_in
 from ...navigation.prepare.gaps import nominal_interval
 from ...records import ImuSamples
 from .options import TuneOptions
-from .some_channels import fields_of_some, read_some
+from .some_channels import columns_by_names, fields_of_some, read_some
 
 PLAIN = ("tow", *GYRO, *ACCEL)
 HEAD = 1 << 13
 SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog", "rosbag")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
 USUAL_HZ = (20.0, 20e3)
-CLOCKS = ("time", "timestamp", "time_of_week", "tow", "stamp", "clock", "t")
-OF_CLOCKS = ("", "gps_", "imu_", "sensor_", "sys_", "system_")
-CLOCK_NAMES = {f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS}
 _WORDS = (
     (
         r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
@@ -95,7 +92,7 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
     channels: tuple[bool, ...] = (True,) * 6
     with own_words():
         form = sniff_imu(path)
-        fields = fields_of_some(path, form, options, CLOCK_NAMES)
+        fields = fields_of_some(path, form, options)
         if fields is None:
             imu = _read(path, options)
         else:
@@ -162,17 +159,12 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
     """Return the field of each column by its canonical name; None where they are not all named."""
-    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | CLOCK_NAMES
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None
-    columns: dict[str, str] = {}
-    for field, name in zip(
-        tables[0].columns, names_of(tables[0].columns, aliases, KINDS), strict=True
-    ):
-        if name is None or name in columns or (name == "tow" and options.rate_hz is not None):
-            continue
-        columns[name] = field
+    columns = columns_by_names(tables[0])
+    if options.rate_hz is not None:
+        columns.pop("tow", None)
     needed = PLAIN if options.rate_hz is None else PLAIN[1:]
     return columns if all(name in columns for name in needed) else None
 

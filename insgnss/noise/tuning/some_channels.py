@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...base.errors import InputError, UsageError
+from ...base.errors import UsageError
 from ...base.units import STANDARD_GRAVITY
 from ...io.formats import TableInfo, describe
 from ...io.formats.arrays.content import take_columns
 from ...io.formats.arrays.mapped import imu_of_content
 from ...io.formats.detect import LOADERS, load_content
-from ...io.formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
+from ...io.formats.imu.imu_csv import ACCEL, GYRO, SPEC, with_required
+from ...io.formats.names import TIME
 from ...io.formats.text.headers import kinds_like, names_of, unit_in
-from ...io.formats.text.text import read_table
 from ...records import Array, ImuSamples, Quantity
 from .options import TuneOptions
 
@@ -46,9 +46,7 @@ def chosen_channels(text: str | None) -> tuple[bool, ...]:
     return tuple(name in words or name.partition("_")[0] in words for name in NAMES)
 
 
-def fields_of_some(
-    path: Path, form: str, options: TuneOptions, clocks: Mapping[str, str]
-) -> dict[str, str] | None:
+def fields_of_some(path: Path, form: str, options: TuneOptions) -> dict[str, str] | None:
     """Return the field of each quantity by its canonical name where a file lacks channels.
 
     Parameters
@@ -59,8 +57,6 @@ def fields_of_some(
         Its format.
     options : TuneOptions
         Columns, variable and rate.
-    clocks : mapping
-        Further names of the column of time.
 
     Returns
     -------
@@ -75,7 +71,7 @@ def fields_of_some(
         tables = [t for t in describe(path) if options.variable in (None, t.name)]
         if len(tables) != 1:
             return None
-        named = _named(tables[0], options.columns, clocks)
+        named = _named(tables[0], options.columns)
     if options.rate_hz is not None:
         named.pop("tow", None)
     there = [name for name in CHANNELS if name in named]
@@ -83,20 +79,23 @@ def fields_of_some(
     return named if timed and 0 < len(there) < 6 else None
 
 
-def _named(
-    table: TableInfo, columns: tuple[str, ...] | None, clocks: Mapping[str, str]
-) -> dict[str, str]:
+def _named(table: TableInfo, columns: tuple[str, ...] | None) -> dict[str, str]:
     if columns is not None:
         pairs = zip(columns, table.columns, strict=False)
         once = all(columns.count(name) == 1 for name in columns if name != "-")
         same = once and len(columns) == len(table.columns)
         return {name: field for name, field in pairs if name != "-"} if same else {}
-    aliases = {alias: name for name in ("tow", *CHANNELS) for alias in ALIASES[name]}
-    canonical = names_of(table.columns, aliases | dict(clocks), KINDS)
+    return columns_by_names(table)
+
+
+def columns_by_names(table: TableInfo) -> dict[str, str]:
+    """Return the field of the time and of each channel by its canonical name, as far as named."""
+    clocks = {name.strip("~"): "tow" for name in TIME["tow"].split()}
     out: dict[str, str] = {}
-    for field, name in zip(table.columns, canonical, strict=True):
-        if name is not None:
-            out.setdefault(name, field)
+    names = names_of(table.columns, SPEC.aliases | clocks, SPEC.kinds)
+    for column, name in zip(table.columns, names, strict=True):
+        if name in ("tow", *CHANNELS):
+            out.setdefault(name, column)
     return out
 
 
@@ -150,15 +149,7 @@ def read_some(
 
 
 def _of_text(path: Path, fields: Mapping[str, str]) -> dict[str, Array]:
-    table = read_table(path, whole=False)
-    names = table.layout.header_fields or tuple(f"[{k + 1}]" for k in range(table.layout.n_fields))
-    index = {}
-    for name, field in fields.items():
-        if field not in names:
-            raise InputError(f"{path}: no column {field}; there are {', '.join(names)}")
-        index[name] = names.index(field)
-    table.refuse_text(index.values())
-    return {name: np.ascontiguousarray(table.values[:, k]) for name, k in index.items()}
+    return with_required(tuple(fields)).read(path, fields).numbers()
 
 
 def _units(path: Path, fields: Mapping[str, str], options: TuneOptions) -> dict[str, str]:

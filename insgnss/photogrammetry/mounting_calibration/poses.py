@@ -203,7 +203,7 @@ def read_camera_poses(path: Path, chunk: str | None = None) -> CameraPoses:
     head = "" if path.is_dir() else decode(head_of(path))
     if returned_form(path, head) not in ONLY_POSES and is_block(path):
         return _of_block(path, read_measured_block(path, chunk=chunk) if chunk else None)
-    text = decode(head_of(path)).lstrip("\ufeff \r\n\t")
+    text = decode(head_of(path)).lstrip()
     if text.startswith("{") and "exterior orientation" in text.lower():
         from ...io.formats.orientation.eo_json import read_one_camera
 
@@ -277,7 +277,7 @@ def is_block(path: Path) -> bool:
     head = head_of(path)
     if not head:
         raise InputError.in_file(path, "is empty; export the poses again")
-    text = decode(head).lstrip("\ufeff \r\n\t")
+    text = decode(head).lstrip()
     if head.startswith(b"PK\x03\x04") or text.startswith("<"):
         return True
     if text.startswith(("{", "[")):

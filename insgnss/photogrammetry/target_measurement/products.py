@@ -20,13 +20,13 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...geodesy.frames import TangentPlane
-from ...io.formats.blocks.columns import write_table
 from ...io.formats.blocks.gcp_list import write_gcp_list
 from ...io.formats.blocks.ground_points import GroundTable, write_ground_points
 from ...io.formats.blocks.image_points import PIXEL_ORIGIN, ImagePoints, write_image_points
 from ...io.formats.markers.metashape_markers import write_metashape_markers
 from ...io.formats.markers.pix4d_marks import write_pix4d_marks
 from ...io.formats.orientation.exported import quoted_names
+from ...io.formats.text.columns import write_table
 from ...io.formats.vehicle.target_positions import TargetPositions, write_target_positions
 from ...io.formats.vehicle.target_sizes import write_target_sizes
 from ...records.block import ImageObservations

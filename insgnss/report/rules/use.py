@@ -12,8 +12,8 @@ it concerns. A remark that lifts no image beyond its need changes nothing for th
 
 The flight file states the need (`output.need_m`, `output.need_deg`). Without it the measure is what
 this receiver and this IMU give where all is well: an image is known at least as well as a single
-fix is predicted (`NEED_OF_FIX`), and turned no worse than `NEED_OF_MEDIAN` times the median image, or
-than a good flight's tilt and heading (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
+fix is predicted (`NEED_OF_FIX`), and turned no worse than `NEED_OF_MEDIAN` times the median image,
+or than a good flight's tilt and heading (`accuracy.GOOD_TILT_DEG`, `GOOD_HEADING_DEG`).
 """
 
 import math

@@ -18,7 +18,7 @@ from insgnss.flight.processing.pipeline import ProcessResult, process
 from insgnss.flight.processing.recording import Recording, read_recording
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.io.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.records import StateVerdict
 from insgnss.simulation.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulation.description import FIXES, Units, flight_toml, imu_file, true_tables

@@ -14,9 +14,9 @@ from insgnss.base.errors import InputError
 from insgnss.base.units import STANDARD_GRAVITY
 from insgnss.cli import main
 from insgnss.flight.inspection.alone import by_gravity
-from insgnss.flight.inspection.content import vertical_axes
 from insgnss.flight.inspection.discovery import discover
 from insgnss.flight.inspection.draft import Draft, toml, write_draft
+from insgnss.flight.inspection.evidence import vertical_axes
 from insgnss.flight.inspection.run import inspect_files
 from insgnss.flight.inspection.sensing import fitting_model, noise_model, sense
 from insgnss.flight.inspection.tables.roles import Grid, gnss_roles, imu_roles

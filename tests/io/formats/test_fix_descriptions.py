@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from insgnss.base.errors import InputError
 from insgnss.io.formats import read_gnss
-from insgnss.io.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.navigation.prepare.clock import cut_fixes
 from insgnss.records import GnssFixes
 from insgnss.records.from_tables import gnss_fixes

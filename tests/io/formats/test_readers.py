@@ -18,7 +18,8 @@ from insgnss.io.formats.gnss.gnss_text import (
     write_gnss_text,
     write_image_positions,
 )
-from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos, write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos import read_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 WEEKLY = ["week", "tow", "gx", "gy", "gz", "ax", "ay", "az"]

@@ -14,7 +14,8 @@ from insgnss.geodesy.earth import curvature_radii
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.covariance_model import MODEL
 from insgnss.io.formats import read_gnss
-from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.navigation.prepare.fix_covariance.classes import base_distance, calibrate
 from insgnss.navigation.prepare.fix_covariance.decision import (
     ADVICE,

@@ -7,7 +7,7 @@ import numpy as np
 
 from insgnss.io.formats.bundle.metashape import write_metashape
 from insgnss.io.formats.gnss.gnss_text import write_gnss_text
-from insgnss.io.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.io.formats.orientation.eo_local_plane import write_eo_local_plane
 from insgnss.io.formats.trajectory.sbet import write_sbet, write_smrmsg

@@ -45,15 +45,8 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
     fine = seconds_and_nanoseconds(grid.names).values()
     units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
-        clock_names = (
-            []
-            if name is None
-            else [
-                short
-                for short in (*spellings(name), *bare(name, ("time",)))
-                if short in CLOCK_NAMES
-            ]
-        )
+        shorts = [] if name is None else [*spellings(name), *bare(name, ("time",))]
+        clock_names = [short for short in shorts if short in CLOCK_NAMES]
         if named and (not clock_names or k in fine):
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
@@ -160,12 +153,8 @@ def weeks(grid: Grid) -> list[int]:
         column = grid.values[:, k]
         if name is not None and squashed(name) not in WEEK_NAMES:
             continue
-        if (
-            column.min() >= 500
-            and column.max() <= 4000
-            and np.ptp(column) <= 2
-            and (column == np.round(column)).all()
-        ):
+        whole = np.ptp(column) <= 2 and (column == np.round(column)).all()
+        if whole and column.min() >= 500 and column.max() <= 4000:
             out.append(k)
     return out
 

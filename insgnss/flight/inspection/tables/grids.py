@@ -116,24 +116,18 @@ def _text_tables(path: Path) -> Iterator[Table]:
     from ....io.formats.text.text import read_table
 
     table = read_table(path, whole=False)
-    yield _text_table(table.layout, table.values)
-
-
-def _text_table(layout: Any, values: Array) -> Table:
+    layout, values = table.layout, table.values
     names = layout.header_fields or (None,) * layout.n_fields
     nanos = {}
     for whole, fine in seconds_and_nanoseconds(names).items():
-        if (
-            values[:, fine].min() >= 0.0
-            and values[:, fine].max() < 1e9
-            and np.ptp(values[:, fine]) > 0.0
-        ):
+        column = values[:, fine]
+        if column.min() >= 0.0 and column.max() < 1e9 and np.ptp(column) > 0.0:
             nanos[whole] = fine
     if nanos:
         values = values.copy()
         for whole, fine in nanos.items():
             values[:, whole] += 1e-9 * values[:, fine]
-    return Table(Grid(values, tuple(names), nanos), tuple(name or "" for name in names))
+    yield Table(Grid(values, tuple(names), nanos), tuple(name or "" for name in names))
 
 
 def date_in(path: Path) -> np.datetime64 | None:

@@ -6,7 +6,7 @@ file. Accelerations from which the device took gravity, and its estimate of grav
 of an accelerometer: the one has no steady size, the other has nothing else.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,9 @@ from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ..sources import Role, Source
 from .clocks import clocks, week_column
 from .grids import Table
-from .names import ACCEL_NAMES, GYRO_NAMES, Grid, Roles, squashed
+from .names import ACCEL, GYRO, Grid, Roles, squashed
 
-TRIADS: dict[Role, tuple[str, str, str]] = {"gyro": ("gx", "gy", "gz"), "accel": ("ax", "ay", "az")}
-NAMES: dict[Role, Sequence[tuple[str, ...]]] = {"gyro": GYRO_NAMES, "accel": ACCEL_NAMES}
+TRIADS: dict[Role, tuple[str, str, str]] = {"gyro": GYRO, "accel": ACCEL}
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
 OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
@@ -70,27 +69,24 @@ def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) 
 
 def _triad(path: Path, grid: Grid) -> tuple[Role, dict[str, int]] | None:
     """Role and columns of the one triad of a table; None where there is none, or two."""
-    named, triads = grid.named, []
-    for role, canonical in TRIADS.items():
-        triad = next((t for t in NAMES[role] if all(name in named for name in t)), None)
-        if triad is not None:
-            triads.append((role, {c: named[n] for c, n in zip(canonical, triad, strict=True)}))
+    triads = [(role, columns) for role in TRIADS if (columns := grid.triad(role))]
     if triads:
         return triads[0] if len(triads) == 1 else None
+    named = grid.named
     if not all(letter in named for letter in "xyz"):
         return None
-    columns = [named[letter] for letter in "xyz"]
+    places = [named[letter] for letter in "xyz"]
     for role, canonical in TRIADS.items():
-        units = [unit_in(grid.names[k] or "", kinds_like(role)) for k in columns]
+        units = [unit_in(grid.names[k] or "", kinds_like(role)) for k in places]
         if all(unit and factor_of(unit, (role,)) is not None for unit in units):
-            return role, dict(zip(canonical, columns, strict=True))
-    if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in columns):
+            return role, dict(zip(canonical, places, strict=True))
+    if any("(" in (grid.names[k] or "") or "[" in (grid.names[k] or "") for k in places):
         return None  # a unit of something else
     stem = squashed(path.stem)
     by_name = [role for role, word in IN_NAME.items() if word in stem]
     if len(by_name) != 1:
         return None
-    return by_name[0], dict(zip(TRIADS[by_name[0]], columns, strict=True))
+    return by_name[0], dict(zip(TRIADS[by_name[0]], places, strict=True))
 
 
 def _refuse_without_gravity(path: Path, force: Any) -> None:

@@ -3,9 +3,9 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 from ....io.formats import UNITS
+from ....io.formats.names import GNSS, TIME, TRIADS, taken_by_inspect
 from ....io.formats.text.headers import LONGEST_NAME, factor_of, unit_in, without_unit
 from ....io.formats.text.units import usual_unit
 from ....records import Array
@@ -34,200 +34,15 @@ def bare(name: str, kinds: Sequence[str]) -> list[str]:
 
 
 def _parts(name: str) -> list[str]:
-    """Name without brackets, and what follows each of its dots or slashes; of none an empty one."""
+    """Name without brackets, and what follows each dot, :: or slash in it; of none an empty one."""
     name = name if len(name) <= LONGEST_NAME else ""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")
-    parts = re.split(r"[./]", plain) if plain.startswith("/") else plain.split(".")
+    parts = re.split(r"[./]" if plain.startswith("/") else r"::|\.", plain)
     return [".".join(parts[k:]) for k in range(len(parts))]
 
 
-def _triad_names(*stems: str) -> list[tuple[str, ...]]:
-    """Names of the x, y and z component of a triad with these stems, in the usual spellings."""
-    places = [("x", "y", "z"), ("1", "2", "3"), ("0", "1", "2")]
-    return [
-        tuple(f"{stem}{letter}" for letter in letters) for stem, letters in product(stems, places)
-    ] + [tuple(f"{letter}{stem}" for letter in "xyz") for stem in stems if len(stem) > 2]
-
-
-GYRO_NAMES = [
-    ("p", "q", "r"),
-    ("rollrate", "pitchrate", "yawrate"),
-    *_triad_names(
-        "g",
-        "gyr",
-        "gyro",
-        "gyroscope",
-        "w",
-        "wb",
-        "wrss",
-        "omega",
-        "rate",
-        "angrate",
-        "angularrate",
-        "angularvelocity",
-    ),
-    *_triad_names(
-        "gyrorad", "rotationrate", "dtheta", "dang", "deltaangle", "delang", "imugyro", "imug"
-    ),
-]
-ACCEL_NAMES = _triad_names(
-    *(
-        "a",
-        "arss",
-        "acc",
-        "accel",
-        "accelerometer",
-        "acceleration",
-        "linearacceleration",
-        "linacc",
-        "accelerometerms2",
-        "f",
-        "fb",
-    ),
-    *("specificforce", "dv", "dvel", "deltavelocity", "delvel", "imuaccel", "imuacc", "imua"),
-)
-_HEADS = ("", "imu", "gyro", "sensor", "sample", "gps", "gnss", "l", "unix", "utc", "system")
-CLOCK_NAMES = {f"{head}time{tail}" for head in _HEADS for tail in ("", "s", "stamp", "stamps")} | {
-    *(
-        "tow",
-        "gpstow",
-        "sow",
-        "gpssow",
-        "gpst",
-        "seconds",
-        "secs",
-        "sec",
-        "itow",
-        "timeofweek",
-        "epoch",
-    ),
-    *(
-        "secofweek",
-        "secondsofweek",
-        "gpsseconds",
-        "gpssec",
-        "stamp",
-        "headerstamp",
-        "elapsed",
-        "secondselapsed",
-        "zeit",
-    ),
-    *("rosbagtimestamp", "headertime", "sampletimefine", "utc", "gps"),
-    *("t", "ts", "ms", "us", "millis", "micros"),
-}
-WEEK_NAMES = {"week", "gpsweek", "wn", "gwk", "wk"}
-GNSS_NAMES: dict[str, tuple[str, ...]] = {
-    "lat": (
-        "lat",
-        "latitude",
-        "latdeg",
-        "latituded",
-        "latitudedeg",
-        "phideg",
-        "latrad",
-        "gpslat",
-        "breite",
-        "breitengrad",
-    ),
-    "lon": (
-        "lon",
-        "lng",
-        "long",
-        "longitude",
-        "londeg",
-        "lngdeg",
-        "longitudedeg",
-        "lonrad",
-        "gpslon",
-        "gpslng",
-        "laenge",
-        "lnge",
-        "laengengrad",
-        "lngengrad",
-    ),
-    "h": (
-        "hell",
-        "ellheight",
-        "altellipsoid",
-        "ellipsoidheight",
-        "ellipsoidalheight",
-        "heightellipsoid",
-        "alt",
-        "altitude",
-        "altm",
-        "altitudem",
-        "gpsalt",
-        "hgt",
-        "height",
-        "heightm",
-        "hm",
-        "altmsl",
-        "heightmsl",
-        "elevation",
-        "ele",
-        "hoehe",
-        "hhe",
-        "h",
-    ),
-    "vn": ("vn", "veln", "vnorth", "velnorth", "northvelocity", "velocitynorth", "vnms", "velnms"),
-    "ve": ("ve", "vele", "veast", "veleast", "eastvelocity", "velocityeast", "vems", "velems"),
-    "vd": (
-        "vd",
-        "veld",
-        "vdown",
-        "veldown",
-        "downvelocity",
-        "velocitydown",
-        "vdms",
-        "vz",
-        "veldms",
-    ),
-    "vu": ("vu", "velu", "vup", "velup", "upvelocity", "velocityup"),
-    "speed": ("spd", "speed", "gndspd", "groundspeed", "gspd", "hspeed"),
-    "q": (
-        *("q", "quality", "fixquality", "gpsquality", "qualityindicator", "fix", "fixstatus"),
-        *("fixtype", "gpsfix", "fixmode", "solution", "solutionstatus", "rtkstatus", "posmode"),
-        *("gpsstatus", "status"),
-    ),
-    "course": ("gcrs", "course", "coursedeg", "cog", "groundcourse", "gcourse", "track"),
-}
-GNSS_NAMES |= {
-    f"sd_{axis}": tuple(
-        f"{head}{name}" for head, name in product(("sd", "std", "sigma", "acc", "rms"), names)
-    )
-    for axis, names in (
-        ("n", ("n", "north", "lat")),
-        ("e", ("e", "east", "lon")),
-        ("u", ("u", "up", "d", "h", "alt", "height")),
-        *((axis, (axis,)) for axis in ("vn", "ve")),
-        ("vd", ("vd", "vu")),
-    )
-}
-GNSS_NAMES |= {
-    "sd_ne": (
-        "hacc",
-        "hacch",
-        "haccm",
-        "eph",
-        "ephm",
-        "horizontalaccuracy",
-        "haccuracy",
-        "accuracyhorizontal",
-    ),
-    "sd_u": (
-        *GNSS_NAMES["sd_u"],
-        "vacc",
-        "vaccm",
-        "epv",
-        "epvm",
-        "verticalaccuracy",
-        "vaccuracy",
-        "accuracyvertical",
-    ),
-    "var_e": ("positioncovariance0",),  # of ROS, along east, north and up
-    "var_n": ("positioncovariance4",),
-    "var_u": ("positioncovariance8",),
-}
+CLOCK_NAMES, WEEK_NAMES = (frozenset(taken_by_inspect(TIME[x])) for x in ("tow", "week"))
+GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 
 
 @dataclass(frozen=True)
@@ -273,6 +88,30 @@ class Grid:
             for short in bare(name, OF_VALUES) if name is not None else ():
                 columns.setdefault(short, k)
         return columns
+
+    def triad(self, sensor: str) -> dict[str, int]:
+        """Columns of a sensor, gyro or accel, by canonical name, of the best names there are.
+
+        Empty without any. Numbered columns that go on behind the third are none: which of them are
+        x y z is then unknown.
+        """
+        names = self.named
+        best = next((t for t in TRIADS[sensor] if all(name in names for name in t)), ())
+        if best and best[2][-1].isdecimal() and f"{best[2][:-1]}{int(best[2][-1]) + 1}" in names:
+            return {}
+        canonical = GYRO if sensor == "gyro" else ACCEL
+        return {c: names[name] for c, name in zip(canonical, best, strict=False)}
+
+    def of_fixes(self) -> dict[str, int]:
+        """Columns of fixes by canonical name, each under the best of its names that is there."""
+        names = self.named
+        return {
+            role: names[name]
+            for role, spelled in GNSS.items()
+            if role not in TIME
+            for name in reversed(taken_by_inspect(spelled))
+            if name in names
+        }
 
     def unit_of(self, column: int, kind: str) -> str | None:
         """Return the unit of a kind that the name of a column gives, as the readers take it.

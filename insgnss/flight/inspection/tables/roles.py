@@ -13,7 +13,6 @@ which reports what it found and why; the readers never guess. By values
 Positions without names are found in `places`, the codes of a quality in `quality`.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,11 +21,11 @@ from ....io.formats.gnss.fixes import MOST_QUALITY
 from ....io.formats.gnss.rounding import floor_of_zeros, is_held
 from ....records import Array
 from .clocks import clocks, clocks_by_values, week_column, weeks
-from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid, Roles, squashed
+from .names import ACCEL, GYRO, Grid, Roles, squashed
 from .places import TENTH_MICRODEGREES, angle_unit, gnss_by_values
 from .quality import codes_of, quality_by_values
 
-GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
+SENSORS = {"gyro": "gyros", "accel": "accelerometers"}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 OF_QUALITY = {"q", "quality"}  # names that mean RTKLIB's codes where nothing tells them
@@ -37,14 +36,7 @@ GRAVITY, NEAR = (9.8, 1.0, 1000.0), 0.15  # its size in usual units, and how nea
 
 def imu_roles(grid: Grid) -> Roles | None:
     """Find gyro and accelerometer of a table; None where it has none."""
-    names = grid.named
-    named_columns: dict[str, int] = {}
-    for canonical, spellings in ((GYRO, GYRO_NAMES), (ACCEL, ACCEL_NAMES)):
-        triad = next(
-            (names_ for names_ in spellings if all(name in names for name in names_)), None
-        )
-        if triad is not None and not _goes_on(triad, names):
-            named_columns |= {c: names[name] for c, name in zip(canonical, triad, strict=True)}
+    named_columns = grid.triad("gyro") | grid.triad("accel")
     if len(named_columns) == 6:
         ticks, how = clocks(grid, 0.5), Roles.how
         if not ticks:
@@ -71,12 +63,6 @@ def imu_roles(grid: Grid) -> Roles | None:
     )
 
 
-def _goes_on(triad: tuple[str, ...], names: Mapping[str, int]) -> bool:
-    """Tell whether numbered columns do not end with the third: which are x y z is then unknown."""
-    *_, last = triad
-    return last[-1].isdecimal() and f"{last[:-1]}{int(last[-1]) + 1}" in names
-
-
 def has_gravity(grid: Grid, roles: Roles) -> bool:
     """Tell whether the force of samples has the size of gravity in a usual unit."""
     force = grid.values[:, [roles.columns[c] for c in ACCEL]]
@@ -86,13 +72,7 @@ def has_gravity(grid: Grid, roles: Roles) -> bool:
 
 def triads_named(grid: Grid) -> list[str]:
     """Return which of gyros and accelerometers the names of the columns show."""
-    names = grid.named
-    sensors = (("gyros", GYRO_NAMES), ("accelerometers", ACCEL_NAMES))
-    return [
-        sensor
-        for sensor, triads in sensors
-        if any(all(name in names for name in triad) for triad in triads)
-    ]
+    return [name for key, name in SENSORS.items() if grid.triad(key)]
 
 
 def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
@@ -124,13 +104,7 @@ def _steadiness(triad: Array) -> float:
 
 def gnss_roles(grid: Grid) -> Roles | None:
     """Find positions and what else a receiver gives; None where the table has no positions."""
-    names = grid.named
-    columns = {
-        role: names[name]
-        for role, spellings in GNSS_NAMES.items()
-        for name in reversed(spellings)
-        if name in names
-    }
+    columns = grid.of_fixes()
     if {"lat", "lon", "h"} <= columns.keys():
         return _completed(grid, columns)
     return None if any(name is not None for name in grid.names) else fixes_by_values(grid)
@@ -138,16 +112,17 @@ def gnss_roles(grid: Grid) -> Roles | None:
 
 def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     """Named columns with their units, and what marks a new fix where the last one is held."""
-    named = columns
-    left = _not_finite(grid, columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
-    left |= _unused_velocity(columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
-    left |= _no_sigmas(grid, columns)
-    columns = {role: k for role, k in columns.items() if role not in left}
+    named, left = columns, dict[str, str]()
+
+    def without(reasons: dict[str, str]) -> dict[str, int]:
+        left.update(reasons)
+        return {role: k for role, k in columns.items() if role not in reasons}
+
+    columns = without(_not_finite(grid, columns))
+    columns = without(_unused_velocity(columns))
+    columns = without(_no_sigmas(grid, columns))
     units = {"angle": angle_unit(grid, columns["lat"], columns["lon"])}
-    left |= _quality(grid, columns, units)
-    columns = {role: k for role, k in columns.items() if role not in left}
+    columns = without(_quality(grid, columns, units))
     height = grid.values[:, columns["h"]]
     if (
         units["angle"] == TENTH_MICRODEGREES

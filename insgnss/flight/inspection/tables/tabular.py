@@ -5,7 +5,6 @@ These are its columns, clock and units. A table whose columns the reader knows b
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +15,15 @@ from ....base.errors import InputError
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ....io.formats import UNITS
 from ....io.formats.gnss.heights import refused_heights
-from ....io.formats.text.headers import Kinds, factor_of, kinds_like, names_of, unit_in
+from ....io.formats.text.columns import TableSpec
+from ....io.formats.text.headers import factor_of, kinds_like, unit_in
 from ....io.formats.text.units import usual_unit
-from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
+from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Keys, Role, Source
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
 from .halves import half_of_imu
-from .names import Grid, Roles
+from .names import ACCEL, GYRO, Grid, Roles
 from .roles import (
-    ACCEL,
-    GYRO,
     POSITION_SIGMAS,
     fixes_by_values,
     gnss_roles,
@@ -48,6 +46,11 @@ NMEA_CODES = (
     "the standard deviations show that the quality has the codes of NMEA: 1 single, 4 fixed, 5"
     " float"
 )
+NO_CLOCK = (
+    f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities with it"
+)
+HELD = "the rows between hold the last fix; this changes with each new one"
+NO_VELOCITY_SIGMA = "no standard deviations of the velocity in the file: those of a usual receiver"
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
@@ -152,38 +155,22 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
     """Samples by their first clock; by the others in `other_clocks`."""
     sources = []
     for clock, unit in roles.clocks.items() or [(None, "s")]:
-        keys: dict[str, Any] = _named(table)
-        why: dict[str, str] = {}
+        entry = _named(table)
         columns, span = dict(roles.columns), None
         if clock is None:
-            keys["rate_hz"] = ASSUMED_HZ
-            why["rate_hz"] = (
-                f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities"
-                " with it"
-            )
+            entry.set("rate_hz", ASSUMED_HZ, NO_CLOCK)
         else:
             columns |= _clock_columns(table.grid, clock, roles.week)
             span = _span(table.grid, clock, unit)
-            _time_unit(keys, why, table.grid, clock, unit)
-        _spell_out(path, table, columns, "imu", keys, why, roles.how)
-        header_units = _header_units(table.grid, columns, keys, why)
-        sources.append(
-            Source(
-                "imu",
-                path,
-                f"samples, {len(table.grid.values)} rows",
-                keys,
-                why,
-                span,
-                header_units=header_units,
-            )
-        )
+            _time_unit(entry, table.grid, clock, unit)
+        _spell_out(path, table, columns, "imu", entry, roles.how)
+        units = _header_units(table.grid, columns, entry)
+        rows = f"samples, {len(table.grid.values)} rows"
+        sources.append(Source("imu", path, rows, entry.keys, entry.why, span, header_units=units))
     return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
-def _header_units(
-    grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]
-) -> dict[str, str]:
+def _header_units(grid: Grid, columns: dict[str, int], entry: Keys) -> dict[str, str]:
     """Units of gyro and accel that the names of the columns give, and with them the quantity.
 
     One that no reader knows is none, nor that of an increment beside that of a rate: the numbers
@@ -199,27 +186,18 @@ def _header_units(
                 (usual for kind in kinds_like(key) if (usual := usual_unit(unit, kind)) != unit),
                 unit,
             )
-    rates = {key for key, unit in header_units.items() if factor_of(unit, (key,)) is not None}
-    increments = {
-        key
-        for key, unit in header_units.items()
-        if factor_of(unit, (f"{key} increment",)) is not None
-    }
+    rates, increments = (
+        {key for key, unit in header_units.items() if factor_of(unit, (f"{key}{of}",)) is not None}
+        for of in ("", " increment")
+    )
     if increments == header_units.keys() and header_units:
-        keys["quantity"], why["quantity"] = (
-            "increments",
-            f"the header gives {' and '.join(header_units.values())}",
-        )
+        reason = f"the header gives {' and '.join(header_units.values())}"
+        entry.set("quantity", "increments", reason)
         return header_units
     for key in header_units.keys() - rates:
         problem = "is that of an increment" if key in increments else "is not known"
-        _unit(
-            keys,
-            why,
-            key,
-            next(iter(UNITS[key])),
-            f"the header's unit {header_units[key]!r} {problem}",
-        )
+        reason = f"the header's unit {header_units[key]!r} {problem}"
+        entry.set_unit(key, next(iter(UNITS[key])), reason)
     return {key: unit for key, unit in header_units.items() if key in rates}
 
 
@@ -243,63 +221,37 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         )
     sources = []
     for clock, unit in roles.clocks.items():
-        keys = _named(table)
-        why: dict[str, str] = {}
+        entry = _named(table)
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
-        _time_unit(keys, why, table.grid, clock, unit)
+        _time_unit(entry, table.grid, clock, unit)
         if "quality" in roles.units:
-            _unit(keys, why, "quality", roles.units["quality"], NMEA_CODES)
-        for key, value in roles.units.items():
-            if key not in UNIT_COLUMNS:
+            entry.set_unit("quality", roles.units["quality"], NMEA_CODES)
+        for key, column in UNIT_COLUMNS.items():
+            if key not in roles.units:
                 continue
-            header_unit = table.grid.unit_of(
-                roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle"
-            )
-            if value != (header_unit or "deg"):
+            value, kind = roles.units[key], "length" if key == "length" else "angle"
+            if value != (table.grid.unit_of(roles.columns[column], kind) or "deg"):
                 quantity = "a course" if key == "course" else "latitude and longitude"
-                _unit(
-                    keys,
-                    why,
-                    key,
-                    value,
-                    UNIT_REASONS.get(value) or f"no value exceeds what {quantity} in rad can be",
-                )
+                usual = f"no value exceeds what {quantity} in rad can be"
+                entry.set_unit(key, value, UNIT_REASONS.get(value, usual))
         if roles.repeat_column is not None:
-            keys["repeat_column"] = table.fields[roles.repeat_column]
-            why["repeat_column"] = (
-                "the rows between hold the last fix; this changes with each new one"
-            )
+            entry.set("repeat_column", table.fields[roles.repeat_column], HELD)
         if not POSITION_SIGMAS & columns.keys():
-            keys["sigma_m"] = SINGLE_POINT["sigma_m"]
-            why["sigma_m"] = NO_SIGMA
+            entry.set("sigma_m", SINGLE_POINT["sigma_m"], NO_SIGMA)
         if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
-            keys["sigma_velocity_mps"] = SINGLE_POINT["sigma_velocity_mps"]
-            why["sigma_velocity_mps"] = (
-                "no standard deviations of the velocity in the file: those of a usual receiver"
-            )
-        _spell_out(path, table, columns, "gnss", keys, why, roles.how)
-        text = path.is_file() and path.suffix.lower() not in VARIABLES
+            sigma = SINGLE_POINT["sigma_velocity_mps"]
+            entry.set("sigma_velocity_mps", sigma, NO_VELOCITY_SIGMA)
+        _spell_out(path, table, columns, "gnss", entry, roles.how)
         names = [table.fields[columns["h"]] or ""] if "h" in columns else []
-        if above_geoid := refused_heights(path, names, commented=text):
-            keys["undulation_m"] = 0.0  # to look at them; the draft leaves it open
-            why["undulation_m"] = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
-        rows = (
-            slice(None)
-            if roles.repeat_column is None
-            else np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
-        )
-        message = f"fixes, {len(table.grid.values[rows])} of them"
-        sources.append(
-            Source(
-                "gnss",
-                path,
-                message,
-                keys,
-                why,
-                _span(table.grid, clock, unit, rows),
-                free_height=True,
-            )
-        )
+        if above_geoid := refused_heights(path, names, commented=_is_text(path)):
+            reason = f"{above_geoid}: the geoid's height above the ellipsoid goes here"
+            entry.set("undulation_m", 0.0, reason)  # to look at them; the draft leaves it open
+        rows: Any = slice(None)
+        if roles.repeat_column is not None:
+            rows = np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
+        count = f"fixes, {len(table.grid.values[rows])} of them"
+        span = _span(table.grid, clock, unit, rows)
+        sources.append(Source("gnss", path, count, entry.keys, entry.why, span, free_height=True))
     return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
@@ -307,27 +259,17 @@ def _events(path: Path, table: Table) -> list[Source]:
     """Exposures: a column of names or numbers beside a clock, or a clock alone."""
     if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
         return []
+    count = f"exposures, {len(table.grid.values)} of them"
     if any(name is not None for name in table.grid.names):
-        from ....io.formats.events import events
+        from ....io.formats.events.events import SPEC
 
-        reader_names = set(_as_reader_names(table, events.ALIASES, events.KINDS))
-        return (
-            [Source("events", path, f"exposures, {len(table.grid.values)} of them")]
-            if {"tow", "image"} <= reader_names
-            else []
-        )
+        named = {"tow", "image"} <= set(SPEC.named(table.fields))
+        return [Source("events", path, count)] if named else []
     last = table.grid.values[:, -1]
     increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
     if len(table.grid.names) > 2 or not increasing:
         return []
-    return [
-        Source(
-            "events",
-            path,
-            f"exposures, {len(table.grid.values)} of them",
-            span=(float(last[0]), float(last[-1])),
-        )
-    ]
+    return [Source("events", path, count, span=(float(last[0]), float(last[-1])))]
 
 
 def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
@@ -336,35 +278,25 @@ def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
     return {name: k for name, k in columns.items() if k is not None}
 
 
-def _named(table: Table) -> dict[str, Any]:
-    return {} if table.variable is None else {"variable": table.variable}
+def _named(table: Table) -> Keys:
+    """The key of the variable that holds the table, where the file has variables."""
+    return Keys({} if table.variable is None else {"variable": table.variable})
 
 
-def _time_unit(
-    keys: dict[str, Any], why: dict[str, str], grid: Grid, clock: int, unit: str
-) -> None:
+def _is_text(path: Path) -> bool:
+    return path.is_file() and path.suffix.lower() not in VARIABLES
+
+
+def _time_unit(entry: Keys, grid: Grid, clock: int, unit: str) -> None:
     """Unit of the clock, where it is not the reader's default."""
-    factor = tick(unit)
-    step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
-    if unit in EPOCH_UNITS and float(grid.values[0, clock]) * factor > UNIX_FROM:
+    steps = np.diff(grid.values[:, clock])
+    if unit in EPOCH_UNITS and float(grid.values[0, clock]) * tick(unit) > UNIX_FROM:
         unit = EPOCH_UNITS[unit]
     header_unit = grid.unit_of(clock, "time")
-    is_stated = header_unit == unit
-    if unit == "s" and (is_stated or header_unit is None):
+    if unit == "s" and header_unit in (unit, None):
         return
-    _unit(
-        keys,
-        why,
-        "time",
-        unit,
-        f"the header gives {header_unit}" if is_stated else f"{STEP_REASON} {step:g}",
-    )
-
-
-def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
-    """Set a unit and add its reason to those of the others."""
-    keys.setdefault("units", {})[of] = unit
-    why["units"] = "; ".join(filter(None, [why.get("units", ""), reason]))
+    by_step = f"{STEP_REASON} {float(np.median(steps[steps > 0.0])):g}"
+    entry.set_unit("time", unit, f"the header gives {unit}" if header_unit == unit else by_step)
 
 
 def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
@@ -376,54 +308,25 @@ def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[f
 
 
 def _spell_out(
-    path: Path,
-    table: Table,
-    columns: dict[str, int],
-    role: Role,
-    keys: dict[str, Any],
-    why: dict[str, str],
-    how: str,
+    path: Path, table: Table, columns: dict[str, int], role: Role, entry: Keys, how: str
 ) -> None:
-    """Set `columns`, unless the reader finds the same ones itself."""
-    names = table.grid.names
-    in_text = path.is_file() and path.suffix.lower() not in VARIABLES
+    """Set `columns`, unless the reader of text tables finds the same ones itself."""
+    names, spec = table.grid.names, _spec(role)
     if all(name is None for name in names):
         name_of = {k: name for name, k in columns.items()}
         listed = [name_of.get(k, "-") for k in range(len(names))]
-        if in_text and _is_default(role, listed):
-            return
-        keys["columns"] = listed
-    else:
-        if in_text and _reader_finds(role, table, columns):
-            return
-        keys["columns"] = {name: table.fields[k] for name, k in columns.items()}
-    why["columns"] = how
+        if not (_is_text(path) and " ".join(listed) in spec.layouts):
+            entry.set("columns", listed, how)
+        return
+    taken = [(name, k) for k, name in enumerate(spec.named(table.fields)) if name is not None]
+    by_itself = dict(taken) == columns and len(taken) == len(columns)
+    if not (_is_text(path) and by_itself):
+        entry.set("columns", {name: table.fields[k] for name, k in columns.items()}, how)
 
 
-def _reader_finds(role: Role, table: Table, columns: dict[str, int]) -> bool:
-    """Whether the reader of text tables takes just these columns by the header."""
+def _spec(role: Role) -> TableSpec:
+    """What the reader of text tables takes."""
     from ....io.formats.gnss import gnss_text
     from ....io.formats.imu import imu_csv
 
-    reader = imu_csv if role == "imu" else gnss_text
-    taken = _as_reader_names(table, reader.ALIASES, reader.KINDS)
-    by_itself = {name: k for k, name in enumerate(taken) if name is not None}
-    return len(by_itself) == sum(name is not None for name in taken) and by_itself == columns
-
-
-def _as_reader_names(
-    table: Table, aliases: Mapping[str, tuple[str, ...]], kinds: Kinds
-) -> list[str | None]:
-    """What a reader of text tables with these aliases takes each column for by the header."""
-    return names_of(
-        table.fields,
-        {alias: name for name, spellings in aliases.items() for alias in spellings},
-        kinds,
-    )
-
-
-def _is_default(role: Role, columns: list[str]) -> bool:
-    """Whether the reader of text tables takes a file without header for these columns."""
-    from ....io.formats.gnss import gnss_text
-
-    return tuple(columns) in ((("tow", *GYRO, *ACCEL),) if role == "imu" else gnss_text.DEFAULTS)
+    return imu_csv.with_required(imu_csv.COLUMNS) if role == "imu" else gnss_text.SPEC

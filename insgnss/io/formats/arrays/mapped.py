@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError, UsageError
 from ....records import GnssFixes, ImuSamples, Quantity
 from ....records.observations import OF_THE_SOLUTION
+from ..gnss import gnss_text
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, fixes_from_columns
-from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
-from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
 from ..gnss.heights import settled_undulation
 from ..gnss.rounding import is_held
-from ..imu.imu_csv import ALIASES as IMU_ALIASES
-from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
-from ..text.order import Lines, NumberedRows, Picked
-from ..text.units import check_units
+from ..imu import imu_csv
+from ..text.columns import TableSpec
+from ..text.headers import Settled
+from ..text.order import Lines, NumberedRows, Picked, refuse_rows
+from ..text.units import imu_kinds
 from .content import Content, take_columns
 
 Array = NDArray[np.float64]
@@ -31,22 +31,14 @@ OF_A_FIX = ("h", "vn", "ve", "vd", "vu", "speed", "course", *SIGMA, *VELOCITY_SI
 
 
 def _taken(
-    path: object,
-    content: Content,
-    columns: Columns,
-    variable: str | None,
-    required: Sequence[str],
-    accepted: Sequence[str],
+    spec: TableSpec, path: object, content: Content, columns: Columns, variable: str | None
 ) -> dict[str, Array]:
     names = list(columns)
-    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in accepted]):
-        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(accepted)}")
-    cols = {
-        name: column
-        for name, column in take_columns(path, content, columns, variable).items()
-        if name in accepted
-    }
-    if missing := [name for name in required if name not in cols]:
+    if isinstance(columns, Mapping) and (odd := [n for n in names if n not in spec.names]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(spec.names)}")
+    taken = take_columns(path, content, columns, variable)
+    cols = {name: column for name, column in taken.items() if name in spec.names}
+    if missing := [name for name in spec.required.split() if name not in cols]:
         raise InputError(
             f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the"
             " file"
@@ -56,11 +48,9 @@ def _taken(
 
 def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
-        if name not in OF_THE_SOLUTION and (bad := ~np.isfinite(column)).any():
-            raise lines.error_at(
-                int(np.argmax(bad)),
-                f"{name} is {column[int(np.argmax(bad))]}; it must be finite; leave the row out",
-            )
+        if name not in OF_THE_SOLUTION:
+            message = f"{name} is {{}}; it must be finite; leave the row out"
+            refuse_rows(lines, ~np.isfinite(column), message, column)
 
 
 def imu_of_content(
@@ -91,13 +81,29 @@ def imu_of_content(
     ImuSamples
         The samples.
     """
-    units = check_units(units, UNIT_KEYS)
-    cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
+    units = imu_csv.SPEC.checked_units(units)
+    spec = imu_csv.with_required(imu_csv.required_columns(rate_hz))
+    cols = _taken(spec, path, content, columns, variable)
     lines = NumberedRows(str(path))
     _finite(cols, lines)
-    fields = {key: _fields(columns, names) for key, names in TRIADS.items()}
-    scales, notes = scales_of(str(path), None, fields, units, quantity, rate_hz)
-    return imu_from_columns(cols, lines, str(path), scales, quantity, gps_week, notes)
+    kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
+    settled = _settled(spec, path, columns, units, kinds)
+    scales = imu_csv.scales_of(settled, kinds, rate_hz)
+    return imu_csv.imu_from_columns(
+        cols, lines, str(path), scales, quantity, gps_week, settled.notes
+    )
+
+
+def _settled(
+    spec: TableSpec,
+    path: object,
+    columns: Columns,
+    units: Mapping[str, str],
+    kinds: Mapping[str, str] | None = None,
+) -> Settled:
+    """Return the units by the caller and by what the file calls the columns."""
+    fields = {key: _fields(columns, names.split()) for key, names in spec.units.items()}
+    return spec.settled(str(path), None, fields, units, kinds)
 
 
 def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
@@ -147,11 +153,12 @@ def gnss_of_content(
     InputError
         A value that is not finite, repeated positions, or a `repeat_column` that never changes.
     """
-    units = check_units(units, GNSS_UNIT_KEYS)
-    fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
-    scales, notes = fix_scales(str(path), None, fields, units)
+    spec = gnss_text.SPEC
+    units = spec.checked_units(units, "quality")
+    settled = _settled(spec, path, columns, units)
+    scales = gnss_text.fix_scales(settled, units)
     geoid_m, more = settled_undulation(path, None, _fields(columns, ("h",)), undulation_m)
-    table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
+    table = _taken(spec, path, content, columns, variable)
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
         mark = (
@@ -181,5 +188,13 @@ def gnss_of_content(
         raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(
-        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, geoid_m, (*notes, *more)
+        table,
+        lines,
+        str(path),
+        scales,
+        gps_week,
+        sigma_m,
+        sigma_velocity,
+        geoid_m,
+        (*settled.notes, *more),
     )

@@ -15,11 +15,11 @@ import numpy as np
 
 from ....base.errors import DataError, InputError, near
 from ....base.files import lines_of
+from ..text.columns import first_repeat
 from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
-from .columns import first_repeat, positive_sigma
-from .image_points import SIGMA_PX
+from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 END = "-99"

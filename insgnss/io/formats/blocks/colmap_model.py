@@ -19,8 +19,7 @@ from ..bundle.camera import BROWN_NAMES, PARAMETERS
 from ..text.layout import decode, shown
 from ..text.numbers import PLAIN, finite
 from ..text.text import Source, load_bytes
-from .columns import positive_sigma
-from .image_points import SIGMA_PX
+from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 PARTS = ("cameras", "images", "points3D")

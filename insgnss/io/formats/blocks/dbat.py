@@ -21,11 +21,12 @@ from ....base.errors import InputError, near
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records.block import INTERIOR, Array, BrownCamera, GroundPoints, ImageBlock
 from ....records.block import ImageObservations as Observations
+from ..text.columns import first_repeat
 from ..text.layout import shown
 from ..text.numbers import EXACT, PLAIN, finite, whole, whole_rows
+from ..text.order import refuse_rows
 from ..text.text import Source, Table, TextTable, load_bytes, read_table, read_text_table
 from ..text.xml import parse_xml
-from .columns import first_repeat
 
 IMAGES, PRIOR_EO = ("id", "path"), ("id", "x", "y", "z", "omega", "phi", "kappa")
 IMAGE_POINTS, GROUND = ("im", "id", "x", "y"), ("id", "x", "y", "z", "sx", "sy", "sz")
@@ -187,9 +188,7 @@ def _images(path: Path, base: Path, given: Element) -> tuple[NDArray[np.int64], 
 def _row_of(table: Table, ids: NDArray[np.int64], order: dict[int, int]) -> NDArray[np.int64]:
     """Return the rows of images by their numbers."""
     rows = np.array([order.get(int(i), -1) for i in ids], dtype=np.int64)
-    if (rows < 0).any():
-        row = int(np.argmax(rows < 0))
-        raise table.error_at(row, f"image {ids[row]} is not in the list of images; add it there")
+    refuse_rows(table, rows < 0, "image {} is not in the list of images; add it there", ids)
     return rows
 
 

@@ -15,13 +15,13 @@ from ....base.errors import DataError, InputError
 from ....base.files import atomic_write, lines_of
 from ....geodesy.crs import is_geographic
 from ..orientation.exported import check_names
+from ..text.columns import first_repeat
 from ..text.layout import decode, is_comment, shown
 from ..text.numbers import whole
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
-from .columns import first_repeat, positive_sigma
 from .ground_points import GroundTable
-from .image_points import SIGMA_PX, ImagePoints
+from .image_points import SIGMA_PX, ImagePoints, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 SIGMA_M = (0.02, 0.02, 0.04)
@@ -62,7 +62,7 @@ def read_gcp_list(
     positive_sigma(sigma_px, "gcp_list")
     if not min(sigma_m) > 0.0:
         raise DataError(f"gcp_list: sigma_m {sigma_m}; all three must be positive")
-    text = decode(load_bytes(path).tobytes()).lstrip("\ufeff")
+    text = decode(load_bytes(path).tobytes())
     rows = [
         (line, row.strip())
         for line, row in enumerate(lines_of(text), start=1)

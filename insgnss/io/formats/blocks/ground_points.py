@@ -12,27 +12,24 @@ from ....base.errors import near
 from ....geodesy.crs import geodetic_from_geographic, is_geographic
 from ....geodesy.frames import TangentPlane
 from ....geodesy.projection import MapProjection
+from ..names import PLACES, ROLE
 from ..orientation.exported import quoted_names
-from ..text.columns import Aliases, Columns, sigma_aliases
+from ..text.columns import METRES, Columns, TableOut, TableSpec
 from ..text.layout import shown
-from ..text.text import Source, read_text_table
-from .columns import first_repeat, named_columns, positive, rows_of, write_table
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
-ALIASES: Aliases = {
-    "point": ("point", "point_id", "point_name", "id", "name", "label", "marker"),
-    "x": ("x", "e", "east", "easting"),
-    "y": ("y", "n", "north", "northing"),
-    "z": ("z", "u", "up", "h", "height", "elevation"),
-    "sigma_x": sigma_aliases("x", "e", "east", "easting"),
-    "sigma_y": sigma_aliases("y", "n", "north", "northing"),
-    "sigma_z": sigma_aliases("z", "u", "up", "h", "height", "elevation"),
-    "role": ("role", "use", "type", "kind"),
-}
-COLUMNS = tuple(ALIASES)
-REQUIRED = COLUMNS[:-1]
-METRES = ("m", "metre", "metres", "meter", "meters")
+SIGMAS = "sigma_x sigma_y sigma_z"
+POINTS = f"point x y z {SIGMAS}"
+SPEC = TableSpec(
+    {"point": "point point_id point_name id name label marker", **PLACES, **ROLE},
+    required=POINTS,
+    layouts=(f"{POINTS} role", POINTS),
+    text=True,
+    strict=METRES,
+)
+OUT = TableOut("point x=%.4f y=%.4f z=%.4f sigma_x=%.5f sigma_y=%.5f sigma_z=%.5f role")
 ROLES = ("control", "check")
 
 
@@ -154,7 +151,7 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
     path : path
         The file.
     columns : sequence or mapping, optional
-        As of `insgnss.io.formats.text.columns.columns_of`; columns that it leaves out are not read.
+        As of `text.columns.TableSpec.index`; columns that it leaves out are not read.
 
     Returns
     -------
@@ -167,21 +164,11 @@ def read_ground_points(path: Source, columns: Columns = None) -> GroundTable:
         A column that is unknown, a field that is no number, a standard deviation that is not
         positive, a role that is none, or a point that is there twice, with file and line.
     """
-    table = read_text_table(path)
-    index = named_columns(table, ALIASES, REQUIRED, (COLUMNS, REQUIRED), METRES, columns)
-    points, rows = rows_of(table, index["point"], "point")
-    if (twice := first_repeat(rows)) is not None:
-        first, row = twice
-        raise table.error_at(
-            row,
-            f"point {shown(points[rows[row]])} is there twice, before in line"
-            f" {table.lines[first]}; delete one of the lines",
-        )
-    position = np.column_stack([table.floats(index[name]) for name in ("x", "y", "z")])
-    sigma = np.column_stack(
-        [positive(table, index[name], name, "m") for name in ("sigma_x", "sigma_y", "sigma_z")]
-    )
-    roles = [role.lower() for role in table.strings(index["role"])] if "role" in index else []
+    table = SPEC.read(path, columns)
+    points, rows = table.rows_of("point", "point")
+    table.refuse_repeats(lambda row: f"point {shown(points[rows[row]])} is there twice", rows)
+    position, sigma = table.block("x y z"), table.positive(SIGMAS, "m")
+    roles = [role.lower() for role in table.strings("role")] if "role" in table else []
     for row, role in enumerate(roles):
         if role not in ROLES:
             raise table.error_at(row, f"role {shown(role)}; {near(role, ROLES)}")
@@ -212,11 +199,5 @@ def write_ground_points(ground: GroundTable, path: Source, comments: Sequence[st
     """
     points = quoted_names(ground.points, ",", "point")
     sigma = np.sqrt(np.diagonal(ground.cov, axis1=1, axis2=2))
-    form = "%s" + ",%.4f" * 3 + ",%.5f" * 3 + ",%s\n"
-    rows = (
-        form % (name, *values, ROLES[int(check)])
-        for name, values, check in zip(
-            points, np.hstack([ground.position_m, sigma]).tolist(), ground.check, strict=True
-        )
-    )
-    write_table(path, comments, COLUMNS, rows)
+    roles = [ROLES[int(check)] for check in ground.check]
+    OUT.write(path, np.hstack([ground.position_m, sigma]), points, roles, comments=comments)

@@ -1,34 +1,37 @@
 """Image observations as a plain table, data_specs/image_points.md."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....base.errors import DataError
 from ....records.block import ImageObservations
+from ..names import IN_IMAGE, sigma_names
 from ..orientation.exported import quoted_names
-from ..text.columns import Aliases, Columns, sigma_aliases
+from ..text.columns import Columns, TableOut, TableSpec
 from ..text.layout import shown
-from ..text.text import Source, TextTable, read_text_table
-from .columns import first_repeat, named_columns, positive, positive_sigma, rows_of, write_table
+from ..text.text import Source
 
-ALIASES: Aliases = {
-    "image": ("image", "img", "photo", "image_name", "image_id", "filename"),
-    "point": ("point", "point_id", "point_name", "id", "pt", "label", "marker"),
-    "x": ("x", "u", "col", "column", "x_px"),
-    "y": ("y", "v", "row", "line", "y_px"),
-    "sigma": ("sigma", "sd", "std", "sigma_px", "sigma_xy"),
-    "sigma_x": sigma_aliases("x", "u"),
-    "sigma_y": sigma_aliases("y", "v"),
-}
-REQUIRED = ("image", "point", "x", "y")
-DEFAULTS = (REQUIRED, (*REQUIRED, "sigma"), (*REQUIRED, "sigma_x", "sigma_y"))
+PIXELS = "px pixel pixels pix"
+SPEC = TableSpec(
+    {
+        **IN_IMAGE,
+        "x": "x u col column x_px",
+        "y": "y v row line y_px",
+        "sigma": "sigma sd std sigma_px sigma_xy",
+        "sigma_x": sigma_names("x u"),
+        "sigma_y": sigma_names("y v"),
+    },
+    required="image point x y",
+    layouts=("image point x y", "image point x y sigma", "image point x y sigma_x sigma_y"),
+    text=True,
+    strict=PIXELS,
+)
+OUT = TableOut("image point x=%.4f y=%.4f")
 PIXEL_ORIGIN = (
     "pixels, x right and y down from the outer corner of the upper left pixel, whose centre is"
     " (0.5, 0.5)"
 )
-PIXELS = ("px", "pixel", "pixels", "pix")
 SIGMA_PX = 1.0
 
 
@@ -61,7 +64,7 @@ def read_image_points(
     sigma_px : float
         Standard deviation of both coordinates where the table has no such column, pixels.
     columns : sequence or mapping, optional
-        As of `insgnss.io.formats.text.columns.columns_of`; columns that it leaves out are not read.
+        As of `text.columns.TableSpec.index`; columns that it leaves out are not read.
 
     Returns
     -------
@@ -77,40 +80,25 @@ def read_image_points(
         A `sigma_px` that is not positive.
     """
     positive_sigma(sigma_px, "image points")
-    table = read_text_table(path)
-    index = named_columns(table, ALIASES, REQUIRED, DEFAULTS, PIXELS, columns)
-    both = ("sigma_x" in index, "sigma_y" in index)
-    if any(both) and (not all(both) or "sigma" in index):
+    table = SPEC.read(path, columns)
+    both = ("sigma_x" in table, "sigma_y" in table)
+    if any(both) and (not all(both) or "sigma" in table):
         raise table.error_at(
             0, "the columns of standard deviations are sigma alone, or sigma_x and sigma_y; choose"
         )
-    images, image = rows_of(table, index["image"], "image")
-    points, point = rows_of(table, index["point"], "point")
-    _once(table, image, point, images, points)
-    uv = np.column_stack([table.floats(index[name]) for name in ("x", "y")])
+    images, image = table.rows_of("image", "image")
+    points, point = table.rows_of("point", "point")
+
+    def measured_twice(row: int) -> str:
+        where = f"in image {shown(images[image[row]])}"
+        return f"point {shown(points[point[row]])} is measured twice {where}"
+
+    table.refuse_repeats(measured_twice, image, point)
+    uv = table.block("x y")
     sigma = np.full_like(uv, sigma_px)
-    for k, name in enumerate(("sigma_x", "sigma_y")):
-        if (key := "sigma" if "sigma" in index else name) in index:
-            sigma[:, k] = positive(table, index[key], key, "px")
+    if "sigma" in table or all(both):
+        sigma[:] = table.positive("sigma" if "sigma" in table else "sigma_x sigma_y", "px")
     return ImagePoints(images, points, ImageObservations(image, point, uv, sigma))
-
-
-def _once(
-    table: TextTable,
-    image: NDArray[np.int64],
-    point: NDArray[np.int64],
-    images: Sequence[str],
-    points: Sequence[str],
-) -> None:
-    """Refuse a table in which an image has two measurements of one point."""
-    if (twice := first_repeat(image, point)) is not None:
-        first, row = twice
-        raise table.error_at(
-            row,
-            f"point {shown(points[point[row]])} is measured twice in image"
-            f" {shown(images[image[row]])}, before in line {table.lines[first]}; delete one of the"
-            " lines",
-        )
 
 
 def write_image_points(measured: ImagePoints, path: Source) -> None:
@@ -134,12 +122,27 @@ def write_image_points(measured: ImagePoints, path: Source) -> None:
     points = quoted_names(measured.points, ",", "point")
     seen = measured.observations
     equal = bool((seen.sigma_px[:, 0] == seen.sigma_px[:, 1]).all())
-    names = (*REQUIRED, "sigma") if equal else (*REQUIRED, "sigma_x", "sigma_y")
     sigma = seen.sigma_px[:, :1] if equal else seen.sigma_px
-    form = "%s,%s,%.4f,%.4f" + ",%.6g" * sigma.shape[1] + "\n"
-    values = np.hstack([seen.uv, sigma]).tolist()
-    rows = (
-        form % (images[i], points[p], *row)
-        for i, p, row in zip(seen.image.tolist(), seen.point.tolist(), values, strict=True)
-    )
-    write_table(path, (f"image observations: {PIXEL_ORIGIN}",), names, rows)
+    out = OUT.with_columns("sigma=%.6g" if equal else "sigma_x=%.6g sigma_y=%.6g")
+    names = [images[i] for i in seen.image], [points[p] for p in seen.point]
+    comment = f"image observations: {PIXEL_ORIGIN}"
+    out.write(path, np.hstack([seen.uv, sigma]), *names, comments=(comment,))
+
+
+def positive_sigma(sigma_px: float, who: str) -> None:
+    """Refuse a standard deviation of image observations that is not positive.
+
+    Parameters
+    ----------
+    sigma_px : float
+        The standard deviation, pixels.
+    who : str
+        Who takes it, for the message.
+
+    Raises
+    ------
+    DataError
+        It is not positive.
+    """
+    if not 0.0 < sigma_px < np.inf:
+        raise DataError(f"{who}: sigma_px {sigma_px:g}; it must be positive")

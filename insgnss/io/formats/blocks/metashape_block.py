@@ -25,9 +25,8 @@ from ....records.block import INTERIOR, Array, BrownCamera
 from ..text.layout import shown
 from ..text.numbers import PLAIN, finite, whole
 from ..text.text import Source
-from .columns import positive_sigma
 from .ground_points import GroundTable
-from .image_points import SIGMA_PX
+from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 from .metashape_project import Element, ProjectFile, opened_project, read_ply
 

@@ -25,8 +25,7 @@ from ..text.layout import decode, shown
 from ..text.numbers import EXACT, array_of, whole
 from ..text.text import Source, load_bytes
 from ..text.text import number as number_in
-from .columns import positive_sigma
-from .image_points import SIGMA_PX
+from .image_points import SIGMA_PX, positive_sigma
 from .measured_block import MeasuredBlock, file_names, image_points, no_poses
 
 RECONSTRUCTION, TRACKS, INSIDE = "reconstruction.json", "tracks.csv", "opensfm"

@@ -2,7 +2,6 @@
 tachymeter, antenna positions at exposures, poses of an adjustment (`poses.csv` of insgnss adjust).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,38 +9,43 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.rotation import CV_RUB, opk_jacobian, rotation_from_opk
-from ..text.columns import Aliases, sigma_aliases
+from ..names import PLACES, ROLE, Names, sigma_names
+from ..text.columns import METRES, NamedTable, TableSpec
 from ..text.headers import normalised
 from ..text.layout import shown
+from ..text.order import refuse_rows
 from ..text.text import Source, TextTable, read_text_table
-from .columns import first_repeat, named_columns, positive, rows_of
 
 Array = NDArray[np.float64]
 
-NAMES = (
-    *("name", "image", "setup", "point", "label", "id", "target", "photo", "image_name"),
-    *("point_id", "point_name", "marker", "station"),
+ANGLES, SIGMAS = "omega phi kappa", "sigma_x sigma_y sigma_z"
+TURNED = "sigma_omega sigma_phi sigma_kappa"
+UNITS = f"{METRES} deg degree degrees s"
+BY_NAME: Names = {
+    "name": "name image setup point label id target photo image_name point_id point_name marker"
+    " station",
+    **PLACES,
+    "z": f"{PLACES['z']} alt altitude",
+    "tow": "tow gpstow gps_tow time gps_time sow",
+    "role": f"{ROLE['role']} aerial_control",
+}
+
+
+def _spec(names: Names, required: str, sigmas: str) -> TableSpec:
+    layouts = (required, f"{required} {sigmas}")
+    return TableSpec(names, required, layouts, text=True, strict=UNITS)
+
+
+GEODETIC: Names = {"lat": "lat latitude", "lon": "lon longitude"}
+CARTESIAN_POSITIONS = _spec(BY_NAME | GEODETIC, "name x y z", SIGMAS)
+GEODETIC_POSITIONS = _spec(BY_NAME | GEODETIC, "name lat lon z", SIGMAS)
+POSES = _spec(
+    BY_NAME
+    | {angle: angle for angle in ANGLES.split()}
+    | {f"sigma_{angle}": sigma_names(angle) for angle in ANGLES.split()},
+    f"name x y z {ANGLES}",
+    f"{SIGMAS} {TURNED}",
 )
-POSITIONS: Aliases = {
-    "name": NAMES,
-    "x": ("x", "e", "east", "easting"),
-    "y": ("y", "n", "north", "northing"),
-    "z": ("z", "u", "up", "h", "height", "elevation", "alt", "altitude"),
-    "lat": ("lat", "latitude"),
-    "lon": ("lon", "longitude"),
-    "sigma_x": sigma_aliases("x", "e", "east", "easting"),
-    "sigma_y": sigma_aliases("y", "n", "north", "northing"),
-    "sigma_z": sigma_aliases("z", "u", "up", "h", "height", "elevation"),
-    "tow": ("tow", "gpstow", "gps_tow", "time", "gps_time", "sow"),
-    "role": ("role", "use", "type", "kind", "aerial_control"),
-}
-POSES: Aliases = {key: names for key, names in POSITIONS.items() if key not in ("lat", "lon")} | {
-    **{angle: (angle,) for angle in ("omega", "phi", "kappa")},
-    **{f"sigma_{angle}": sigma_aliases(angle) for angle in ("omega", "phi", "kappa")},
-}
-ANGLES = ("omega", "phi", "kappa")
-UNITS = ("m", "metre", "metres", "meter", "meters", "deg", "degree", "degrees", "s")
-SIGMAS = ("sigma_x", "sigma_y", "sigma_z")
 FULL_TURN_DEG = 360.0
 
 
@@ -117,23 +121,18 @@ def read_position_table(path: Source) -> NamedPositions:
         A column that is unknown, a field that is no number, a standard deviation that is not
         positive, a name that is there twice, or no latitude, with file and line.
     """
-    table = read_text_table(path)
-    geodetic = "lat" in _header(table)
-    required = ("name", "lat", "lon", "z") if geodetic else ("name", "x", "y", "z")
-    defaults = (required, (*required, *SIGMAS))
-    index = named_columns(table, POSITIONS, required, defaults, UNITS)
-    names = _names(table, index["name"])
-    position = np.column_stack([table.floats(index[key]) for key in required[1:]])
+    whole = read_text_table(path)
+    geodetic = "lat" in _header(whole)
+    table = (GEODETIC_POSITIONS if geodetic else CARTESIAN_POSITIONS).of(whole)
+    names = _names(table)
+    position = table.block("lat lon z" if geodetic else "x y z")
     if geodetic:
-        for key, limit, column in (("lat", 90.0, 0), ("lon", 180.0, 1)):
-            values = np.abs(position[:, column])
-            if (values > limit).any():
-                row = int(np.argmax(values > limit))
-                problem = f"{key} {position[row, column]:g} deg (limit {limit:g})"
-                raise table.error_at(row, f"{problem}; are latitude and longitude exchanged?")
+        for key, limit, values in (("lat", 90.0, position[:, 0]), ("lon", 180.0, position[:, 1])):
+            problem = f"{key} {{:g}} deg (limit {limit:g}); are latitude and longitude exchanged?"
+            refuse_rows(table, np.abs(values) > limit, problem, values)
         position[:, :2] = np.radians(position[:, :2])
-    cov = _sigmas(table, index, SIGMAS, "m")
-    time = table.floats(index["tow"]) if "tow" in index else None
+    cov = _sigmas(table, SIGMAS, "m")
+    time = table.floats("tow") if "tow" in table else None
     return NamedPositions(names, position, geodetic, cov, time)
 
 
@@ -156,20 +155,15 @@ def read_pose_table(path: Source) -> NamedPoses:
     InputError
         As `read_position_table`; angles beyond a full turn.
     """
-    table = read_text_table(path)
-    required = ("name", "x", "y", "z", *ANGLES)
-    turned = tuple(f"sigma_{angle}" for angle in ANGLES)
-    index = named_columns(table, POSES, required, (required, (*required, *SIGMAS, *turned)), UNITS)
-    names = _names(table, index["name"])
-    position, degrees = (
-        np.column_stack([table.floats(index[key]) for key in keys]) for keys in ("xyz", ANGLES)
-    )
-    if (np.abs(degrees) > FULL_TURN_DEG).any():
-        row, k = np.argwhere(np.abs(degrees) > FULL_TURN_DEG)[0]
-        problem = f"{ANGLES[k]} {degrees[row, k]:g} deg (limit {FULL_TURN_DEG:g})"
-        raise table.error_at(int(row), f"{problem}; are columns exchanged, or is it in gon?")
+    table = POSES.read(path)
+    names, position, degrees = _names(table), table.block("x y z"), table.block(ANGLES)
+    for angle, values in zip(ANGLES.split(), degrees.T, strict=True):
+        problem = (
+            f"{angle} {{:g}} deg (limit {FULL_TURN_DEG:g}); are columns exchanged, or is it in"
+        )
+        refuse_rows(table, np.abs(values) > FULL_TURN_DEG, f"{problem} gon?", values)
     opk = np.radians(degrees)
-    P, A = _sigmas(table, index, SIGMAS, "m"), _sigmas(table, index, turned, "deg")
+    P, A = _sigmas(table, SIGMAS, "m"), _sigmas(table, TURNED, "deg")
     if (P is None) != (A is None):
         raise table.error_at(
             0, "standard deviations of positions and of angles belong together; give all six"
@@ -200,7 +194,7 @@ def is_pose_table(path: Source) -> bool:
         fields = _header(read_text_table(path))
     except InputError:
         return False
-    own = all(any(name in fields for name in POSES[key]) for key in ("x", *ANGLES))
+    own = {"x", *ANGLES.split()} <= {POSES.aliases.get(field) for field in fields}
     named = any(name in fields for name in ("image", "setup", "name"))
     return own and named and "somega" not in fields
 
@@ -209,27 +203,18 @@ def _header(table: TextTable) -> set[str]:
     return {normalised(field)[0] for field in table.layout.header_fields or ()}
 
 
-def _names(table: TextTable, column: int) -> tuple[str, ...]:
-    names, rows = rows_of(table, column, "row")
-    if (twice := first_repeat(rows)) is not None:
-        first, row = twice
-        raise table.error_at(
-            row,
-            f"{shown(names[rows[row]])} is there twice, before in line {table.lines[first]};"
-            " delete one of the lines",
-        )
+def _names(table: NamedTable) -> tuple[str, ...]:
+    names, rows = table.rows_of("name", "row")
+    table.refuse_repeats(lambda row: f"{shown(names[rows[row]])} is there twice", rows)
     return names
 
 
-def _sigmas(
-    table: TextTable, index: dict[str, int], keys: Sequence[str], unit: str
-) -> Array | None:
+def _sigmas(table: NamedTable, names: str, unit: str) -> Array | None:
     """Return diagonal covariances, None without any of the columns."""
-    there = [key in index for key in keys]
-    if not any(there):
+    lacking = [name for name in names.split() if name not in table]
+    if len(lacking) == len(names.split()):
         return None
-    if not all(there):
-        lacking = keys[there.index(False)]
-        raise table.error_at(0, f"{lacking} is missing beside the other standard deviations")
-    sigma = np.column_stack([positive(table, index[key], key, unit) for key in keys])
-    return sigma[:, :, None] ** 2 * np.eye(3)
+    if lacking:
+        message = f"{lacking[0]} is missing beside the other standard deviations"
+        raise table.error_at(0, message)
+    return table.positive(names, unit)[:, :, None] ** 2 * np.eye(3)

@@ -17,7 +17,7 @@ from .colmap_model import PARTS
 from .dbat import read_dbat
 from .gcp_list import HEAD
 from .ground_points import GroundTable
-from .image_points import ALIASES, ImagePoints, read_image_points
+from .image_points import SPEC, ImagePoints, read_image_points
 from .measured_block import MeasuredBlock, of_table
 from .opensfm_model import INSIDE, RECONSTRUCTION, TRACKS
 
@@ -158,7 +158,7 @@ def recognised(path: Source) -> str:
     head = head_of(path)
     if not head:
         raise InputError.at_line(path, None, "is empty; export the image observations again")
-    text = decode(head).lstrip("\ufeff \r\n\t")
+    text = decode(head).lstrip()
     if head.startswith(b"PK\x03\x04") or path.suffix.lower() in (".psx", ".psz"):
         return "metashape"
     if COLMAP_FILE.fullmatch(path.name):
@@ -185,8 +185,8 @@ def recognised(path: Source) -> str:
 
 def _headed(row: str) -> bool:
     """Whether a line is the header of a table of image observations, in part at least."""
-    names = {name.strip().lower() for name in re.split(r"[\s,;]+", row)}
-    return all(names & set(ALIASES[name]) for name in ("image", "point"))
+    names = {SPEC.aliases.get(name.strip().lower()) for name in re.split(r"[\s,;]+", row)}
+    return {"image", "point"} <= names
 
 
 def _unknown(path: Path) -> InputError:

@@ -51,15 +51,15 @@ from ..orientation.exported import (
     places_sigma,
     table_text,
 )
-from ..text.columns import Aliases, columns_of
-from ..text.text import Source, read_text_table
+from ..text.columns import TableSpec
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
 POSE = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
 ACCURACY = tuple(f"{name}_acc" for name in POSE)
-COLUMNS = ("Label", *POSE, *ACCURACY)
-ALIASES: Aliases = {name: (name.lower(),) for name in COLUMNS}
+COLUMNS = " ".join(("Label", *POSE, *ACCURACY))
+SPEC = TableSpec({name: name.lower() for name in COLUMNS.split()}, COLUMNS, (COLUMNS,), text=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +208,15 @@ def read_metashape(path: Source) -> MetashapeReference:
     InputError
         A bad line, with file and line; also the other variants, whose columns have other names.
     """
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
-    lon, lat, height = (table.floats(index[name]) for name in "XYZ")
-
-    def block(names: tuple[str, ...]) -> Array:
-        return np.column_stack([table.floats(index[name]) for name in names])
-
+    table = SPEC.read(path)
+    pose = table.block(" ".join(POSE))
+    accuracy = table.block(" ".join(ACCURACY))
     return MetashapeReference(
-        table.strings(index["Label"]),
-        np.radians(lat),
-        np.radians(lon),
-        height,
-        np.radians(block(POSE[3:])),
-        block(ACCURACY[:3]),
-        np.radians(block(ACCURACY[3:])),
+        table.strings("Label"),
+        np.radians(pose[:, 1]),
+        np.radians(pose[:, 0]),
+        pose[:, 2],
+        np.radians(pose[:, 3:]),
+        accuracy[:, :3],
+        np.radians(accuracy[:, 3:]),
     )

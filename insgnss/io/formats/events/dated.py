@@ -28,7 +28,8 @@ from ....base.errors import InputError, UsageError
 from ....base.wording import named
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
 from ....records import Array, CameraEvents, Check
-from ..text.columns import Aliases, Columns, columns_of
+from ..names import DATED, IMAGE_ENDINGS
+from ..text.columns import Columns, TableSpec
 from ..text.layout import Layout, decode, is_comment, shown
 from ..text.order import Lines, note
 from ..text.text import Source, TextTable, load
@@ -40,21 +41,8 @@ STAMP = re.compile(
     re.ASCII,
 )
 DAY = re.compile(r"(\d{4})[-/.:](\d{1,2})[-/.:](\d{1,2})", re.ASCII)
-ALIASES: Aliases = {
-    "image": (
-        *("image", "images", "img", "photo", "name", "label", "filename", "file", "file name"),
-        *("file_name", "image name", "image_name", "imagename", "photo name", "photo_name"),
-        *("sourcefile", "picture", "camera"),
-    ),
-    "date": ("date", "day", "gps date", "gps_date", "gpsdate", "date_utc", "utc_date", "gpst_date"),
-    "time": (
-        *("datetime", "date time", "date_time", "date/time", "timestamp", "time", "utc", "gpst"),
-        *("gps time", "gps_time", "gpstime", "gps datetime", "gpsdatetime", "utc time"),
-        *("utc_time", "time_utc", "time (utc)", "timestamp_utc", "datetime_utc", "utc_datetime"),
-        *("datetimeoriginal", "subsecdatetimeoriginal", "date taken", "createdate"),
-        *("gpst_time", "time_gpst", "datetime_gpst", "timestamp_gpst"),
-    ),
-}
+SPEC = TableSpec(DATED, "time", ("time", "image time", "image date time"), text=True)
+QUOTES = " \"'"
 FINEST = ("subsecdatetimeoriginal", "gpsdatetime", "datetimeoriginal", "createdate")
 TIME_OF_WEEK = r"\b(tow|sow|gps_tow|time of week|gps_sow|timeofweek|gpstow|gpssow)\b"
 OFFSET = re.compile(r"utc(?:([+-])(0?\d|1[0-4])(?::?([0-5]\d))?)?$", re.ASCII)
@@ -132,18 +120,16 @@ def read_dated_events(
         A `time_scale` that is none.
     """
     table = _table(path)
-    defaults = (("time",), ("image", "time"), ("image", "date", "time"))
-    chosen = columns if columns is not None else _finest(table)
-    index = columns_of(table, ALIASES, ("time",), defaults, chosen)
-    texts = table.strings(index["time"])
+    chosen = columns if columns is not None else _evident(table)
+    named_table = SPEC.of(table, chosen)
+    index, texts = named_table.index, named_table.strings("time")
     if "date" in index and not STAMP.search(texts[0]):
-        texts = tuple(
-            f"{day} {clock}" for day, clock in zip(table.strings(index["date"]), texts, strict=True)
-        )
+        days = named_table.strings("date")
+        texts = tuple(f"{day} {clock}" for day, clock in zip(days, texts, strict=True))
     header = table.layout.header_fields or ()
     named_columns = [index[key] for key in ("time", "date") if key in index]
     title = " ".join(header[k] for k in named_columns if k < len(header))
-    images = table.strings(index["image"]) if "image" in index else None
+    images = named_table.strings("image") if "image" in index else None
     if images is not None:
         images = tuple(Path(name.replace("\\", "/")).name for name in images)
     return dated_events(images, texts, table, str(path), (title, time_scale), gps_week)
@@ -237,17 +223,28 @@ def dated_events(
     return replace(events, sigma_s=np.full(events.time.size, sigma))
 
 
-def _finest(table: TextTable) -> Columns:
-    """The columns of a table of exiftool, which has several times of an image: the one of most
-    digits, or of the receiver.
+def _evident(table: TextTable) -> Columns:
+    """The columns of a table whose header does not tell them, or tells several: by the values.
+
+    Of exiftool's times of an image that of most digits, or of the receiver, is taken; without a
+    name of a time the only column of dates with a time of day, and beside it the only column of
+    image files.
     """
     header = [name.strip().lower() for name in table.layout.header_fields or ()]
-    times = [name for name in FINEST if name in header]
-    if len(times) < 2:
+    names = SPEC.named(table.layout.header_fields or ())
+    times = [header.index(name) for name in FINEST if name in header]
+    images = [k for k, name in enumerate(names) if name == "image"]
+    if header and not times and "time" not in names:
+        times = [k for k, text in enumerate(table.rows[0]) if STAMP.fullmatch(text.strip(QUOTES))]
+        endings = tuple(IMAGE_ENDINGS.split())
+        files = [k for k, text in enumerate(table.rows[0]) if text.lower().endswith(endings)]
+        images = images or files
+        if len(times) != 1 or len(images) != 1:
+            return None
+    elif len(times) < 2:
         return None
-    image = next((k for k, name in enumerate(header) if name in ALIASES["image"]), None)
-    chosen = {"time": f"[{header.index(times[0]) + 1}]"}
-    return chosen if image is None else chosen | {"image": f"[{image + 1}]"}
+    chosen = {"time": f"[{times[0] + 1}]"}
+    return chosen | {"image": f"[{images[0] + 1}]"} if images else chosen
 
 
 def _times(
@@ -258,7 +255,7 @@ def _times(
     """
     parts = []
     for row, text in enumerate(texts):
-        match = STAMP.fullmatch(text.strip(" \"'"))
+        match = STAMP.fullmatch(text.strip(QUOTES))
         if match is None:
             raise lines.error_at(
                 row,

@@ -2,37 +2,24 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from ....base.files import atomic_write
 from ....base.wording import named
 from ....records import Array, CameraEvents, Check
+from ..names import EVENTS
 from ..orientation.exported import quoted_names
-from ..text.columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
-from ..text.headers import Kinds, settled_units
-from ..text.order import Lines, Picked, note, open_end, put_in_order
-from ..text.text import Source, read_text_table
-from ..text.units import check_units
+from ..text.columns import Columns, TableOut, TableSpec
+from ..text.order import Lines, Picked, note, put_in_order
+from ..text.text import Source
 
 UNNAMED = "event names"  # name of the note on events that have numbers alone
-DEFAULTS = (("tow",), ("image", "tow"), ("image", "week", "tow"))
-ALIASES: Aliases = {
-    **TIME,
-    "image": (
-        "image",
-        "images",
-        "img",
-        "photo",
-        "name",
-        "label",
-        "filename",
-        "file",
-        "event",
-        "event_id",
-        "id",
-    ),
-}
-KINDS: Kinds = {"tow": ("time",)}
+SPEC = TableSpec(
+    EVENTS,
+    required="tow",
+    layouts=("tow", "image tow", "image week tow"),
+    units={"time": "tow"},
+    record="event",
+    text=True,
+)
+OUT = TableOut("image tow[s]=%.7f", " ")
 
 
 def read_events(
@@ -68,24 +55,12 @@ def read_events(
     InputError
         A bad time, time that does not increase, or an image that occurs twice, with file and line.
     """
-    units = check_units(units, ("time",))
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, ("tow",), DEFAULTS, columns, KINDS)
-    fields = {"time": fields_of(table.layout, index, ("tow",))}
-    taken, _, unit_notes = settled_units(
-        str(path),
-        table.layout.header_line,
-        {"time": ("tow",)},
-        {"time": "time"},
-        fields,
-        units,
-        "event",
-    )
-    week = table.floats(index["week"]) if "week" in index else None
-    time, gps_week = gps_time(table, table.floats(index["tow"]), week, gps_week, taken["time"])
-    images = table.strings(index["image"]) if "image" in index else None
-    notes = (*open_end("event rows", table.complete), *unit_notes)
-    return events_in_order(images, time, table, str(path), gps_week, notes)
+    units = SPEC.checked_units(units)
+    table = SPEC.read(path, columns)
+    settled = table.settled(units)
+    time, gps_week = table.gps_time(gps_week, settled.units["time"])
+    images = table.strings("image") if "image" in table else None
+    return events_in_order(images, time, table, str(path), gps_week, settled.notes)
 
 
 def events_in_order(
@@ -130,9 +105,4 @@ def numbered(count: int) -> tuple[tuple[str, ...], Check]:
 
 def write_events(events: CameraEvents, path: Source) -> None:
     """Write `image tow`, blank separated, seconds with 7 decimals."""
-    images = quoted_names(events.images, None)
-    rows = (
-        f"{name} {time:.7f}\n"
-        for name, time in zip(images, np.asarray(events.time).tolist(), strict=True)
-    )
-    atomic_write(path, ["# image tow[s]\n", *rows])
+    OUT.write(path, events.time[:, None], quoted_names(events.images, None))

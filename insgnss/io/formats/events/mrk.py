@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import Array, CameraEvents
-from ..text.columns import gps_time
+from ..text.clock import gps_time
 from ..text.layout import BINARY, decode, is_binary, shown
 from ..text.text import Source, load, number
 from .events import events_in_order

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError, UsageError
 from ....records import Check, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
-from ..text.columns import clock_of, gps_time
-from ..text.order import Lines, Picked, note, put_in_order
+from ..text.clock import clock_of, gps_time
+from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
 from .rounding import floor_of_zeros
 
 Array = NDArray[np.float64]
@@ -105,13 +105,10 @@ def fixes_from_columns(
         )
     lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
-        if (beyond := np.abs(value) > limit + 1e-12).any():
-            row = int(np.argmax(beyond))
-            message = (
-                f"{name} {np.degrees(value[row]):.6f} deg exceeds {np.degrees(limit):.0f}; check"
-                " the columns and their unit"
-            )
-            raise lines.error_at(row, message)
+        message = (
+            f"{name} {{:.6f}} deg exceeds {np.degrees(limit):.0f}; check the columns and their"
+        )
+        refuse_rows(lines, np.abs(value) > limit + 1e-12, f"{message} unit", np.degrees(value))
     cols, floor_notes = with_floors_of_zeros(cols)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
@@ -186,12 +183,8 @@ def with_floors_of_zeros(
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
-    if (beyond := np.abs(value) > LARGEST).any():
-        row = int(np.argmax(beyond))
-        raise lines.error_at(
-            row,
-            f"{name} {value[row]:g} {unit} exceeds {LARGEST:g}; check the columns and their unit",
-        )
+    message = f"{name} {{:g}} {unit} exceeds {LARGEST:g}; check the columns and their unit"
+    refuse_rows(lines, np.abs(value) > LARGEST, message, value)
 
 
 def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
@@ -200,13 +193,10 @@ def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.
         raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
     q = cols["q"]
     accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
-    if (odd := ~np.isin(q, list(accepted))).any():
-        row = int(np.argmax(odd))
-        raise lines.error_at(
-            row,
-            f"quality {q[row]:g} is no code of {codes}; check the columns, or set units = {{"
-            ' quality = "nmea" }',
-        )
+    message = (
+        f"quality {{:g}} is no code of {codes}; check the columns, or set units = {{{{ quality"
+    )
+    refuse_rows(lines, ~np.isin(q, list(accepted)), f'{message} = "nmea" }}}}', q)
     return (
         np.array([NMEA_QUALITY[k] for k in q.astype(np.int64).tolist()], dtype=np.int64)
         if codes == "nmea"

@@ -19,6 +19,7 @@ from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc
 from ....records import Check, GnssFixes
 from ....records.observations import UNKNOWN_MPS
+from ..text.clock import agree_on_week
 from ..text.layout import shown
 from ..text.order import note
 from ..text.sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences
@@ -130,12 +131,7 @@ def read_nmea(
     # midnight UTC lies in the week before, in the leap seconds before the week's end
     over = int(time[0] // WEEK_S)
     week, time = week + over, time - over * WEEK_S
-    if gps_week is not None and week != gps_week:
-        raise lines.error_at(
-            0,
-            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
-            " the file",
-        )
+    agree_on_week(lines, week, gps_week)
     table = np.array([row[2:] for row in fixes])
     spread = np.array([log.sigma.get(row[0], stand_in) for row in fixes])
     cols = {
@@ -154,14 +150,8 @@ def read_nmea(
     if sigma_velocity is not None and log.track:
         cols |= _velocity(fixes, log, sigma_velocity)
         if without := sum(row[0] not in log.track for row in fixes):
-            notes += (
-                note(
-                    "GNSS rows",
-                    f"{without} of {len(fixes)} epochs without a course",
-                    "speed and course",
-                    "their velocity is not used",
-                ),
-            )
+            finding = f"{without} of {len(fixes)} epochs without a course"
+            notes += (note("GNSS rows", finding, "speed and course", "their velocity is not used"),)
     return fixes_from_columns(cols, lines, str(path), FixScales(), week, None, None, notes=notes)
 
 
@@ -331,11 +321,8 @@ def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Ch
         f"left out {n_bad} lines without a right checksum, {n_void} epochs without fix, {n_without}"
         f" without GST; {n_fixes} fixes"
     )
-    return (
-        note(
-            "GNSS rows",
-            finding,
-            "whole sentences, a fix and GST each epoch",
-            "check the logger and the receiver's settings",
-        ),
+    expected, advice = (
+        "whole sentences, a fix and GST each epoch",
+        "check the logger and the receiver",
     )
+    return (note("GNSS rows", finding, expected, f"{advice}'s settings"),)

@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....base.files import atomic_write
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
 from ....records import Check, GnssFixes
+from ..text.clock import agree_on_week
 from ..text.layout import sniff
-from ..text.order import note, open_end, put_in_order
-from ..text.sentences import BAD_SHARE_LIMIT
-from ..text.text import Source, Table, format_rows, load, parse
+from ..text.order import note, open_end, put_in_order, refuse_rows
+from ..text.text import Source, Table, load, parse
 from .fixes import of_the_solution
 from .heights import GIVE, above_already
+from .pos_covariance import LARGEST_ROOT, NED, covariances
 from .pos_header import (
     DATE,
     POSITION,
@@ -40,15 +40,11 @@ from .pos_header import (
     read_header,
 )
 
-__all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos", "write_rtklib_pos"]
+__all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos"]
 
 Array = NDArray[np.float64]
-SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
-
-NED = np.diag([1.0, 1.0, -1.0])
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0
-LARGEST_ROOT = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +114,7 @@ def pos_rows(table: Table, header: Header, gps_week: int | None = None) -> PosRo
     """
     columns = _columns(table, header)
     time, week = _time(table, columns, header)
-    if gps_week is not None and week != gps_week:
-        raise table.error_at(
-            0,
-            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
-            " the file",
-        )
+    agree_on_week(table, week, gps_week)
     rows, notes = put_in_order(
         table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
     )
@@ -192,44 +183,31 @@ def fixes_of_rows(
         What cannot be, with file and line.
     """
     header, table, cols = read.header, read.table, read.columns
-    notes = [*open_end("GNSS rows", read.complete)] + (
-        []
-        if header.given
-        else [
-            note(
-                "GNSS rows",
-                f"no header; read as {header.scale}, heights above the"
-                f" {'geoid' if undulation_m else 'ellipsoid'}",
-                "RTKLIB's header",
-                "check both; gnss.undulation_m is the geoid's height, where they are above it",
-            )
-        ]
-    )
+    notes = [*open_end("GNSS rows", read.complete)]
+    if not header.given:
+        above = "geoid" if undulation_m else "ellipsoid"
+        finding = f"no header; read as {header.scale}, heights above the {above}"
+        advice = "check both; gnss.undulation_m is the geoid's height, where they are above it"
+        notes.append(note("GNSS rows", finding, "RTKLIB's header", advice))
     base, geodetic = read.base_ecef, _base_place(header)
     if base is None and geodetic is not None:
         advice = "its standard deviations are taken as they are; correct % ref pos of the header"
         notes.append(note("GNSS rows", _no_place(geodetic), "the place of the base", advice))
     lat, lon, height, C = _position(table, cols, header, undulation_m)
-    cov, assumed = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    cov, assumed = covariances(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
+    described = {SOLUTION[n.lower()]: c for n, c in cols.items() if n.lower() in SOLUTION}
     return GnssFixes(
         read.time,
-        lat,
-        lon,
-        height,
-        cov,
-        velocity,
-        velocity_cov,
+        *(lat, lon, height, cov, velocity, velocity_cov),
         quality,
         read.gps_week,
         table.path,
         (*notes, *read.notes),
         base_ecef=base,
         sigma_assumed=assumed if assumed.any() else None,
-        **of_the_solution(
-            {SOLUTION[n.lower()]: column for n, column in cols.items() if n.lower() in SOLUTION}
-        ),
+        **of_the_solution(described),
     )
 
 
@@ -261,15 +239,10 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
         name if not header.sexagesimal or name == "height" else f"{name}:d"
         for name in POSITION[header.kind]
     ]
-    if missing := [name for name in needed if name not in names] + [
-        name for name in names if names.count(name) > 1
-    ]:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}; let"
-            " RTKLIB write the header",
-        )
+    twice = [name for name in names if names.count(name) > 1]
+    if missing := [name for name in needed if name not in names] + twice:
+        message = f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}"
+        raise InputError.at_line(table.path, None, f"{message}; let RTKLIB write the header")
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
@@ -295,37 +268,23 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
             ) from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
-        _refuse(
-            table,
-            (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0),
-            tod,
-            "{:.3f} s is no time of day",
-        )
+        odd = (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0)
+        _refuse(table, odd, tod, "{:.3f} s is no time of day")
     else:
-        _refuse(
-            table,
-            (cols["week"] < 0.0) | (cols["week"] > 9999.0) | (cols["week"] % 1.0 != 0.0),
-            cols["week"],
-            "{:g} is no GPS week",
-        )
-        _refuse(
-            table,
-            (cols["tow"] < 0.0) | (cols["tow"] > 2.0 * WEEK_S),
-            cols["tow"],
-            "{:.3f} s is no time of week",
-        )
+        week, tow = cols["week"], cols["tow"]
+        odd = (week < 0.0) | (week > 9999.0) | (week % 1.0 != 0.0)
+        _refuse(table, odd, week, "{:g} is no GPS week")
+        _refuse(table, (tow < 0.0) | (tow > 2.0 * WEEK_S), tow, "{:.3f} s is no time of week")
         seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
     if header.scale != "GPST":
         tod = tod + leap_seconds(seconds + GPS_EPOCH_UNIX_S + np.floor(tod))
-    week = int((seconds[0] + tod[0]) // WEEK_S)
-    return (seconds - week * WEEK_S) + tod, week
+    first = int((seconds[0] + tod[0]) // WEEK_S)
+    return (seconds - first * WEEK_S) + tod, first
 
 
 def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
     """Refuse the first bad row; `message` has a format field for its value."""
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise table.error_at(row, f"{message.format(value[row])}; check the columns")
+    refuse_rows(table, bad, f"{message}; check the columns", value)
 
 
 def _position(
@@ -342,17 +301,10 @@ def _position(
     if header.kind == "latitude":
         n = len(given)
         for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
-            _refuse(
-                table,
-                np.abs(cols[name]) > limit,
-                cols[name],
-                f"{name} {{:.6f}} deg exceeds {limit:.0f}",
-            )
-        lat, lon, height = (
-            np.radians(given[:, 0]),
-            np.radians(given[:, 1]),
-            _above_ellipsoid(table, header, given[:, 2], undulation_m),
-        )
+            message = f"{name} {{:.6f}} deg exceeds {limit:.0f}"
+            _refuse(table, np.abs(cols[name]) > limit, cols[name], message)
+        height = _above_ellipsoid(table, header, given[:, 2], undulation_m)
+        lat, lon = np.radians(given[:, :2].T)
         return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
     C_e = np.eye(3)
     if header.kind == "e-baseline":
@@ -360,12 +312,8 @@ def _position(
         given = origin + given @ C_e.T
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
         radius = np.linalg.norm(given, axis=1)
-    _refuse(
-        table,
-        (radius < 6e6) | (radius > 6e7),
-        radius,
-        "{:.0f} m from the Earth's centre is no antenna",
-    )
+    odd = (radius < 6e6) | (radius > 6e7)
+    _refuse(table, odd, radius, "{:.0f} m from the Earth's centre is no antenna")
     lat, lon, height = ecef_to_geodetic(given)
     return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
 
@@ -439,194 +387,16 @@ def _velocity(
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
-        finding = (
-            "velocities without standard deviations, or of zero, were not estimated and are"
-            " left out"
-        )
-        notes.append(
-            note(
-                "GNSS rows",
-                finding,
-                "velocities with their standard deviations",
-                "let RTKLIB use Doppler, or leave velocities out",
-            )
-        )
+        finding = "velocities without standard deviations, or of zero, were not estimated and are"
+        expected = "velocities with their standard deviations"
+        advice = "let RTKLIB use Doppler, or leave velocities out"
+        notes.append(note("GNSS rows", f"{finding} left out", expected, advice))
         return None, None
     velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
     fastest = np.abs(velocity).max(axis=1, initial=0.0)
     _refuse(table, fastest > LARGEST_ROOT, fastest, "{:g} m/s is no velocity")
-    return velocity, _covariance(table, cols, roots, C, notes, None)[0]
+    return velocity, covariances(table, cols, roots, C, notes, None)[0]
 
 
 def _stack(cols: dict[str, Array], names: tuple[str, ...]) -> Array:
     return np.column_stack([cols[name] for name in names])
-
-
-def _covariance(
-    table: Table,
-    cols: dict[str, Array],
-    names: tuple[str, ...],
-    C: Array,
-    notes: list[Check],
-    sigma: ArrayLike | None,
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
-
-    Roots that are all zero have those of `sigma`; the second of the results is where (n,).
-    """
-    missing = [name for name in names if name not in cols]
-    if missing:
-        raise InputError.at_line(
-            table.path,
-            None,
-            f"the header does not name {' '.join(missing)}; let RTKLIB write standard deviations"
-            " (out-outstd)",
-        )
-    roots = _stack(cols, names)
-    unknown = np.asarray(
-        (roots == 0.0).all(axis=1) if sigma is not None else np.zeros(len(roots)), dtype=np.bool_
-    )
-    zero = (
-        ((roots[:, :3] <= 0.0) & ~unknown[:, None])
-        | (np.abs(roots[:, 3:]) > LARGEST_ROOT)
-        | (roots[:, :3] > LARGEST_ROOT)
-    )
-    if zero.any():
-        row, k = (int(i) for i in np.argwhere(zero)[0])
-        message = (
-            f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
-            " solution with a covariance?"
-        )
-        raise table.error_at(row, message)
-    P = covariance_of_roots(roots)
-    P[unknown] = np.eye(3)
-    _drop_odd_correlations(table, P, names, notes)
-    P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
-    if unknown.any():
-        P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
-        notes.append(
-            note(
-                "GNSS rows",
-                f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m",
-                "a covariance each",
-                "sigma_m must suit them",
-            )
-        )
-    return P, unknown
-
-
-def _drop_odd_correlations(
-    table: Table, P: Array, names: tuple[str, ...], notes: list[Check]
-) -> None:
-    """Take the correlations out of matrices that are not positive definite, where they are few."""
-    bad = without_inverse(P)
-    if not bad.any():
-        return
-    row = int(np.argmax(bad))
-    summary = (
-        f"{bad.sum()} of {len(P)} covariances of {names[0]} ... {names[5]} are not positive"
-        " definite"
-    )
-    if bad.mean() > BAD_SHARE_LIMIT:
-        raise table.error_at(
-            row,
-            f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns",
-        )
-    P[bad] *= np.eye(3)
-    finding = (
-        f"{summary}, the first in line {table.lines[row]}; these keep their standard deviations"
-        " only"
-    )
-    notes.append(
-        note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
-    )
-
-
-def covariance_of_roots(roots: Array) -> Array:
-    """Return covariances (n, 3, 3) of signed roots (n, 6), in the order of the file's axes."""
-    c = np.sign(roots) * roots**2
-    return np.ascontiguousarray(c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]])
-
-
-def without_inverse(P: Array) -> NDArray[np.bool_]:
-    """Tell where covariances (n, 3, 3) are not positive definite (n,).
-
-    The least eigenvalue of a singular matrix is rounding of either sign, so that the limit is
-    `SINGULAR` of the trace and not zero.
-    """
-    return np.asarray(np.linalg.eigvalsh(P)[:, 0] <= SINGULAR * np.trace(P, axis1=1, axis2=2))
-
-
-def signed_roots(P: Array) -> Array:
-    """Return signed roots (n, 6) of covariances (n, 3, 3) in north, east, down.
-
-    Their order is RTKLIB's over north, east, up.
-    """
-    U = NED @ P @ NED
-    c = np.stack([U[:, 0, 0], U[:, 1, 1], U[:, 2, 2], U[:, 0, 1], U[:, 1, 2], U[:, 2, 0]], axis=1)
-    return np.sign(c) * np.sqrt(np.abs(c))
-
-
-def write_rtklib_pos(
-    fixes: GnssFixes,
-    path: Source,
-    satellites: Array | None = None,
-    age_s: Array | None = None,
-    ratio: Array | None = None,
-) -> None:
-    """Write fixes as RTKLIB does, the signed roots with 6 decimals instead of 4.
-
-    The columns are week, time of week, degrees, height above the ellipsoid, signed roots.
-
-    Parameters
-    ----------
-    fixes : GnssFixes
-        The fixes.
-    path : path
-        The file.
-    satellites, age_s, ratio : ndarray, optional
-        (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
-        position; those of the fixes where not given, 0 where these have none.
-
-    Raises
-    ------
-    InputError
-        Fixes without a GPS week.
-    """
-    if fixes.gps_week is None:
-        raise InputError(
-            f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
-        )
-    n = fixes.time.size
-    quality, ns, age, ratios = (
-        np.zeros(n) if column is None else np.nan_to_num(column)
-        for column in (
-            fixes.quality,
-            fixes.satellites if satellites is None else satellites,
-            fixes.age_s if age_s is None else age_s,
-            fixes.ratio if ratio is None else ratio,
-        )
-    )
-    beyond = np.floor(fixes.time / WEEK_S)
-    parts = [
-        fixes.gps_week + beyond,
-        fixes.time - WEEK_S * beyond,
-        np.degrees(fixes.lat),
-        np.degrees(fixes.lon),
-        fixes.height,
-    ]
-    table = [*parts, quality, ns, signed_roots(fixes.cov_ned), age, ratios]
-    head = (
-        "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
-        " sdun(m) age(s) ratio"
-    )
-    form = "%4d %10.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
-    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
-        head += " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
-        form += " %10.5f" * 3 + " %9.6f" * 6
-        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
-    legend = (
-        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
-        " satellites)\n"
-    )
-    atomic_write(path, [legend, head + "\n", *format_rows(form + "\n", np.column_stack(table))])

@@ -1,4 +1,5 @@
-"""Antenna positions as RTKLIB's .pos, of a trajectory or images, data_specs/rtklib_pos_write.md.
+"""Positions as RTKLIB's .pos: of fixes, and of the antenna by a trajectory or images,
+data_specs/rtklib_pos_write.md.
 
 With the lever arm l in the axes of the body (IMU to antenna) or of the camera (projection centre to
 antenna), C into north, east, down:
@@ -12,10 +13,11 @@ RTKLIB has no code of quality.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ....base.errors import UsageError
+from ....base.errors import InputError, UsageError
 from ....base.files import atomic_write
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import WEEK_S
@@ -23,14 +25,79 @@ from ....geodesy.rotation import NED_ENU, skew
 from ....records import Array, FramedOrientation, GnssFixes, Trajectory
 from ..orientation.poses import local_covariance, vector
 from ..text.text import Source, format_rows
-from .rtklib_pos import signed_roots
+from .pos_covariance import NED, signed_roots
 
 POSE = np.r_[0:3, 6:9]
 CODES = (1, 2, 3, 4, 5, 6)
-COLUMNS = (
-    "latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m)"
-    " age(s) ratio"
+LEGEND = (
+    "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
+    " satellites)\n"
 )
+HEAD = (
+    "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
+    " sdun(m) age(s) ratio"
+)
+FORM = "%4d %{}.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
+OF_VELOCITY = " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
+FORM_OF_VELOCITY = " %10.5f" * 3 + " %9.6f" * 6
+
+
+def write_rtklib_pos(
+    fixes: GnssFixes,
+    path: Source,
+    satellites: Array | None = None,
+    age_s: Array | None = None,
+    ratio: Array | None = None,
+    *,
+    comments: Sequence[str] = (),
+    digits: int = 10,
+) -> None:
+    """Write fixes as RTKLIB does, the signed roots with 6 decimals instead of 4.
+
+    The columns are week, time of week, degrees, height above the ellipsoid, signed roots.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The fixes.
+    path : path
+        The file.
+    satellites, age_s, ratio : ndarray, optional
+        (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
+        position; those of the fixes where not given, 0 where these have none.
+    comments : sequence of str
+        Lines before the legend.
+    digits : int
+        Width of the time of week.
+
+    Raises
+    ------
+    InputError
+        Fixes without a GPS week.
+    """
+    if fixes.gps_week is None:
+        raise InputError(
+            f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
+        )
+    given = (
+        fixes.quality,
+        fixes.satellites if satellites is None else satellites,
+        fixes.age_s if age_s is None else age_s,
+        fixes.ratio if ratio is None else ratio,
+    )
+    zero = np.zeros(fixes.time.size)
+    quality, ns, age, ratios = (zero if c is None else np.nan_to_num(c) for c in given)
+    weeks = np.floor(fixes.time / WEEK_S)
+    position = [np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
+    table = [fixes.gps_week + weeks, fixes.time - WEEK_S * weeks, *position, quality, ns]
+    table += [signed_roots(fixes.cov_ned), age, ratios]
+    head, form = HEAD, FORM.format(digits)
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        head, form = head + OF_VELOCITY, form + FORM_OF_VELOCITY
+        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
+    lines = (f"% {line}\n" for line in comments)
+    rows = format_rows(form + "\n", np.column_stack(table))
+    atomic_write(path, [*lines, LEGEND, head + "\n", *rows])
 
 
 def antenna_fixes(
@@ -115,35 +182,10 @@ def write_antenna_pos(
             " ppp)"
         )
     fixes = antenna_fixes(source, lever_m)
-    beyond = np.floor(fixes.time / WEEK_S)
-    week = np.full(fixes.time.shape, float(source.gps_week)) + beyond
-    zero = np.zeros(fixes.time.shape)
-    leading = [
-        week,
-        fixes.time - WEEK_S * beyond,
-        np.degrees(fixes.lat),
-        np.degrees(fixes.lon),
-        fixes.height,
-    ]
-    table = np.column_stack(
-        [*leading, zero + quality, zero, signed_roots(fixes.cov_ned), zero, zero]
-    )
-    form = "%4d %13.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f\n"
-    legend = (
-        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
-        " satellites)\n"
-    )
+    fixes = replace(fixes, quality=np.full(fixes.time.size, quality))
     own = (
-        f"% antenna positions of the smoothed inertial solution; Q is {quality} throughout, ns, age"
-        " and ratio are not known\n"
+        "program   : insgnss",
+        f"antenna positions of the smoothed inertial solution; Q is {quality} throughout, ns, age"
+        " and ratio are not known",
     )
-    atomic_write(
-        path,
-        [
-            "% program   : insgnss\n",
-            own,
-            legend,
-            f"%  GPST  {COLUMNS}\n",
-            *format_rows(form, table),
-        ],
-    )
+    write_rtklib_pos(fixes, path, comments=own, digits=13)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....geodesy.gpstime import gps_from_unix_utc
 from ....records import ImuSamples, Quantity
+from ..text.clock import agree_on_week
 from ..text.order import note, put_in_order
 from ..text.sentences import SentenceLines, read_sentences
 from ..text.text import Source, number
@@ -52,12 +53,7 @@ def read_aimu(
     except InputError as refusal:
         raise kept.error_at(int(np.argmin(table[:, TIME])), str(refusal)) from None
     time = np.round(time, 6)
-    if gps_week is not None and week != gps_week:
-        raise kept.error_at(
-            0,
-            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
-            " the file",
-        )
+    agree_on_week(kept, week, gps_week)
     rows, notes = put_in_order(
         kept, time, lambda i, k: bool((table[i] == table[k]).all()), "IMU rows"
     )
@@ -69,15 +65,9 @@ def read_aimu(
             f"{n_free} samples before the clock was locked and {sentences.n_bad} lines without a"
             " right checksum left out"
         )
-        notes = (
-            note(
-                "IMU rows",
-                finding,
-                "a locked clock, whole sentences",
-                "start moving only after the receiver's lock",
-            ),
-            *notes,
-        )
+        advice = "start moving only after the receiver's lock"
+        done = note("IMU rows", finding, "a locked clock, whole sentences", advice)
+        notes = (done, *notes)
     return ImuSamples(
         time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), notes
     )

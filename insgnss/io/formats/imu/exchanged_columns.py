@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from ....base.errors import InsgnssError
-from ..text.columns import Columns, columns_of
+from ..text.columns import Columns
 from ..text.layout import sniff
-from ..text.text import Source, Table, loaded
-from .imu_csv import ALIASES, KINDS, required_columns
+from ..text.text import Source, loaded
+from .imu_csv import required_columns, with_required
 
 
 def exchanged_columns(
@@ -55,12 +52,11 @@ def exchanged_columns(
 
 def _names(path: Source, rate_hz: float | None) -> list[str] | None:
     """Names of all columns of a text table in their order; None where it is no such table."""
-    required: Any = required_columns(rate_hz)
+    spec = with_required(required_columns(rate_hz))
     try:
         with loaded(path) as (buf, _):
             layout = sniff(path, buf)
-            table = Table(str(path), layout, np.empty((0, 0)), np.empty(0, dtype=np.int64))
-            index = columns_of(table, ALIASES, required, (required,), None, KINDS)
+            index = spec.index(str(path), layout)
     except InsgnssError:
         return None
     names = ["-"] * layout.n_fields

@@ -7,33 +7,23 @@ column of time has the caller's rate, and its time starts at zero.
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
 from ....records import Check, ImuSamples, Quantity
-from ..text.columns import (
-    FINE,
-    TIME,
-    Aliases,
-    Columns,
-    axis_aliases,
-    clock_of,
-    clock_of_dates,
-    columns_of,
-    fields_of,
-    gps_time,
-    reversed_names,
-)
+from ..names import FINE, IMU, TIME
+from ..text.clock import clock_of, gps_time
+from ..text.columns import Columns, NamedTable, TableSpec
 from ..text.direct import Bytes, Rows, Target, read_columns
-from ..text.headers import Kinds, kinds_like, settled_units
-from ..text.layout import Layout, sniff
-from ..text.order import Lines, note, open_end, put_in_order
+from ..text.headers import Settled
+from ..text.layout import sniff
+from ..text.order import Lines, note, put_in_order
 from ..text.stamps import spread_evenly, unrepeated
 from ..text.text import Source, Table, load, loaded, parse
-from ..text.units import check_units, imu_kinds, usual_unit
+from ..text.units import imu_kinds, usual_unit
 from .apart import joined
 
 Array = NDArray[np.float64]
@@ -41,39 +31,9 @@ Notes = tuple[Check, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 COLUMNS = ("tow", *GYRO, *ACCEL)
-GYRO_STEMS = (
-    "g",
-    "gyro",
-    "gyr",
-    "gyroscope",
-    "w",
-    "omega",
-    "rate",
-    "angular_rate",
-    "angular_velocity",
-    "dtheta",
-)
-ACCEL_STEMS = (
-    "a",
-    "acc",
-    "accel",
-    "accelerometer",
-    "f",
-    "acceleration",
-    "linear_acceleration",
-    "dv",
-    "dvel",
-)
-ALIASES: Aliases = {
-    **TIME,
-    **{f"g{c}": axis_aliases(c, *GYRO_STEMS) for c in "xyz"},
-    **{f"a{c}": axis_aliases(c, *ACCEL_STEMS) for c in "xyz"},
-    **FINE,
-}
-TRIADS = {"gyro": GYRO, "accel": ACCEL, "time": ("tow",)}
-UNIT_KEYS = tuple(TRIADS)
+UNITS = {"gyro": " ".join(GYRO), "accel": " ".join(ACCEL), "time": "tow"}
+SPEC = TableSpec(IMU, units=UNITS, record="IMU")
 CLOCK = (*TIME, *FINE)
-KINDS: Kinds = {name: kinds_like(key) for key, names in TRIADS.items() for name in names}
 MAX_RATE_HZ = 1e5
 
 
@@ -148,7 +108,7 @@ def read_imu_csv(
     UsageError
         A unit that does not exist, or a rate beside `accel_file`.
     """
-    units = check_units(units, UNIT_KEYS)
+    units = SPEC.checked_units(units)
     if accel_file is None:
         required = required_columns(rate_hz)
         return _read(path, columns, units, quantity, gps_week, rate_hz, required)
@@ -184,62 +144,54 @@ def _read(
 ) -> ImuSamples:
     """Read the samples of a file that must hold some columns; zeros for a triad it does not."""
 
-    def named(table: Table) -> dict[str, int]:
-        index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
-        return {name: i for name, i in index.items() if name in (*required, *CLOCK)}
+    spec = with_required(required)
+    kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
 
-    def settled(index: Mapping[str, int], units: Mapping[str, str]) -> tuple[Scales, Notes]:
-        fields = {key: fields_of(layout, index, names) for key, names in TRIADS.items()}
-        return scales_of(str(path), layout.header_line, fields, units, quantity, rate_hz)
+    def named(table: Table | Rows) -> NamedTable:
+        index = spec.index(table.path, table.layout, columns)
+        taken = {name: i for name, i in index.items() if name in (*required, *CLOCK)}
+        return NamedTable(spec, table, taken)
 
     direct, usual = None, False
     with loaded(path) as (buf, complete):
         layout = sniff(path, buf)
         # what is wrong in a line is said before what is wrong with the columns: `parse` does
         with suppress(InputError, UsageError):
-            index = named(Table(str(path), layout, np.empty((0, 0)), np.empty(0, dtype=np.int64)))
-            scales, unit_notes = settled(index, units)
+            table = named(Rows(str(path), layout, complete))
+            settled = table.settled(units, kinds)
             usual = complete
         if usual:
-            direct = _direct(buf, layout, index, scales)
+            direct = _direct(buf, table, scales_of(settled, kinds, rate_hz))
     del buf
-    lines: Lines = Rows(str(path), layout)
-    date_notes: Notes = ()
     if direct is None:
-        table = parse(path, *load(path), layout, whole=False)
-        index, lines = named(table), table
-        units, date_notes = clock_of_dates(table, index, units, "IMU rows")
-        scales, unit_notes = settled(index, units)
-        direct = _of_table(table, index, scales)
+        table = named(parse(path, *load(path), layout, whole=False)).checked()
+        settled = table.settled(units, kinds)
+        direct = _of_table(table, scales_of(settled, kinds, rate_hz))
+    scales = scales_of(settled, kinds, rate_hz)
     clock, gyro, accel = direct
     del direct
-    notes = (*open_end("IMU rows", complete), *unit_notes, *date_notes)
-    if backward := _backward(layout, index):
-        fields = ", ".join(str((layout.header_fields or ())[index[name]]) for name in backward)
-        advice = (
-            f"rename {'it' if len(backward) == 1 else 'them'} in the header if the values are not"
-            " reversed"
-        )
-        notes = (
-            *notes,
-            note(
-                "IMU columns",
-                f"{fields} taken with the sign reversed",
-                "names without a sign",
-                advice,
-            ),
-        )
-    return _samples(clock, gyro, accel, lines, str(path), scales, quantity, gps_week, notes)
+    notes = settled.notes
+    if backward := _backward(table):
+        them = "it" if len(backward) == 1 else "them"
+        advice = f"rename {them} in the header if the values are not reversed"
+        finding = f"{', '.join(table.fields(' '.join(backward)))} taken with the sign reversed"
+        notes = (*notes, note("IMU columns", finding, "names without a sign", advice))
+    return _samples(clock, gyro, accel, table, str(path), scales, quantity, gps_week, notes)
 
 
-def _backward(layout: Layout, index: Mapping[str, int]) -> list[str]:
+def with_required(required: Sequence[str]) -> TableSpec:
+    """Return the specification of a table that must hold these columns, and may hold them alone."""
+    return replace(SPEC, required=" ".join(required), layouts=(" ".join(required),))
+
+
+def _backward(table: NamedTable) -> list[str]:
     """Return the columns of the sensors that hold the reverse of their axis."""
-    return [name for name in reversed_names(layout, index) if name in (*GYRO, *ACCEL)]
+    return [name for name in table.reversed_names() if name in (*GYRO, *ACCEL)]
 
 
-def _factors(layout: Layout, index: Mapping[str, int], scales: Scales) -> dict[str, float]:
+def _factors(table: NamedTable, scales: Scales) -> dict[str, float]:
     """Return the factor of each column of the sensors, negative for one that is reversed."""
-    backward = _backward(layout, index)
+    backward = _backward(table)
     return {
         name: -factor if name in backward else factor
         for names, factor in ((GYRO, scales.gyro), (ACCEL, scales.accel))
@@ -248,81 +200,53 @@ def _factors(layout: Layout, index: Mapping[str, int], scales: Scales) -> dict[s
 
 
 def _direct(
-    buf: Bytes, layout: Layout, index: Mapping[str, int], scales: Scales
+    buf: Bytes, table: NamedTable, scales: Scales
 ) -> tuple[dict[str, Array], Array, Array] | None:
     """Return columns of the clock, and both triads, as `direct` reads them."""
-    factors = _factors(layout, index, scales)
+    factors = _factors(table, scales)
     targets, widths = {}, {"gyro": 3, "accel": 3}
-    for name, i in index.items():
+    for name, i in table.index.items():
         if name in factors:
             sensor, names = ("gyro", GYRO) if name in GYRO else ("accel", ACCEL)
             targets[i] = Target(sensor, names.index(name), factors[name])
         else:
             targets[i], widths[name] = Target(name, 0), 1
-    arrays = read_columns(buf, layout, targets, widths)
+    arrays = read_columns(buf, table.table.layout, targets, widths)
     if arrays is None:
         return None
     gyro, accel = arrays.pop("gyro"), arrays.pop("accel")
     for triad, names in ((gyro, GYRO), (accel, ACCEL)):
-        triad[:, [k for k, name in enumerate(names) if name not in index]] = 0.0
+        triad[:, [k for k, name in enumerate(names) if name not in table]] = 0.0
     return {name: array[:, 0] for name, array in arrays.items()}, gyro, accel
 
 
-def _of_table(
-    table: Table, index: Mapping[str, int], scales: Scales
-) -> tuple[dict[str, Array], Array, Array]:
+def _of_table(table: NamedTable, scales: Scales) -> tuple[dict[str, Array], Array, Array]:
     """Return columns of the clock, and both triads, of a table as it was parsed."""
-    factors = _factors(table.layout, index, scales)
-    gyro, accel = np.zeros((2, len(table.values), 3))
+    factors = _factors(table, scales)
+    gyro, accel = np.zeros((2, len(table), 3))
     for triad, names in ((gyro, GYRO), (accel, ACCEL)):
         for k, name in enumerate(names):
-            if name in index:
-                np.multiply(table.values[:, index[name]], factors[name], out=triad[:, k])
-    clock = {name: table.values[:, i] for name, i in index.items() if name not in factors}
+            if name in table:
+                np.multiply(table.floats(name), factors[name], out=triad[:, k])
+    clock = {name: table.floats(name) for name in table.index if name not in factors}
     return clock, gyro, accel
 
 
-def scales_of(
-    path: str,
-    line: int | None,
-    fields: Mapping[str, Sequence[str]],
-    units: Mapping[str, str],
-    quantity: Quantity,
-    rate_hz: float | None,
-) -> tuple[Scales, tuple[Check, ...]]:
-    """Settle the units of gyro, accel and time: the caller's, else those of the header, else SI.
+def scales_of(settled: Settled, kinds: Mapping[str, str], rate_hz: float | None) -> Scales:
+    """Return the scales of settled units.
 
     Parameters
     ----------
-    path : str
-        The file, for messages.
-    line : int, optional
-        The header's line.
-    fields : mapping
-        What the file calls the columns of each of `TRIADS`.
-    units : mapping
-        The caller's units.
-    quantity : str
-        What a sample is.
+    settled : Settled
+        Units of gyro, accel and time: the caller's, else those of the header, else SI.
+    kinds : mapping
+        Kinds of the units of gyro and accel.
     rate_hz : float, optional
         The rate where there is no column of time.
-
-    Returns
-    -------
-    Scales
-        The factors.
-    tuple of Check
-        A note for each of the caller's units where the fields give another one.
-
-    Raises
-    ------
-    InputError, UsageError
-        A unit that is none, with `path` and `line`.
     """
-    kinds = dict(zip(UNIT_KEYS, (*imu_kinds(quantity), "time"), strict=True))
-    taken, factors, notes = settled_units(path, line, TRIADS, kinds, fields, units, "IMU")
-    names = {key: usual_unit(taken[key], kinds[key]) for key in ("gyro", "accel")}
-    return Scales(factors["gyro"], factors["accel"], taken["time"], rate_hz, names), notes
+    units, factors, _ = settled
+    names = {key: usual_unit(units[key], kind) for key, kind in kinds.items()}
+    return Scales(factors["gyro"], factors["accel"], units["time"], rate_hz, names)
 
 
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....records import ImuSamples, Quantity
-from ..text.columns import gps_time
+from ..text.clock import gps_time
 from ..text.layout import BINARY, Layout, decode, is_binary, is_comment
+from ..text.order import refuse_rows
 from ..text.text import Source, load, number, parse
 from ..text.units import DEG
 
@@ -95,9 +96,8 @@ def read_psins(
             len(table.values) - 1,
             "truncated: the file ends within this line; copy it again or delete the line",
         )
-    if (beyond := np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_COUNT).any():
-        row = int(np.argmax(beyond))
-        raise table.error_at(row, f"a count exceeds {LARGEST_COUNT:g}; correct or delete the line")
+    beyond = np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_COUNT
+    refuse_rows(table, beyond, f"a count exceeds {LARGEST_COUNT:g}; correct or delete the line")
     time = header.t0 + header.interval_s * np.arange(1.0, len(table.values) + 1.0)
     time, gps_week = gps_time(table, time, None, gps_week)
     increments = table.values * [*header.gyro_lsb, *header.accel_lsb]

@@ -24,7 +24,7 @@ from ....base.received.nesting import parse_json
 from ....base.tables import is_number
 from ....base.units import LARGEST
 from ....records import WaveletVariance, chi_square_interval
-from ..text.columns import Aliases, columns_of
+from ..text.columns import TableSpec
 from ..text.layout import decode, is_comment, shown
 from ..text.text import Source, TextTable, load_bytes, number, read_text_table
 from ..text.units import check_units, unit_factor
@@ -33,17 +33,20 @@ Array = NDArray[np.float64]
 Refusal = Callable[[str], InputError]
 RowRefusal = Callable[[int, str], InputError]  # of a row of the curve, from 0
 
-COLUMNS: Aliases = {
-    "axis": ("axis",),
-    "scale_s": ("scale_s", "scale"),
-    "tau_s": ("tau_s", "tau", "averaging_time_s", "averaging_time"),
-    "wavelet_variance": ("wavelet_variance", "wvar"),
-    "allan_variance": ("allan_variance", "avar"),
-    "allan_deviation": ("allan_deviation", "deviation", "adev", "oadev"),
-    "variance": ("variance",),
-    "low": ("low", "ci_low"),
-    "high": ("high", "ci_high"),
-}
+SPEC = TableSpec(
+    {
+        "axis": "axis",
+        "scale_s": "scale_s scale",
+        "tau_s": "tau_s tau averaging_time_s averaging_time",
+        "wavelet_variance": "wavelet_variance wvar",
+        "allan_variance": "allan_variance avar",
+        "allan_deviation": "allan_deviation deviation adev oadev",
+        "variance": "variance",
+        "low": "low ci_low",
+        "high": "high ci_high",
+    },
+    text=True,
+)
 KEYS = ("rate_hz", "samples", "axis", "sensor", "unit", "gyro_unit", "accel_unit")
 _VALUES = ("wavelet_variance", "allan_variance", "allan_deviation")
 _EXAMPLE = "as in 'scale_s,wavelet_variance' or 'tau_s,allan_deviation'"
@@ -104,13 +107,13 @@ def read_variances(
         A member that does not exist, or what is no unit.
     """
     check_units(units, ("gyro", "accel"))
-    raw = bytes(load_bytes(path)).removeprefix(b"\xef\xbb\xbf")
-    if raw.lstrip()[:1] in (b"{", b"["):
-        return _read_json(path, decode(raw), member, units or {})
+    content = decode(bytes(load_bytes(path)))
+    if content.lstrip()[:1] in ("{", "["):
+        return _read_json(path, content, member, units or {})
     if member is not None:
         raise UsageError(f"{path}: member {member!r} of a text table; only JSON files have members")
     given = {"rate_hz": rate_hz, "samples": samples, "axis": axis}
-    comments = _comments(decode(raw))
+    comments = _comments(content)
     text = {key: str(value) for key, value in given.items() if value is not None}
     for sensor, unit in (units or {}).items():
         text[f"{sensor}_unit"] = unit
@@ -126,7 +129,7 @@ def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> Pu
             table.layout.first_line,
             f"no header; the line before the numbers must name the columns, {_EXAMPLE}",
         )
-    index = columns_of(table, COLUMNS, (), ())
+    index = SPEC.index(table.path, table.layout)
     line = table.layout.header_line
     time, value = _meaning(path, line, index)
     for key in ("rate_hz", "samples"):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
 from ....records import Check
-from ..text.order import Lines, note
+from ..text.order import Lines, note, refuse_rows
 
 Array = NDArray[np.float64]
 
@@ -49,13 +49,8 @@ class BootClock:
         InputError
             The first stamp that cannot be one.
         """
-        if (odd := ~((boot_s >= 0.0) & (boot_s < LONGEST_S))).any():
-            row = int(np.argmax(odd))
-            raise lines.error_at(
-                row,
-                f"stamp {boot_s[row]:g} s of the autopilot; it must be between 0 and"
-                f" {LONGEST_S:g} s",
-            )
+        message = f"stamp {{:g}} s of the autopilot; it must be between 0 and {LONGEST_S:g} s"
+        refuse_rows(lines, ~((boot_s >= 0.0) & (boot_s < LONGEST_S)), message, boot_s)
         return np.round(boot_s + self.offset_s + self.drift * (boot_s - self.at_s), 6)
 
     def note(self, name: str) -> Check:

@@ -14,24 +14,19 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ....base.errors import InputError, UsageError
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
-from ....records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
-from ..barometer import ROWS, heights_from_columns
-from ..events.events import events_in_order
+from ....records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
 from ..gnss.fixes import FixScales, fixes_from_columns
-from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
+from ..text.clock import agree_on_week
 from ..text.layout import printable
-from ..text.order import NumberedRows, note
 from ..text.text import Source, load_bytes
-from .ardupilot import QUALITY, as_float
-from .boot_clock import LONGEST_S, BootClock, fit_clock
-
-Array = NDArray[np.float64]
-Tables = dict[str, dict[str, Array]]
+from ..text.units import DEG
+from .autopilot import Fixes, Log, Tables, as_float
+from .boot_clock import LONGEST_S
 
 MISSING = (
     "needs pyulog, which reads PX4 logs; it is not installed: pip install 'insgnss[logs]';"
@@ -70,13 +65,8 @@ class _Stream(io.BytesIO):
         return data
 
 
-def load_ulog(path: Source) -> Tables:
-    """Load the topics of a log by name; further sensors have their number behind: sensor_gps_1."""
-    return _load(path)[0]
-
-
-def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
-    """Return the topics, and what was odd in the file."""
+def read_log(path: Source) -> Log:
+    """Read all topics; further sensors have their number behind: sensor_gps_1."""
     from ..text import _kernels
 
     try:
@@ -112,74 +102,23 @@ def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
         if end != buf.size and not log.file_corruption
         else []
     )
-    return tables, tuple(odd)
+    return Log(str(path), tables, tuple(odd), "topic")
 
 
-def _notes(odd: tuple[str, ...], name: str) -> tuple[Check, ...]:
-    return tuple(note(name, text, "a whole log", "copy it again from the card") for text in odd)
-
-
-def _topic(
-    path: Source, tables: Tables, names: tuple[str, ...], variable: str | None
-) -> tuple[str, dict[str, Array]]:
-    chosen = variable or next((name for name in names if name in tables), None)
-    if chosen is None or chosen not in tables:
-        raise InputError(
-            f"{path}: no topic {chosen or ' or '.join(names)}; there are"
-            f" {', '.join(sorted(tables)) or 'none'}"
-        )
-    return chosen, tables[chosen]
-
-
-def _fields(
-    path: Source, name: str, table: dict[str, Array], labels: tuple[str, ...]
-) -> list[Array]:
-    if missing := [label for label in labels if label not in table]:
-        raise InputError(f"{path}: {name} has no {' '.join(missing)}; it has {' '.join(table)}")
-    for label in labels:
-        if not np.isfinite(table[label]).all():
-            row = int(np.argmin(np.isfinite(table[label])))
-            raise InputError(
-                f"{path}: {name} {row + 1}: {label} is {table[label][row]}; it must be finite:"
-                " set variable to another topic, or export the rows without it as a table"
-            )
-    return [table[label] for label in labels]
-
-
-def _gnss(
-    path: Source, tables: Tables, variable: str | None
-) -> tuple[str, dict[str, Array], Array, int, Array]:
-    """Return the receiver's topic, columns, the autopilot's stamps, GPS week and seconds.
-
-    They are those of the rows where there is a fix.
-    """
-    name, table = _topic(path, tables, GNSS_TOPICS, variable)
-    stamp, utc, fix = _fields(path, name, table, ("timestamp", "time_utc_usec", "fix_type"))
+def _fixes(log: Log, variable: str | None = None) -> Fixes:
+    """Return the rows of a receiver's topic where there is a fix."""
+    message = log.message(GNSS_TOPICS, variable)
+    stamp, utc, fix = message.floats("timestamp", "time_utc_usec", "fix_type")
     fixed = (fix >= LEAST_FIX) & (utc > 0.0) & (MICRO * stamp < LONGEST_S)
-    if not fixed.any():
-        raise InputError(
-            f"{path}: none of {fixed.size} messages {name} has a fix and a time; give"
-            " positions of their own, gnss.file"
-        )
-    kept = {label: column[fixed] for label, column in table.items()}
     try:
-        week, seconds = gps_from_unix_utc(MICRO * utc[fixed])
+        week, seconds = gps_from_unix_utc(MICRO * np.where(fixed, utc, utc[np.argmax(fixed)]))
     except InputError as refusal:
-        raise InputError(f"{path}: {name}: {refusal}") from None
-    sample = table.get("timestamp_sample", stamp)
-    boot = np.where(sample > 0.0, sample, stamp)[fixed]
-    return name, kept, MICRO * boot, week, np.round(seconds, 6)
-
-
-def _clock(path: Source, tables: Tables, gps_week: int | None) -> BootClock:
-    _, _, boot, week, seconds = _gnss(path, tables, None)
-    clock = fit_clock(path, boot, np.full(boot.size, float(week)), seconds)
-    if gps_week is not None and clock.gps_week != gps_week:
-        raise InputError(
-            f"{path}: GPS week {clock.gps_week}, but the flight is said to be of week {gps_week};"
-            " check gps_week or the file"
-        )
-    return clock
+        if fixed.any():
+            raise InputError(f"{log.path}: {message.name}: {refusal}") from None
+        week, seconds = 0, utc
+    sample = message.columns.get("timestamp_sample", stamp)
+    boot = MICRO * np.where(sample > 0.0, sample, stamp)
+    return Fixes.of(message, fixed, boot, np.full(utc.size, float(week)), np.round(seconds, 6))
 
 
 def read_imu_ulog(
@@ -217,39 +156,24 @@ def read_imu_ulog(
         raise UsageError(
             f"{path}: a PX4 log gives mean rates here; set quantity to mean_rate or instant_rate"
         )
-    tables, odd = _load(path)
-    name, table = _topic(path, tables, ("sensor_combined", "vehicle_imu"), variable)
-    if "delta_angle[0]" in table:
-        labels = (
-            *(f"delta_angle[{k}]" for k in range(3)),
-            *(f"delta_velocity[{k}]" for k in range(3)),
-        )
-        stamp, *values, dt_gyro, dt_accel = _fields(
-            path, name, table, ("timestamp", *labels, "delta_angle_dt", "delta_velocity_dt")
-        )
-        stamp = table.get("timestamp_sample", stamp)
+    log = read_log(path)
+    message = log.message(("sensor_combined", "vehicle_imu"), variable)
+    if "delta_angle[0]" in message:
+        labels = [f"{name}[{k}]" for name in ("delta_angle", "delta_velocity") for k in range(3)]
+        intervals = ("delta_angle_dt", "delta_velocity_dt")
+        stamp, *values, dt_gyro, dt_accel = message.floats("timestamp", *labels, *intervals)
+        stamp = message.columns.get("timestamp_sample", stamp)
         if not ((dt_gyro > 0.0) & (dt_accel > 0.0)).all():
-            raise InputError(
-                f"{path}: {name}: an interval of zero; set variable to sensor_combined"
-            )
+            advice = "set variable to sensor_combined"
+            raise InputError(f"{path}: {message.name}: an interval of zero; {advice}")
         columns = [
             value / (MICRO * (dt_gyro if k < 3 else dt_accel)) for k, value in enumerate(values)
         ]
     else:
-        labels = (
-            *(f"gyro_rad[{k}]" for k in range(3)),
-            *(f"accelerometer_m_s2[{k}]" for k in range(3)),
-        )
-        stamp, *columns = _fields(path, name, table, ("timestamp", *labels))
-    clock = _clock(path, tables, gps_week)
-    lines = NumberedRows(str(path), name)
-    cols = {"tow": clock.gpst(lines, MICRO * stamp)} | dict(
-        zip((*GYRO, *ACCEL), columns, strict=True)
-    )
-    notes = (clock.note("IMU rows"), *_notes(odd, "IMU rows"))
-    return imu_from_columns(
-        cols, lines, str(path), Scales(1.0, 1.0), quantity, clock.gps_week, notes
-    )
+        labels = [f"{name}[{k}]" for name in ("gyro_rad", "accelerometer_m_s2") for k in range(3)]
+        stamp, *columns = message.floats("timestamp", *labels)
+    clock = log.clock(_fixes(log), gps_week)
+    return log.samples(message, clock, MICRO * stamp, columns, quantity)
 
 
 def read_gnss_ulog(
@@ -282,80 +206,51 @@ def read_gnss_ulog(
     InputError
         A log that cannot be read.
     """
-    tables, odd = _load(path)
-    name, table, _, week, seconds = _gnss(path, tables, variable)
-    if gps_week is not None and week != gps_week:
-        raise InputError(
-            f"{path}: GPS week {week}, but the flight is said to be of week {gps_week}; check"
-            " gps_week or the file"
-        )
-    cols: dict[str, Any] = {"tow": seconds}
+    log = read_log(path)
+    fixes = _fixes(log, variable)
+    message, week = fixes.message, int(fixes.week[0])
+    agree_on_week(message.lines, week, gps_week)
+    cols: dict[str, Any] = {"tow": fixes.tow, "q": message.qualities("fix_type")}
     for short, spellings in _HEADS.items():
-        label, factor = next((pair for pair in spellings if pair[0] in table), spellings[0])
-        cols[short] = factor * _fields(path, name, table, (label,))[0]
-    cols["q"] = np.array([QUALITY.get(int(fix), 0) for fix in table["fix_type"]], dtype=np.float64)
+        label, factor = next((pair for pair in spellings if pair[0] in message), spellings[0])
+        cols[short] = factor * message.floats(label)[0]
     if sigma_m is None:
-        eph, epv = _fields(path, name, table, ("eph", "epv"))
+        eph, epv = message.floats("eph", "epv")
         cols |= {"sd_n": eph, "sd_e": eph, "sd_u": epv}
-    if "vel_n_m_s" in table and (sigma_velocity is not None or "s_variance_m_s" in table):
-        velocity = _fields(path, name, table, ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"))
+    if "vel_n_m_s" in message and (sigma_velocity is not None or "s_variance_m_s" in message):
+        velocity = message.floats("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
         cols |= dict(zip(("vn", "ve", "vd"), velocity, strict=True))
         if sigma_velocity is None:
-            cols |= dict.fromkeys(
-                ("sd_vn", "sd_ve", "sd_vd"), _fields(path, name, table, ("s_variance_m_s",))[0]
-            )
-    notes = list(_notes(odd, "GNSS rows"))
-    if left := tables[name]["fix_type"].size - seconds.size:
-        notes.append(note("GNSS rows", f"{left} messages without a fix left out", "a fix each", ""))
-    if "satellites_used" in table:
-        cols["satellites"] = np.asarray(table["satellites_used"], dtype=np.float64)
-    if "hdop" in table and "vdop" in table:
-        horizontal, vertical = (
-            np.asarray(table[key], dtype=np.float64) for key in ("hdop", "vdop")
-        )
+            (sigma,) = message.floats("s_variance_m_s")
+            cols |= dict.fromkeys(("sd_vn", "sd_ve", "sd_vd"), sigma)
+    if "satellites_used" in message:
+        cols["satellites"] = message.columns["satellites_used"]
+    if "hdop" in message and "vdop" in message:
+        horizontal, vertical = (message.columns[key] for key in ("hdop", "vdop"))
         cols |= {"hdop": horizontal, "pdop": np.hypot(horizontal, vertical)}
-    scales = FixScales(angle=np.pi / 180.0)
-    return fixes_from_columns(
-        cols,
-        NumberedRows(str(path), name),
-        str(path),
-        scales,
-        week,
-        sigma_m,
-        sigma_velocity,
-        notes=tuple(notes),
-    )
+    rows = log.tables[message.name]["fix_type"].size
+    notes = (*log.notes("GNSS rows"), *fixes.left_out(rows))
+    scales, sigmas = FixScales(angle=DEG), (sigma_m, sigma_velocity)
+    return fixes_from_columns(cols, message.lines, log.path, scales, week, *sigmas, notes=notes)
 
 
 def read_events_ulog(
     path: Source, variable: str | None = None, gps_week: int | None = None
 ) -> CameraEvents:
     """Read the shutter instants on GPST, named by their seq."""
-    tables, odd = _load(path)
-    name, table = _topic(path, tables, EVENT_TOPICS, variable)
-    (stamp,) = _fields(path, name, table, ("timestamp",))
-    clock = _clock(path, tables, gps_week)
-    images = tuple(str(int(k)) for k in table["seq"]) if "seq" in table else None
-    notes = (clock.note("event rows"), *_notes(odd, "event rows"))
-    lines = NumberedRows(str(path), name)
-    return events_in_order(
-        images, clock.gpst(lines, MICRO * stamp), lines, str(path), clock.gps_week, notes
-    )
+    log = read_log(path)
+    message = log.message(EVENT_TOPICS, variable)
+    (stamp,) = message.floats("timestamp")
+    return log.events(message, log.clock(_fixes(log), gps_week), MICRO * stamp, "seq")
 
 
 def read_barometer_ulog(
     path: Source, variable: str | None = None, gps_week: int | None = None
 ) -> BarometerHeights:
     """Read the heights of a barometer on GPST: of its pressure, else those of the topic."""
-    tables, odd = _load(path)
-    name, table = _topic(path, tables, BAROMETER_TOPICS, variable)
-    label = "timestamp_sample" if "timestamp_sample" in table else "timestamp"
-    canonical, quantity = (
-        ("pressure", "baro_pressure_pa") if "baro_pressure_pa" in table else ("h", "baro_alt_meter")
-    )
-    stamp, values = _fields(path, name, table, (label, quantity))
-    clock = _clock(path, tables, gps_week)
-    lines = NumberedRows(str(path), name)
-    time = clock.gpst(lines, MICRO * stamp)
-    notes = (clock.note(ROWS), *_notes(odd, ROWS))
-    return heights_from_columns({canonical: values}, time, lines, str(path), clock.gps_week, notes)
+    log = read_log(path)
+    message = log.message(BAROMETER_TOPICS, variable)
+    label = "timestamp_sample" if "timestamp_sample" in message else "timestamp"
+    names = {"pressure": "baro_pressure_pa", "h": "baro_alt_meter"}
+    (stamp,) = message.floats(label)
+    return log.heights(message, log.clock(_fixes(log), gps_week), MICRO * stamp, names)

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base import __version__
-from ....base.files import atomic_write
 from ....geodesy.rotation import CV_RUB, rotation_from_opk
 from ....records import FramedOrientation
 from ....records.framed import TANGENT
-from ..text.columns import Aliases, Columns, columns_of
-from ..text.text import Source, read_text_table
+from ..text.columns import Columns, TableOut, TableSpec
+from ..text.text import Source
 from .exported import (
     OPK,
     angles_of,
@@ -25,20 +24,28 @@ from .exported import (
     frame_attitude,
     position_sigma,
     quoted_names,
-    table_text,
 )
 
 Array = NDArray[np.float64]
 
-POSE = ("E", "N", "U", "omega", "phi", "kappa")
-SIGMA = ("sE", "sN", "sU", "sOmega", "sPhi", "sKappa")
-COLUMNS = ("image", *POSE, *SIGMA)
-ALIASES: Aliases = {
-    "image": ("image", "img", "photo", "name", "label", "filename"),
-    **{
-        name: (name.lower(), f"{name.lower()}_m", f"{name.lower()}_deg") for name in (*POSE, *SIGMA)
+POSE, SIGMA = "E N U omega phi kappa", "sE sN sU sOmega sPhi sKappa"
+OUT = TableOut(
+    "image E=%.4f N=%.4f U=%.4f omega=%.6f phi=%.6f kappa=%.6f sE=%.5f sN=%.5f sU=%.5f"
+    " sOmega=%.6f sPhi=%.6f sKappa=%.6f",
+    " ",
+)
+SPEC = TableSpec(
+    {
+        "image": "image img photo name label filename",
+        **{
+            name: f"{name.lower()} {name.lower()}_m {name.lower()}_deg"
+            for name in f"{POSE} {SIGMA}".split()
+        },
     },
-}
+    required=f"image {POSE}",
+    layouts=(OUT.names, f"image {POSE}"),
+    text=True,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +86,13 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
     images = quoted_names(eo.images, None)
     opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
-    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + " %.6f" * 3 + "\n"
-    atomic_write(path, table_text(header(eo), images, form, table))
+    OUT.write(path, table, images, comments=comments(eo))
 
 
-def header(eo: FramedOrientation) -> str:
-    """Return the comment lines: frame, origin, angle set, what was applied, column names."""
+def comments(eo: FramedOrientation) -> list[str]:
+    """Return the comment lines: frame, origin, angle set, what was applied."""
     lat, lon = np.degrees(eo.frame.origin[:2])
-    lines = [
+    return [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
             f" {eo.gps_week}"
@@ -103,9 +109,7 @@ def header(eo: FramedOrientation) -> str:
         ),
         "sigmas: one standard deviation, m and deg",
         *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
-        " ".join(COLUMNS),
     ]
-    return "".join(f"# {line}\n" for line in lines)
 
 
 def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
@@ -116,16 +120,11 @@ def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
     InputError
         What cannot be read, with file and line.
     """
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, COLUMNS[:7], (COLUMNS, COLUMNS[:7]), columns)
-
-    def block(names: tuple[str, ...]) -> Array:
-        return np.column_stack([table.floats(index[name]) for name in names])
-
-    sigma = block(SIGMA) if all(name in index for name in SIGMA) else None
-    pose = block(POSE)
+    table = SPEC.read(path, columns)
+    sigma = table.block(SIGMA) if all(name in table for name in SIGMA.split()) else None
+    pose = table.block(POSE)
     return LocalPlaneEo(
-        table.strings(index["image"]),
+        table.strings("image"),
         pose[:, :3],
         np.radians(pose[:, 3:]),
         None if sigma is None else sigma[:, :3],

@@ -13,23 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base import __version__
-from ....base.files import atomic_write
 from ....geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion
 from ....records.relative import FORMS, RelativeControl
-from ..text.columns import Aliases, columns_of
+from ..text.columns import TableOut, TableSpec
 from ..text.numbers import whole_rows
-from ..text.text import Source, read_text_table
+from ..text.order import refuse_rows
+from ..text.text import Source
 from .exported import quoted_names
 
 Array = NDArray[np.float64]
 
 WEIGHTINGS = ("smoothed", "independent", "gyro")
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-OFFSET, QUATERNION = ("dx", "dy", "dz"), ("qw", "qx", "qy", "qz")
-SIGMA = tuple(f"sd_{axis}_{name}" for name in WEIGHTINGS for axis in AXES)
-COVARIANCE = tuple(f"cov_{a}_{b}" for k, a in enumerate(AXES) for b in AXES[k:])
-COLUMNS = ("image_i", "image_j", "form", "line", "dt_s", *OFFSET, *QUATERNION, *SIGMA, *COVARIANCE)
-ALIASES: Aliases = {name: (name,) for name in COLUMNS}
+OFFSET, QUATERNION = "dx dy dz", "qw qx qy qz"
+SIGMA = " ".join(f"sd_{axis}_{name}" for name in WEIGHTINGS for axis in AXES)
+COVARIANCE = " ".join(f"cov_{a}_{b}" for k, a in enumerate(AXES) for b in AXES[k:])
+OUT = TableOut(
+    "image_i image_j form line=%d dt_s=%.6f dx=%.5f dy=%.5f dz=%.5f qw=%.12f qx=%.12f qy=%.12f"
+    " qz=%.12f "
+    + " ".join(f"{name}=%.{8 if name.startswith('sd_r') else 6}f" for name in SIGMA.split())
+    + f" {COVARIANCE.replace(' ', '=%.9e ')}=%.9e"
+)
+SPEC = TableSpec.exactly(OUT.names, text=True)
 UNIT_LENGTH = 1e-6  # by which the length of a printed quaternion may differ from 1
 _DEGREES = np.array([1.0] * 3 + [180.0 / np.pi] * 3)
 _IN_WORDS = {
@@ -84,25 +89,14 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
             control.smoothed[:, row, column],
         ]
     )
-    form = (
-        f"%s,%s,{control.form},%d,%.6f"
-        + ",%.5f" * 3
-        + ",%.12f" * 4
-        + (",%.6f" * 3 + ",%.8f" * 3) * 3
-        + ",%.9e" * 21
-        + "\n"
-    )
-    rows = "".join(
-        form % (*(quoted[name] for name in names), *values)
-        for names, values in zip(control.names, table.tolist(), strict=True)
-    )
-    atomic_write(path, header(control) + rows)
+    images = ([quoted[names[k]] for names in control.names] for k in (0, 1))
+    OUT.write(path, table, *images, [control.form] * len(table), comments=comments(control))
 
 
-def header(control: RelativeControl) -> str:
-    """Return the comment lines: form, frame, weightings, what was applied, column names."""
+def comments(control: RelativeControl) -> list[str]:
+    """Return the comment lines: form, frame, weightings, what was applied."""
     noise, drift = np.degrees(control.gyro_noise), np.degrees(control.gyro_drift)
-    lines = [
+    return [
         (
             f"insgnss {__version__}: relative control of {control.i.size} pairs of neighbouring"
             f" images, GPS week {control.gps_week}"
@@ -129,7 +123,6 @@ def header(control: RelativeControl) -> str:
         "boresight: " + " ".join(f"{x:.9f}" for x in control.boresight.ravel()),
         *(f"done: {' '.join(sentence.split())}" for sentence in control.history),
     ]
-    return "".join(f"# {line}\n" for line in lines) + ",".join(COLUMNS) + "\n"
 
 
 def relative_member(control: RelativeControl) -> dict[str, Any]:
@@ -180,33 +173,27 @@ def read_relative_csv(path: Source) -> RelativeTable:
     InputError
         A form that is unknown or changes, or a quaternion without length 1, with file and line.
     """
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
-    forms = table.strings(index["form"])
+    table = SPEC.read(path)
+    forms = table.strings("form")
     for row, form in enumerate(forms):
         if form not in FORMS or form != forms[0]:
             raise table.error_at(
                 row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows"
             )
-
-    def block(names: tuple[str, ...]) -> Array:
-        return np.column_stack([table.floats(index[name]) for name in names])
-
-    q = block(QUATERNION)
+    q = table.block(QUATERNION)
     length = np.linalg.norm(q, axis=1)
-    if (off := np.abs(length - 1.0) > UNIT_LENGTH).any():
-        row = int(np.argmax(off))
-        raise table.error_at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
+    message = "the quaternion has the length {:.7f}; it must be 1"
+    refuse_rows(table, np.abs(length - 1.0) > UNIT_LENGTH, message, length)
     P = np.zeros((len(forms), 6, 6))
     row_of, column_of = np.triu_indices(6)
-    P[:, row_of, column_of] = P[:, column_of, row_of] = block(COVARIANCE)
-    sigma = block(SIGMA).reshape(-1, 3, 6) / _DEGREES
+    P[:, row_of, column_of] = P[:, column_of, row_of] = table.block(COVARIANCE)
+    sigma = table.block(SIGMA).reshape(-1, 3, 6) / _DEGREES
     return RelativeTable(
         forms[0],
-        tuple(zip(table.strings(index["image_i"]), table.strings(index["image_j"]), strict=True)),
-        whole_rows(table, table.floats(index["line"]), "line"),
-        table.floats(index["dt_s"]),
-        block(OFFSET),
+        tuple(zip(table.strings("image_i"), table.strings("image_j"), strict=True)),
+        whole_rows(table, table.floats("line"), "line"),
+        table.floats("dt_s"),
+        table.block(OFFSET),
         rotation_from_quaternion(q / length[:, None]),
         {name: sigma[:, k] for k, name in enumerate(WEIGHTINGS)},
         P,

@@ -6,29 +6,19 @@ Standard deviations are along north, east, down; the covariances between them ar
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....records.camera_positions import CameraPositions
-from ..orientation.exported import check_names, table_text
-from ..text.columns import Aliases, check_increasing, columns_of, gps_time
-from ..text.text import Source, read_text_table
+from ..orientation.exported import check_names
+from ..text.clock import check_increasing, gps_time
+from ..text.columns import TableOut, TableSpec
+from ..text.text import Source
 
 PRODUCT = "camera_positions.csv"
-NUMBERS = (
-    "gps_week",
-    "tow",
-    "lat_deg",
-    "lon_deg",
-    "h_m",
-    "sd_n_m",
-    "sd_e_m",
-    "sd_d_m",
-    "quality",
-    "of_camera",
+OUT = TableOut(
+    "image gps_week=%d tow=%.7f lat_deg=%.10f lon_deg=%.10f h_m=%.4f sd_n_m=%.4f sd_e_m=%.4f"
+    " sd_d_m=%.4f quality=%d of_camera=%d"
 )
-COLUMNS = ("image", *NUMBERS)
-ALIASES: Aliases = {name: (name,) for name in COLUMNS}
-FORM = "%s,%d,%.7f,%.10f,%.10f,%.4f" + ",%.4f" * 3 + ",%d,%d\n"
+SPEC = TableSpec.exactly(OUT.names, text=True)
 
 
 def write_camera_positions(positions: CameraPositions, path: Source) -> None:
@@ -55,20 +45,19 @@ def write_camera_positions(positions: CameraPositions, path: Source) -> None:
             positions.of_camera,
         ]
     )
-    atomic_write(path, table_text(",".join(COLUMNS) + "\n", positions.images, FORM, table))
+    OUT.write(path, table, positions.images)
 
 
 def read_camera_positions(path: Source) -> CameraPositions:
     """Read the file back, with diagonal covariances; InputError with file and line."""
-    table = read_text_table(path)
-    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
-    values = np.column_stack([table.floats(index[name]) for name in NUMBERS])
+    table = SPEC.read(path)
+    values = table.block(OUT.names.removeprefix("image "))
     time, week = gps_time(table, values[:, 1], values[:, 0], None)
     check_increasing(table, time)
     cov = np.zeros((time.size, 3, 3))
     cov[:, range(3), range(3)] = values[:, 5:8] ** 2
     return CameraPositions(
-        table.strings(index["image"]),
+        table.strings("image"),
         time,
         np.radians(values[:, 2]),
         np.radians(values[:, 3]),

@@ -73,7 +73,7 @@ def lines_of(path: Source) -> list[str]:
     InputError
         The file cannot be read.
     """
-    return decode(load_bytes(path).tobytes()).lstrip("\ufeff").splitlines()
+    return decode(load_bytes(path).tobytes()).splitlines()
 
 
 def numbers(words: Sequence[str], path: Source, line: int) -> list[float]:

@@ -65,7 +65,7 @@ def returned_form(path: Source, head: str) -> str:
     for form, ending in (("pix4d_external", EXTERNAL), ("pix4d_camera", CAMERA)):
         if path.name.endswith(f"{ending}.txt"):
             return form
-    text = head.lower().lstrip("\ufeff").removeprefix("\u00ef\u00bb\u00bf")
+    text = head.lower()
     for form, pattern in HEADS.items():
         flags = re.MULTILINE | (re.DOTALL if form == "opensfm" else 0)
         if re.search(pattern, text, flags):

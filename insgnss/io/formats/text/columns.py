@@ -1,340 +1,472 @@
-"""From the columns of a text table to named quantities: header aliases, column maps, units, clocks.
+"""What a text table holds: its columns by name, their units, and how it is read and written.
 
-A column gets its name from the caller's `columns`, else from the header, else from the documented
-default of the format. A header that does not name what is needed is an error that prints it; names
-are never guessed from values.
+A format of text has one `TableSpec`: the names of its columns, which of them it must have, their
+units, the layouts without a header. `TableSpec.read` gives a `NamedTable`, whose methods take
+columns and refuse rows, each at its line. A column gets its name from the caller's `columns`, else
+from the header, else from the documented layout of the format. A header that does not name what is
+needed is an error that prints it; names are never guessed from values. `TableOut` writes a table.
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from itertools import product
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.errors import InputError, UsageError
-from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from ....base.errors import InputError, UsageError, near
+from ....base.files import atomic_write
 from ....records import Check
+from ..names import Names, taken_by_readers
+from .clock import gps_time
 from .dates import UNIT as DATES_UNIT
-from .headers import Kinds, names_of, normalised
+from .direct import Rows
+from .headers import SENSORS, Kinds, Settled, names_of, normalised, settled_units
 from .layout import Layout, shown
-from .order import Lines, note
-from .text import Table, TextTable
-from .units import UNITS, split_unit, unit_factor
+from .order import note, open_end, refuse_rows
+from .text import Source, Table, TextTable, format_rows, read_table, read_text_table
+from .units import check_units
 
 Array = NDArray[np.float64]
-Aliases = Mapping[str, tuple[str, ...]]
 Columns = Sequence[str] | Mapping[str, str] | None
-
-TIME: Aliases = {
-    "tow": (
-        "tow",
-        "gpstow",
-        "gps_tow",
-        "time",
-        "gpstime",
-        "gps_time",
-        "gpst",
-        "sow",
-        "gps_sow",
-        "seconds",
-        "time_of_week",
-        "t",
-    ),
-    "week": ("week", "gpsweek", "gps_week", "wn"),
-}
-# nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can
-# name it
-FINE: Aliases = {"nsec": ()}
+KIND_OF = {"course": "angle"}  # kinds of units by their key, where it is another
+DATES_FOR_STAMPS = (
+    "dates for stamps were taken for UTC",
+    "the time scale of the stamps",
+    "give a clock of its own where they are of another time scale, or time_offset_s",
+)
+METRES = "m metre metres meter meters"  # spellings of a unit, as `TableSpec.strict` has them
 
 
-def sigma_aliases(*axes: str) -> tuple[str, ...]:
-    """Return header names of a standard deviation along an axis of these names."""
-    heads = ("sd", "std", "sigma", "rms", "acc", "stdev")
-    return tuple(f"{head}{glue}{axis}" for head, glue, axis in product(heads, ("_", ""), axes))
+@dataclass(frozen=True, eq=False)
+class TableSpec:
+    """What a text table holds.
 
-
-def axis_aliases(letter: str, *stems: str) -> tuple[str, ...]:
-    """Return header names of the component x, y or z of a triad with these stems."""
-    return tuple(f"{stem}{glue}{letter}" for stem, glue in product(stems, ("_", "")))
-
-
-def columns_of(
-    table: Table | TextTable,
-    aliases: Aliases,
-    required: Sequence[str],
-    defaults: Sequence[Sequence[str]],
-    columns: Columns = None,
-    kinds: Kinds | None = None,
-) -> dict[str, int]:
-    """Return the index of every known column by its canonical name, the keys of `aliases`.
-
-    Parameters
+    Attributes
     ----------
-    table : Table or TextTable
-        The table.
-    aliases : mapping
-        Header names by canonical name.
-    required : sequence of str
-        Canonical names that the table must have.
-    defaults : sequence
-        The documented layouts of a file without header, distinguished by their number of columns.
-    columns : sequence or mapping, optional
-        Canonical name of each column, "-" or any other name leaving one out; or canonical name to
-        name in the header, or to its index, "[1]" for the first.
-    kinds : mapping, optional
-        Kinds of the units that may stand behind the names of a header, by canonical name.
-
-    Raises
-    ------
-    InputError
-        A required name that is missing or ambiguous, or a number of fields that does not fit.
-    """
-    layout, choices = table.layout, ", ".join(aliases)
-    if isinstance(columns, Mapping):
-        assigned, source = (
-            _from_mapping(table.path, layout, aliases, columns),
-            f"columns = {dict(columns)}",
-        )
-    elif columns is not None:
-        if len(columns) != layout.n_fields:
-            raise InputError.at_line(
-                table.path,
-                layout.first_line,
-                f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}; name"
-                " each field, '-' for what is to be left out",
-            )
-        assigned = [name if name in aliases else None for name in columns]
-        source = f"columns = {list(columns)}"
-    elif layout.header is not None:
-        assigned = _from_header(table.path, layout, aliases, kinds or {})
-        source = f"the header {shown(layout.header, 400)}"
-    else:
-        default = next((names for names in defaults if len(names) == layout.n_fields), None)
-        if default is None:
-            sizes = "; ".join(" ".join(names) for names in defaults)
-            message = (
-                f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name"
-                f" them by columns = [...] of {choices}"
-            )
-            most = max(map(len, defaults), default=0)
-            if "image" in aliases and not layout.delimiter and layout.n_fields > most:
-                message += '; names with blanks stand in quotation marks: "my image 1.jpg"'
-            raise InputError.at_line(table.path, layout.first_line, message)
-        assigned, source = [name if name in aliases else None for name in default], "the default"
-    index = {name: i for i, name in enumerate(assigned) if name is not None}
-    twice = next((name for name in index if assigned.count(name) > 1), None)
-    missing = [name for name in required if name not in index]
-    if twice or missing:
-        why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
-        line = None if columns is not None else layout.header_line
-        how = (
-            f"set columns = [...] of {choices}, with '-' for what is to be left out, or columns ="
-            ' { tow = "its name in the file", ... }'
-        )
-        raise InputError.at_line(table.path, line, f"{source} {why}; {how}")
-    if isinstance(table, Table):
-        table.refuse_text(index.values())
-    return index
-
-
-def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> list[str | None]:
-    if layout.header_fields is None:
-        message = (
-            f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of"
-            " the data; set columns = [...]"
-        )
-        if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
-            message += (
-                ", or, where these are decimal commas between commas, write the numbers with points"
-            )
-        raise InputError.at_line(path, layout.header_line, message)
-    canonical = {alias: name for name, names in aliases.items() for alias in names}
-    return names_of(layout.header_fields, canonical, kinds)
-
-
-def _from_mapping(
-    path: str, layout: Layout, aliases: Aliases, columns: Mapping[str, str]
-) -> list[str | None]:
-    assigned: list[str | None] = [None] * layout.n_fields
-    names = [normalised(field)[0] for field in layout.header_fields or ()]
-    for canonical, field in columns.items():
-        if canonical not in aliases:
-            raise UsageError(f"{path}: columns: {canonical!r} is none of {', '.join(aliases)}")
-        if match := re.fullmatch(r"\[([0-9]+)\]", field):
-            index = int(match[1]) - 1
-            if not 0 <= index < layout.n_fields:
-                raise InputError.at_line(
-                    path,
-                    layout.first_line,
-                    f"columns: there is no field {field}; there are {layout.n_fields}, counted"
-                    " from 1",
-                )
-        elif layout.header_fields is None:
-            message = (
-                f"columns names fields of the header, but there is none of {layout.n_fields}"
-                " fields; give their places, [1] for the first"
-            )
-            raise InputError.at_line(path, layout.first_line, message)
-        elif layout.header_fields.count(field) == 1:
-            index = layout.header_fields.index(field)
-        elif names.count(normalised(field)[0]) != 1:
-            message = (
-                f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
-            )
-            raise InputError.at_line(path, layout.header_line, message)
-        else:
-            index = names.index(normalised(field)[0])
-        if assigned[index] is not None:
-            raise UsageError(
-                f"{path}: columns: {field!r} is both {assigned[index]} and {canonical};"
-                " give each a field of its own"
-            )
-        assigned[index] = canonical
-    return assigned
-
-
-def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
-    """Return the columns that the header calls by the reverse of their axis, such as -YAccel."""
-    fields = layout.header_fields or ()
-    return [
-        name for name, k in index.items() if fields and re.match(r"[\"'\s]*-\s*[A-Za-z]", fields[k])
-    ]
-
-
-def fields_of(layout: Layout, index: Mapping[str, int], names: Sequence[str]) -> list[str]:
-    """Return the fields of the header for the columns `names`, as far as there are any."""
-    return (
-        [layout.header_fields[index[name]] for name in names if name in index]
-        if layout.header_fields
-        else []
-    )
-
-
-def check_increasing(lines: Lines, time: Array) -> None:
-    """Refuse time (n,), s, that does not increase, with the line and both times."""
-    step = np.diff(time)
-    if (step <= 0.0).any():
-        row = int(np.argmax(step <= 0.0)) + 1
-        message = (
-            f"time {time[row]:.6f} s follows {time[row - 1]:.6f} s; time must increase; sort the"
-            " file or take out the double line"
-        )
-        raise lines.error_at(row, message)
-
-
-def clock_of_dates(
-    table: Table, index: Mapping[str, int], units: Mapping[str, str], name: str
-) -> tuple[Mapping[str, str], tuple[Check, ...]]:
-    """Return the units with that of the clock where the column of time holds dates, and the note.
-
-    Parameters
-    ----------
-    table : Table
-        The table.
-    index : mapping
-        Columns by canonical name.
+    names : mapping
+        The names that a header may give a column, by its canonical name (`formats.names`).
+    required : str
+        Canonical names of the columns that it must have, blanks between them.
+    layouts : tuple of str
+        The columns of a file without a header, distinguished by their number.
     units : mapping
-        The caller's units; one of the time stays.
-    name : str
-        Name of the note.
+        The columns of each key of the option `units`.
+    record : str
+        What its rows are of, for the names of notes: "GNSS".
+    text : bool
+        Whether columns hold text, such as names of images.
+    strict : str
+        Spellings of the units that may stand in brackets behind a name. Where there are any, a
+        column that nobody knows is refused: left out, a misspelled standard deviation would become
+        the default one.
     """
-    if index.get("tow") not in table.dates:
-        return units, ()
-    advice = "give a clock of its own where they are of another time scale, or time_offset_s"
-    date_note = note(
-        name, "dates for stamps were taken for UTC", "the time scale of the stamps", advice
+
+    names: Names
+    required: str = ""
+    layouts: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    record: str = ""
+    text: bool = False
+    strict: str = ""
+
+    @classmethod
+    def exactly(cls, columns: str, text: bool = False) -> "TableSpec":
+        """Return the specification of a table that has these columns under these names."""
+        return cls({name: name for name in columns.split()}, columns, (columns,), text=text)
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """Canonical name by each name of a header."""
+        return {alias: name for name, row in self.names.items() for alias in taken_by_readers(row)}
+
+    @cached_property
+    def kinds(self) -> Kinds:
+        """Kinds of the units that may stand behind the name of each column."""
+        return {
+            name: (key, f"{key} increment") if key in SENSORS else (KIND_OF.get(key, key),)
+            for key, columns in self.units.items()
+            for name in columns.split()
+        }
+
+    def named(self, fields: Sequence[str]) -> list[str | None]:
+        """Return what the reader takes each field of a header for."""
+        return names_of(fields, self.aliases, self.kinds)
+
+    def index(self, path: str, layout: Layout, columns: Columns = None) -> dict[str, int]:
+        """Return the index of every known column by its canonical name.
+
+        Parameters
+        ----------
+        path : str
+            The file, for messages.
+        layout : Layout
+            How it is written.
+        columns : sequence or mapping, optional
+            Canonical name of each column, "-" or any other name leaving one out; or canonical name
+            to name in the header, or to its index, "[1]" for the first.
+
+        Raises
+        ------
+        InputError
+            A required name that is missing or ambiguous, or a number of fields that does not fit.
+        """
+        assigned, source = self._assigned(path, layout, columns)
+        index = {name: i for i, name in enumerate(assigned) if name is not None}
+        twice = next((name for name in index if assigned.count(name) > 1), None)
+        missing = [name for name in self.required.split() if name not in index]
+        if twice or missing:
+            why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
+            line = None if columns is not None else layout.header_line
+            how = (
+                f"set columns = [...] of {', '.join(self.names)}, with '-' for what is to be left"
+                ' out, or columns = { tow = "its name in the file", ... }'
+            )
+            raise InputError.at_line(path, line, f"{source} {why}; {how}")
+        for k, own in enumerate(layout.header_fields or () if self.strict else ()):
+            name, unit = normalised(own)
+            if k in index.values() and unit and unit.lower() not in (units := self.strict.split()):
+                problem = f"is in {unit!r}; {units[0]} is read: convert it"
+            elif k not in index.values() and columns is None:
+                how = "take it out, or name the columns by columns = [...] with '-' for it"
+                problem = f"is unknown; {near(name, self.names)}; {how}"
+            else:
+                continue
+            raise InputError.at_line(path, layout.header_line, f"column {shown(own)} {problem}")
+        return index
+
+    def _assigned(
+        self, path: str, layout: Layout, columns: Columns
+    ) -> tuple[list[str | None], str]:
+        """Return the canonical name of each field, and what names it."""
+        n = layout.n_fields
+        if isinstance(columns, Mapping):
+            return self._from_mapping(path, layout, columns), f"columns = {dict(columns)}"
+        if columns is not None:
+            if len(columns) != n:
+                message = f"{n} fields, but columns names {len(columns)}: {list(columns)}"
+                advice = "name each field, '-' for what is to be left out"
+                raise InputError.at_line(path, layout.first_line, f"{message}; {advice}")
+            taken, source = columns, f"columns = {list(columns)}"
+        elif layout.header is not None:
+            if layout.header_fields is None:
+                raise _uneven_header(path, layout)
+            return self.named(layout.header_fields), f"the header {shown(layout.header, 400)}"
+        else:
+            layouts = [names.split() for names in self.layouts]
+            taken, source = next((names for names in layouts if len(names) == n), []), "the default"
+            if not taken:
+                message = (
+                    f"{n} fields and no header; without one the columns are"
+                    f" {'; '.join(self.layouts)}; name them by columns = [...] of"
+                    f" {', '.join(self.names)}"
+                )
+                if "image" in self.names and not layout.delimiter and n > max(map(len, layouts)):
+                    message += '; names with blanks stand in quotation marks: "my image 1.jpg"'
+                raise InputError.at_line(path, layout.first_line, message)
+        return [name if name in self.names else None for name in taken], source
+
+    def _from_mapping(
+        self, path: str, layout: Layout, columns: Mapping[str, str]
+    ) -> list[str | None]:
+        assigned: list[str | None] = [None] * layout.n_fields
+        fields = layout.header_fields
+        for canonical, column in columns.items():
+            if canonical not in self.names:
+                choices = ", ".join(self.names)
+                raise UsageError(f"{path}: columns: {canonical!r} is none of {choices}")
+            index = _place_of(path, layout, fields, column)
+            if assigned[index] is not None:
+                raise UsageError(
+                    f"{path}: columns: {column!r} is both {assigned[index]} and {canonical};"
+                    " give each a field of its own"
+                )
+            assigned[index] = canonical
+        return assigned
+
+    def read(self, path: Source, columns: Columns = None) -> "NamedTable":
+        """Read a table; InputError with file and line for what cannot be read."""
+        table = read_text_table(path) if self.text else read_table(path, whole=False)
+        return self.of(table, columns)
+
+    def of(self, table: Table | TextTable, columns: Columns = None) -> "NamedTable":
+        """Return a table that was read with its columns; InputError as `index`, and for text."""
+        if isinstance(table, Table) and table.layout.header is None and columns is None:
+            table.refuse_text(range(table.layout.n_fields))
+        index = self.index(table.path, table.layout, columns)
+        return NamedTable(self, table, index).checked()
+
+    def checked_units(self, units: Mapping[str, str] | None, *more: str) -> Mapping[str, str]:
+        """Return the caller's units; UsageError for a key that is none, of these or `more`."""
+        return check_units(units, (*self.units, *more))
+
+    def settled(
+        self,
+        path: str,
+        line: int | None,
+        fields: Mapping[str, Sequence[str]],
+        given: Mapping[str, str],
+        kinds: Mapping[str, str] | None = None,
+    ) -> Settled:
+        """Settle units as `headers.settled_units` does.
+
+        Parameters
+        ----------
+        path, line
+            File and line of the header, for messages.
+        fields : mapping
+            What the file calls the columns of each key.
+        given : mapping
+            The caller's units.
+        kinds : mapping, optional
+            Kind of the unit of each key, where it is not that of its name.
+        """
+        of = {key: KIND_OF.get(key, key) for key in self.units} | dict(kinds or {})
+        return settled_units(path, line, self.units, of, fields, given, self.record)
+
+
+def _uneven_header(path: str, layout: Layout) -> InputError:
+    """Return the error of a header that has another number of fields than the data."""
+    message = (
+        f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the"
+        " data; set columns = [...]"
     )
-    return {"time": DATES_UNIT, **units}, (date_note,)
+    if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
+        message += ", or, where these are decimal commas between commas, write the numbers with"
+        message += " points"
+    return InputError.at_line(path, layout.header_line, message)
 
 
-def clock_of(cols: Mapping[str, Array]) -> Array:
-    """Return readings of the column of time, with the nanoseconds of `nsec` where it exists."""
-    tow = np.ascontiguousarray(cols["tow"])
-    return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
+def _place_of(path: str, layout: Layout, fields: Sequence[str] | None, column: str) -> int:
+    """Return the index of a field that the caller names, or gives by its place."""
+    names = [normalised(field)[0] for field in fields or ()]
+    if match := re.fullmatch(r"\[([0-9]+)\]", column):
+        if 0 <= (index := int(match[1]) - 1) < layout.n_fields:
+            return index
+        problem = f"there is no field {column}; there are {layout.n_fields}, counted from 1"
+        raise InputError.at_line(path, layout.first_line, f"columns: {problem}")
+    if fields is None:
+        message = (
+            f"columns names fields of the header, but there is none of {layout.n_fields} fields;"
+            " give their places, [1] for the first"
+        )
+        raise InputError.at_line(path, layout.first_line, message)
+    if fields.count(column) == 1:
+        return fields.index(column)
+    if names.count(normalised(column)[0]) != 1:
+        problem = f"{column!r} does not stand once in the header {shown(layout.header, 400)}"
+        raise InputError.at_line(path, layout.header_line, f"columns: {problem}")
+    return names.index(normalised(column)[0])
 
 
-def gps_time(
-    lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s"
-) -> tuple[Array, int | None]:
-    """Return seconds of the first week, and that week.
+@dataclass(frozen=True, eq=False)
+class NamedTable:
+    """A table with the index of its columns by canonical name."""
+
+    spec: TableSpec
+    table: Table | TextTable | Rows
+    index: Mapping[str, int]
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self.table.path
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.index
+
+    def __len__(self) -> int:
+        assert not isinstance(self.table, Rows)
+        return len(self.table)
+
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return self.table.error_at(row, message)
+
+    def checked(self) -> "NamedTable":
+        """Return the table; InputError where a column of numbers holds text."""
+        if isinstance(self.table, Table):
+            self.table.refuse_text(self.index.values())
+        return self
+
+    def floats(self, name: str) -> Array:
+        """Return a column as numbers (n,); InputError with the line for what is none."""
+        assert not isinstance(self.table, Rows)
+        return self.table.floats(self.index[name])
+
+    def numbers(self) -> dict[str, Array]:
+        """Return all columns (n,) of numbers."""
+        return {name: self.floats(name) for name in self.index}
+
+    def block(self, names: str) -> Array:
+        """Return columns (n, k) of numbers."""
+        return np.column_stack([self.floats(name) for name in names.split()])
+
+    def strings(self, name: str) -> tuple[str, ...]:
+        """Return a column as text."""
+        assert isinstance(self.table, TextTable)
+        return self.table.strings(self.index[name])
+
+    def fields(self, names: str) -> list[str]:
+        """Return the fields of the header for columns, as far as there are any."""
+        header = self.table.layout.header_fields
+        return [header[self.index[n]] for n in names.split() if n in self.index] if header else []
+
+    def reversed_names(self) -> list[str]:
+        """Return the columns that the header calls by the reverse of their axis: -YAccel."""
+        return [
+            name
+            for name in self.index
+            if any(re.match(r"[\"'\s]*-\s*[A-Za-z]", field) for field in self.fields(name))
+        ]
+
+    def settled(self, units: Mapping[str, str], kinds: Mapping[str, str] | None = None) -> Settled:
+        """Settle the units by caller and header; notes on them, dates and an open end."""
+        layout, rows = self.table.layout, f"{self.spec.record} rows"
+        dates: tuple[Check, ...] = ()
+        if self.index.get("tow") in getattr(self.table, "dates", ()):
+            units = {"time": DATES_UNIT, **units}
+            dates = (note(rows, *DATES_FOR_STAMPS),)
+        fields = {key: self.fields(names) for key, names in self.spec.units.items()}
+        settled = self.spec.settled(self.path, layout.header_line, fields, units, kinds)
+        notes = (*open_end(rows, self.table.complete), *settled.notes, *dates)
+        return settled._replace(notes=notes)
+
+    def gps_time(self, gps_week: int | None = None, unit: str = "s") -> tuple[Array, int | None]:
+        """Return seconds of the first week and that week, as `clock.gps_time` does."""
+        week = self.floats("week") if "week" in self else None
+        return gps_time(self, self.floats("tow"), week, gps_week, unit)
+
+    def positive(self, names: str, unit: str) -> Array:
+        """Return columns (n, k) of standard deviations; InputError for one that is not positive."""
+        values = self.block(names)
+        for k, name in enumerate(names.split()):
+            message = f"{name} {{:g}} {unit}; a standard deviation must be greater than zero"
+            refuse_rows(self, values[:, k] <= 0.0, message, values[:, k])
+        return values
+
+    def rows_of(self, column: str, kind: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+        """Return the names of a column, each once and in order, and which of them each line has.
+
+        Parameters
+        ----------
+        column : str
+            The column.
+        kind : str
+            What it names, for the message.
+
+        Raises
+        ------
+        InputError
+            A name that is empty, with file and line.
+        """
+        texts = self.strings(column)
+        empty = np.array([not text for text in texts])
+        refuse_rows(self, empty, f"no name of the {kind}; write it, or delete the line")
+        names = tuple(dict.fromkeys(texts))
+        row_by_name = {name: k for k, name in enumerate(names)}
+        return names, np.array([row_by_name[name] for name in texts], dtype=np.int64)
+
+    def refuse_repeats(self, message: Callable[[int], str], *keys: NDArray[np.int64]) -> None:
+        """Refuse the first row whose keys stood in an earlier one; `message` says so of a row."""
+        if (twice := first_repeat(*keys)) is not None:
+            assert isinstance(self.table, TextTable)
+            first, row = twice
+            before = f"before in line {self.table.lines[first]}"
+            raise self.error_at(row, f"{message(row)}, {before}; delete one of the lines")
+
+
+def first_repeat(*keys: NDArray[np.int64]) -> tuple[int, int] | None:
+    """Return the first row whose keys stood in an earlier one, and that; None where all differ.
 
     Parameters
     ----------
-    lines : Lines
-        Where the rows stand, for refusals.
-    tow : ndarray
-        (n,) times of week, or of a clock with an epoch.
-    week : ndarray, optional
-        (n,) a column of weeks; zeros are taken for none.
-    gps_week : int, optional
-        The caller's week.
-    unit : str
-        Unit of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+    *keys : ndarray of int, (n,)
+        The keys of each row.
 
-    Raises
-    ------
-    InputError
-        A time that is none, or a week that contradicts the caller's, with the line.
+    Returns
+    -------
+    tuple of int, optional
+        The earlier row and the row.
     """
-    factor, epoch = unit_factor(unit, "time"), split_unit(unit)[1]
-    seconds = tow if factor == 1.0 else tow * factor
-    if epoch.startswith(("unix", "gps")):
-        return _of_epoch(lines, seconds, epoch, gps_week)
-    if week is not None and week.any():
-        if (
-            odd := (week != np.floor(week))
-            | (week < 0.0)
-            | (week > 9999.0)
-            | (np.abs(week - week[0]) > 1.0)
-        ).any():
-            row = int(np.argmax(odd))
-            raise lines.error_at(
-                row,
-                f"GPS week {week[row]:g} after {week[0]:g}; check the columns, or split the file",
-            )
-        first = int(week[0])
-        _agree(lines, first, gps_week)
-        time, gps_week = seconds + WEEK_S * (week - first), first
-    else:
-        time = unwrap_week(seconds)
-    if seconds.size and (seconds.min() < 0.0 or seconds.max() > 2.0 * WEEK_S):
-        row = int(np.argmax((seconds < 0.0) | (seconds > 2.0 * WEEK_S)))
-        message = (
-            f"time {seconds[row]:.3f} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the"
-            " column and units = { time = ... } "
-        )
-        raise lines.error_at(row, f"{message}({', '.join(UNITS['time'])}), or convert the clock")
-    return time, gps_week
+    order = np.lexsort(keys)
+    twice = np.all([np.diff(key[order]) == 0 for key in keys], axis=0)
+    if not twice.any():
+        return None
+    k = int(np.flatnonzero(twice)[np.argmin(order[1:][twice])])
+    return int(order[k]), int(order[k + 1])
 
 
-def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:
-    """Return seconds of the first week, to the microsecond, and that week.
+@dataclass(frozen=True)
+class TableOut:
+    """How a text table is written.
 
-    The clock counts on from its epoch.
+    Attributes
+    ----------
+    columns : str
+        Names of the columns with their % formats, blanks between them: "image tow=%.7f"; a column
+        without a format holds text.
+    separator : str
+        What separates them. With blanks the header is a comment.
     """
-    if epoch == "gps":
-        if seconds.size == 0 or not seconds.min() >= 0.0:
-            raise lines.error_at(
-                int(np.argmin(seconds)),
-                f"time {seconds.min():.3f} s lies before the start of GPS time; check units = {{"
-                " time = ... }",
-            )
-        first = int(seconds[0] // WEEK_S)
-        time = seconds - first * WEEK_S
-    else:
-        try:
-            first, time = gps_from_unix_utc(seconds)
-        except InputError as refusal:
-            raise lines.error_at(int(np.argmin(seconds)), str(refusal)) from None
-    _agree(lines, first, gps_week)
-    return np.round(time, 6), first
+
+    columns: str
+    separator: str = ","
+
+    @property
+    def names(self) -> str:
+        """Names of the columns, blanks between them."""
+        return " ".join(column.partition("=")[0] for column in self.columns.split())
+
+    def with_columns(self, columns: str) -> "TableOut":
+        """Return the table with more columns behind the others."""
+        return replace(self, columns=f"{self.columns} {columns}")
+
+    def write(
+        self, path: Source, table: Array, *texts: Sequence[str], comments: Iterable[str] = ()
+    ) -> None:
+        """Write a table, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        table : ndarray
+            (n, m) the numbers.
+        *texts : sequence of str
+            (n,) the columns of text.
+        comments : iterable of str
+            Lines before the header.
+        """
+        forms = [column.partition("=")[2] for column in self.columns.split()]
+        form = self.separator.join(form or "%s" for form in forms) + "\n"
+        rows = format_rows(form, table)
+        if texts:
+            words, numbers = iter(texts), iter(table.T.tolist())
+            columns = [next(numbers if form else words) for form in forms]
+            rows = (form % row for row in zip(*columns, strict=True))
+        if self.separator == " ":
+            write_table(path, [*comments, self.names], (), rows)
+        else:
+            write_table(path, comments, self.names.split(), rows)
 
 
-def _agree(lines: Lines, week: int, gps_week: int | None) -> None:
-    if gps_week is not None and week != gps_week:
-        raise lines.error_at(
-            0,
-            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
-            " the file",
-        )
+def write_table(
+    path: Source, comments: Iterable[str], columns: Sequence[str], rows: Iterable[str]
+) -> None:
+    """Write a table of columns with commas between them, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    comments : iterable of str
+        Lines before the header.
+    columns : sequence of str
+        Names of the columns.
+    rows : iterable of str
+        The lines, each with its end.
+    """
+    head = [f"# {line}\n" for line in comments] + [",".join(columns) + "\n"] * bool(columns)
+    atomic_write(path, [*head, *rows])

@@ -46,10 +46,14 @@ class Target:
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of a file that were read without keeping their lines, which are looked for on demand."""
+    """Rows of a file that were read without keeping their lines, which are looked for on demand.
+
+    `complete` tells whether the last line has its end.
+    """
 
     path: str
     layout: Layout
+    complete: bool = True
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""

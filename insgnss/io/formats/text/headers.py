@@ -13,6 +13,7 @@ either.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from ....base.errors import InputError, UsageError
 from ....records import Check
@@ -150,7 +151,7 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
 
 
 def agreed_unit(
-    path: object, line: int | None, names: Sequence[str], fields: Sequence[str], kind: str
+    path: object, line: int | None, names: str, fields: Sequence[str], kind: str
 ) -> str | None:
     """Return the unit that `fields` of the columns `names` give, None without one.
 
@@ -164,22 +165,30 @@ def agreed_unit(
     if len(factors) > 1 or None in factors:
         units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
         message = (
-            f"the header gives the unit {units} for {' '.join(names)}, which is none of"
+            f"the header gives the unit {units} for {names}, which is none of"
             f" {', '.join(UNITS[kind])} for them all; set units"
         )
         raise InputError.at_line(path, line, message)
     return stated[0] if stated else None
 
 
+class Settled(NamedTuple):
+    """Units and their factors by key, and the notes on them."""
+
+    units: dict[str, str]
+    factors: dict[str, float]
+    notes: tuple[Check, ...]
+
+
 def settled_units(
     path: object,
     line: int | None,
-    columns: Mapping[str, Sequence[str]],
+    columns: Mapping[str, str],
     kinds: Mapping[str, str],
     fields: Mapping[str, Sequence[str]],
     given: Mapping[str, str],
     of: str,
-) -> tuple[dict[str, str], dict[str, float], tuple[Check, ...]]:
+) -> Settled:
     """Settle units: the caller's, else those that the fields give, else the first of their kind.
 
     Parameters
@@ -187,7 +196,7 @@ def settled_units(
     path, line
         File and line of the header, for messages.
     columns : mapping
-        Canonical names of the columns of each key.
+        Canonical names of the columns of each key, blanks between them.
     kinds : mapping
         Kind of the unit of each key.
     fields : mapping
@@ -199,10 +208,8 @@ def settled_units(
 
     Returns
     -------
-    units, factors : dict
-        By key.
-    notes : tuple of Check
-        One for each of the caller's units where the fields give another one.
+    Settled
+        With a note for each of the caller's units where the fields give another one.
 
     Raises
     ------
@@ -212,27 +219,22 @@ def settled_units(
     units, factors, notes = {}, {}, []
     for key, kind in kinds.items():
         requested = given.get(key)
-        units[key] = (
-            requested
-            or agreed_unit(path, line, columns[key], fields[key], kind)
-            or next(iter(UNITS[kind]))
-        )
+        stated = requested or agreed_unit(path, line, columns[key], fields[key], kind)
+        units[key] = stated or next(iter(UNITS[kind]))
         factors[key] = _given_factor(path, columns[key], kind, units[key])
         if requested and (header_unit := _other_unit(fields[key], kind, requested)):
-            finding, advice = (
-                f"the header says {header_unit}, and units {key} = {requested} was taken",
-                f"leave units {key} out if the header is right",
-            )
+            finding = f"the header says {header_unit}, and units {key} = {requested} was taken"
+            advice = f"leave units {key} out if the header is right"
             notes.append(note(f"{of} units", finding, "one unit", advice))
-    return units, factors, tuple(notes)
+    return Settled(units, factors, tuple(notes))
 
 
-def _given_factor(path: object, names: Sequence[str], kind: str, given: str) -> float:
+def _given_factor(path: object, names: str, kind: str, given: str) -> float:
     """Return the factor of a unit for the columns `names`; UsageError names them."""
     try:
         return unit_factor(given, kind)
     except UsageError as refusal:
-        raise UsageError(f"{path}: unit of {' '.join(names)}: {refusal}") from None
+        raise UsageError(f"{path}: unit of {names}: {refusal}") from None
 
 
 def _other_unit(fields: Sequence[str], kind: str, given: str) -> str | None:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
+from ....base.inputs import BOM
 from ....base.units import LARGEST, spells_zero
 from .pieces import FileBytes
 
@@ -99,7 +100,8 @@ def float_of(text: str, decimal: str = ".") -> float | None:
 
 
 def decode(data: bytes) -> str:
-    """Decode UTF-8 text, else Latin-1."""
+    """Decode UTF-8 text, else Latin-1, without a byte order mark before it."""
+    data = data.removeprefix(BOM)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:

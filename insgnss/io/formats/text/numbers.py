@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....base.units import LARGEST
 from .layout import float_of
-from .order import Lines
+from .order import Lines, refuse_rows
 from .text import Array
 
 PLAIN = "write a plain decimal number, such as -1.5e-4"
@@ -34,9 +34,7 @@ def whole(text: str | None) -> int:
 def whole_rows(lines: Lines, values: Array, name: str) -> NDArray[np.int64]:
     """Return a column of whole numbers; InputError with the line for others."""
     wrong = (values != np.round(values)) | (np.abs(values) > EXACT)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise lines.error_at(row, f"{name} {values[row]:g} is no whole number; correct the line")
+    refuse_rows(lines, wrong, f"{name} {{:g}} is no whole number; correct the line", values)
     return values.astype(np.int64)
 
 

@@ -57,6 +57,32 @@ class NumberedRows:
         return InputError(f"{self.path}: {self.kind} {row + 1}: {message}")
 
 
+def refuse_rows(
+    lines: Lines, bad: NDArray[np.bool_], message: str, *values: NDArray[np.generic]
+) -> None:
+    """Refuse the first bad row, at its line.
+
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand.
+    bad : ndarray of bool
+        (n,) which rows are bad.
+    message : str
+        What is wrong, with a format field for each of the values.
+    *values : ndarray
+        (n,) each.
+
+    Raises
+    ------
+    InputError
+        Where a row is bad.
+    """
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise lines.error_at(row, message.format(*(column[row] for column in values)))
+
+
 def note(
     name: str,
     finding: str,

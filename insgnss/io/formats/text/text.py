@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....base.files import lines_of
-from ....base.inputs import opened
+from ....base.inputs import BOM, opened
 from .dates import is_date, seconds_of_dates
 from .layout import (
     BINARY,
@@ -72,6 +72,13 @@ class Table:
     bad: Mapping[int, InputError] = field(default_factory=dict)
     dates: frozenset[int] = frozenset()
 
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def floats(self, column: int) -> Array:
+        """Return a column (n,)."""
+        return np.ascontiguousarray(self.values[:, column])
+
     def refuse_text(self, columns: Iterable[int]) -> None:
         """Raise InputError at the first field in these columns that is no number."""
         taken = set(columns)
@@ -93,6 +100,9 @@ class TextTable:
     rows: list[list[str]]
     lines: list[int]
     complete: bool = True
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
@@ -130,7 +140,7 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     buf = load_bytes(path, 1)
     if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError.at_line(path, 1, "is UTF-16 text; save it as UTF-8")
-    if bytes(buf[:3]) == b"\xef\xbb\xbf":
+    if bytes(buf[:3]) == BOM:
         buf[:3] = ord(" ")
     buf[-1] = ord("\n")
     return buf, bool(buf[-2] == ord("\n"))
@@ -342,6 +352,8 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
 
 def read_text_table(path: Source) -> TextTable:
     """Read a table with columns of text, such as image names; for files of some thousand lines."""
+    from . import _kernels
+
     buf, complete = load(path)
     layout = sniff(path, buf)
     rows, lines = [], []
@@ -352,20 +364,10 @@ def read_text_table(path: Source) -> TextTable:
         refuse_long(path, line, text)
         fields = split_fields(text, layout.delimiter)
         if len(fields) != layout.n_fields:
-            cut = (
-                not complete
-                and line == layout.first_line + len(raw) - 1
-                and len(fields) < layout.n_fields
-            )
-            description = (
-                "truncated: the file ends within this line,"
-                if cut
-                else f"{len(fields)} fields, expected {layout.n_fields}:"
-            )
-            seen, advice = shown(text.strip()), "correct or delete the line"
-            if is_binary(text):
-                seen, advice = ascii(text[:10]) + "...", BINARY
-            raise InputError.at_line(path, line, f"{description} {seen}; {advice}")
+            status = _kernels.TOO_MANY if len(fields) > layout.n_fields else _kernels.TOO_FEW
+            ends = np.flatnonzero(buf == ord("\n"))
+            offset = int(ends[line - 2]) + 1 if line > 1 else 0
+            raise _refusal(path, buf, complete, layout, status, offset, line)
         rows.append(fields)
         lines.append(line)
     if not complete:

@@ -45,62 +45,26 @@ _NUMBER = re.compile(
     r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?(?:\s*[*])?(.*)",
     re.DOTALL | re.ASCII,
 )
-_SPELLINGS = {
-    **{
-        f"{angle}{per}": f"{angle[:3]}/s"
-        for angle in ("deg", "rad")
-        for per in ("s-1", "ps", "pers", "persec", "/sec", "/second")
-    },
-    **{
-        f"{angle}s/{time}": f"{angle[:3]}/s"
-        for angle in ("degree", "radian")
-        for time in ("s", "sec", "second")
-    },
-    **{
-        "ms-2": "m/s2",
-        "mss": "m/s2",
-        "ms2": "m/s2",
-        "mpers2": "m/s2",
-        "m/second2": "m/s2",
-        "ms-1": "m/s",
-        "secs": "s",
-        "nsecs": "ns",
-    },
-    **dict.fromkeys(
-        ("deg/hr", "deg/hour", "degph", "degphr", "degperh", "degperhr", "degh", "°/h"), "deg/h"
-    ),
-    **dict.fromkeys(("knot", "knots", "kt", "kts"), "kn"),
-    **{"m/s/s": "m/s2", "mps2": "m/s2", "m/sec2": "m/s2", "dps": "deg/s", "°/s": "deg/s"},
-    **{"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"},
-    **{
-        "sec": "s",
-        "second": "s",
-        "seconds": "s",
-        "meter": "m",
-        "metre": "m",
-        "meters": "m",
-        "metres": "m",
-        "mps": "m/s",
-    },
-    **{
-        "msec": "ms",
-        "millisecond": "ms",
-        "milliseconds": "ms",
-        "usec": "us",
-        "µs": "us",
-        "microsecond": "us",
-        "microseconds": "us",
-    },
-    **{
-        "nsec": "ns",
-        "nanosecond": "ns",
-        "nanoseconds": "ns",
-        "kmh": "km/h",
-        "kph": "km/h",
-        "arcs": "arcsec",
-    },
+_SPELLED = {
+    "deg/s": "degs-1 degps degpers degpersec deg/sec deg/second degrees/s degrees/sec"
+    " degrees/second dps °/s",
+    "rad/s": "rads-1 radps radpers radpersec rad/sec rad/second radians/s radians/sec"
+    " radians/second",
+    "deg/h": "deg/hr deg/hour degph degphr degperh degperhr degh °/h",
+    "m/s2": "ms-2 mss ms2 mpers2 m/second2 m/s/s mps2 m/sec2",
+    "m/s": "ms-1 mps",
+    "km/h": "kmh kph",
+    "kn": "knot knots kt kts",
+    "deg": "° degree degrees",
+    "rad": "radian radians",
+    "arcsec": "arcs",
+    "m": "meter metre meters metres",
+    "s": "sec secs second seconds",
+    "ms": "msec millisecond milliseconds",
+    "us": "usec µs microsecond microseconds",
+    "ns": "nsec nsecs nanosecond nanoseconds",
 }
-
+_SPELLINGS = {name: unit for unit, names in _SPELLED.items() for name in names.split()}
 _RAISED = str.maketrans("⁻¹²", "-12")
 
 

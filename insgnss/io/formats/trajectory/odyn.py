@@ -14,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....geodesy.rotation import rotation_from_quaternion
-from ..text.columns import TIME, Aliases, check_increasing, columns_of, gps_time
-from ..text.text import Source, read_table
+from ..names import TIME
+from ..text.clock import check_increasing, gps_time
+from ..text.columns import TableSpec
+from ..text.order import refuse_rows
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-POSE = ("tow", "lat", "lon", "h", "qw", "qx", "qy", "qz")
-ALIASES: Aliases = {**TIME, **{name: (name,) for name in POSE[1:]}}
+POSE = "tow lat lon h qw qx qy qz"
+SPEC = TableSpec({name: name for name in POSE.split()} | TIME, POSE, (POSE,))
 NORM_LIMIT = 1e-3
 
 
@@ -54,32 +57,21 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     InputError
         What cannot be read, or a quaternion that is not of length one, with file and line.
     """
-    table = read_table(path)
-    if not table.complete:
-        raise table.error_at(
-            len(table.values) - 1, "truncated: the last line has no end; copy the file again"
-        )
-    index = columns_of(table, ALIASES, POSE, (POSE,))
-    cols = {name: np.ascontiguousarray(table.values[:, index[name]]) for name in POSE}
+    table = SPEC.read(path)
+    if not table.table.complete:
+        message = "truncated: the last line has no end; copy the file again"
+        raise table.error_at(len(table) - 1, message)
+    cols = table.numbers()
     time, _ = gps_time(table, cols["tow"], None, None)
     check_increasing(table, time)
-    q = np.column_stack([cols[name] for name in POSE[4:]])
+    q = table.block("qw qx qy qz")
     with np.errstate(over="ignore"):  # a length that is no number of this machine is none of one
         norm = np.linalg.norm(q, axis=1)
-    if (bad := ~(np.abs(norm - 1.0) < NORM_LIMIT)).any():
-        row = int(np.argmax(bad))
-        raise table.error_at(
-            row,
-            f"quaternion of length {norm[row]:.6g}, not 1 (limit {NORM_LIMIT:g}); are the columns t"
-            " lat lon h qw qx qy qz?",
-        )
+    message = f"quaternion of length {{:.6g}}, not 1 (limit {NORM_LIMIT:g}); are the columns t"
+    message += " lat lon h qw qx qy qz?"
+    refuse_rows(table, ~(np.abs(norm - 1.0) < NORM_LIMIT), message, norm)
     for name, limit in (("lat", 90.0), ("lon", 360.0)):
-        if (beyond := np.abs(cols[name]) > limit).any():
-            row = int(np.argmax(beyond))
-            raise table.error_at(
-                row,
-                f"{name} {cols[name][row]:.6f} deg exceeds {limit:.0f}; are the positions in a"
-                " local frame?",
-            )
+        message = f"{name} {{:.6f}} deg exceeds {limit:.0f}; are the positions in a local frame?"
+        refuse_rows(table, np.abs(cols[name]) > limit, message, cols[name])
     C_nb = NED_FROM_ENU @ rotation_from_quaternion(q / norm[:, None])  # (O.1)
     return OdynPoses(time, np.radians(cols["lat"]), np.radians(cols["lon"]), cols["h"], C_nb)

@@ -25,36 +25,18 @@ from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacob
 from ....records import GnssFixes, Trajectory
 from ..gnss.fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ..orientation.exported import angle_sigma
-from ..text.columns import check_increasing
-from ..text.order import NumberedRows
+from ..text.clock import check_increasing
+from ..text.order import NumberedRows, refuse_rows
 from ..text.text import Source, load_bytes
 
 Array = NDArray[np.float64]
 
 SBET_FIELDS, SMRMSG_FIELDS = 17, 10
-FIELDS = (
-    *(
-        "time",
-        "latitude",
-        "longitude",
-        "height",
-        "x_velocity",
-        "y_velocity",
-        "z_velocity",
-        "roll",
-        "pitch",
-        "platform_heading",
-    ),
-    *(
-        "wander_angle",
-        "x_acceleration",
-        "y_acceleration",
-        "z_acceleration",
-        "x_rate",
-        "y_rate",
-        "z_rate",
-    ),
+_FIELDS = (
+    "time latitude longitude height x_velocity y_velocity z_velocity roll pitch platform_heading"
+    " wander_angle x_acceleration y_acceleration z_acceleration x_rate y_rate z_rate"
 )
+FIELDS = tuple(_FIELDS.split())
 LARGEST = 1e9  # of any value in a record
 OVERHANG_S = 1.5  # by which an SBET may exceed the span of its smrmsg
 ARC_MINUTE = np.pi / 180.0 / 60.0
@@ -287,10 +269,8 @@ def _sigma_at(path: Path, time: Array) -> Array:
     lines = NumberedRows(str(path), "record")
     check_increasing(lines, smrmsg.time)
     sigma = np.column_stack([smrmsg.sigma_position_m, smrmsg.sigma_velocity, smrmsg.sigma_rpy])
-    if (bad := (sigma <= 0.0).any(axis=1)).any():
-        raise lines.error_at(
-            int(np.argmax(bad)), "a standard deviation is not positive; is it another format?"
-        )
+    message = "a standard deviation is not positive; is it another format?"
+    refuse_rows(lines, np.any(sigma <= 0.0, axis=1), message)
     beyond = max(smrmsg.time[0] - time.min(), time.max() - smrmsg.time[-1])
     if beyond > OVERHANG_S:
         span = f"{smrmsg.time[0]:.3f} to {smrmsg.time[-1]:.3f} s"

@@ -9,42 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....base.files import atomic_write
 from ....geodesy.gpstime import WEEK_S
 from ....geodesy.rotation import rotation_from_rpy, rpy_from_rotation
 from ....records import Trajectory
-from ..text.columns import Aliases, check_increasing, columns_of, gps_time
-from ..text.text import Source, format_rows, read_table
+from ..text.clock import check_increasing, gps_time
+from ..text.columns import TableOut, TableSpec
+from ..text.text import Source
 from .sbet import rpy_sigma
 
 Array = NDArray[np.float64]
 
-STATE = (
-    "gps_week",
-    "tow",
-    "lat_deg",
-    "lon_deg",
-    "h_m",
-    "vn",
-    "ve",
-    "vd",
-    "roll_deg",
-    "pitch_deg",
-    "heading_deg",
+OUT = TableOut(
+    "gps_week=%d tow=%.6f lat_deg=%.10f lon_deg=%.10f h_m=%.4f vn=%.5f ve=%.5f vd=%.5f"
+    " roll_deg=%.6f pitch_deg=%.6f heading_deg=%.6f sd_n_m=%.5f sd_e_m=%.5f sd_d_m=%.5f"
+    " sd_vn=%.5f sd_ve=%.5f sd_vd=%.5f sd_roll_deg=%.6f sd_pitch_deg=%.6f sd_heading_deg=%.6f"
 )
-SIGMA = (
-    "sd_n_m",
-    "sd_e_m",
-    "sd_d_m",
-    "sd_vn",
-    "sd_ve",
-    "sd_vd",
-    "sd_roll_deg",
-    "sd_pitch_deg",
-    "sd_heading_deg",
-)
-COLUMNS = (*STATE, *SIGMA)
-ALIASES: Aliases = {name: (name,) for name in COLUMNS}
+SPEC = TableSpec.exactly(OUT.names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +63,13 @@ def write_trajectory_csv(trajectory: Trajectory, path: Source) -> None:
     table = np.column_stack(
         [*time, *position, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
     )
-    form = "%d,%.6f,%.10f,%.10f,%.4f" + ",%.5f" * 3 + ",%.6f" * 3 + ",%.5f" * 6 + ",%.6f" * 3 + "\n"
-    atomic_write(path, [",".join(COLUMNS) + "\n", *format_rows(form, table)])
+    OUT.write(path, table)
 
 
 def read_trajectory_csv(path: Source) -> TrajectoryTable:
     """Read the file back; InputError with file and line."""
-    table = read_table(path)
-    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
-    values = table.values[:, [index[name] for name in COLUMNS]]
+    table = SPEC.read(path)
+    values = table.block(OUT.names)
     time, week = gps_time(table, values[:, 1], values[:, 0], None)
     assert week is not None
     check_increasing(table, time)

@@ -7,26 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
-from ..blocks.ground_points import ALIASES as GROUND
-from ..blocks.ground_points import METRES
+from ..names import IN_IMAGE, PLACES, TIME
 from ..orientation.exported import quoted_names
-from ..text.columns import TIME, Aliases, Columns, gps_time
+from ..text.columns import METRES, Columns, TableOut, TableSpec
 from ..text.layout import shown
-from ..text.text import Source, read_text_table
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
-POSITION = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-CORRELATIONS = ("corr_xy", "corr_xz", "corr_yz")
-ALIASES: Aliases = {
-    "image": ("image", "img", "photo", "image_name", "image_id", "filename"),
-    **TIME,
-    **{name: GROUND[name] for name in POSITION},
-    **{name: (name, name.replace("corr", "rho")) for name in CORRELATIONS},
-}
-DEFAULTS = (("image", *POSITION), ("week", "tow", *POSITION))
-UNITS = (*METRES, "s", "1")
+SIGMAS, CORRELATIONS = "sigma_x sigma_y sigma_z", ("corr_xy", "corr_xz", "corr_yz")
+POSITION = f"x y z {SIGMAS}"
+SPEC = TableSpec(
+    {
+        "image": IN_IMAGE["image"],
+        **TIME,
+        **PLACES,
+        **{name: f"{name} {name.replace('corr', 'rho')}" for name in CORRELATIONS},
+    },
+    required=POSITION,
+    layouts=(f"image {POSITION}", f"week tow {POSITION}"),
+    text=True,
+    strict=f"{METRES} s 1",
+)
+OUT = (
+    "x=%.4f y=%.4f z=%.4f sigma_x=%.5f sigma_y=%.5f sigma_z=%.5f"
+    " corr_xy=%.5f corr_xz=%.5f corr_yz=%.5f"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +68,7 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
     path : path
         The file.
     columns : sequence or mapping, optional
-        As of `insgnss.io.formats.text.columns.columns_of`.
+        As of `text.columns.TableSpec.index`.
 
     Returns
     -------
@@ -76,33 +82,25 @@ def read_target_positions(path: Source, columns: Columns = None) -> TargetPositi
         positive, a covariance that is none, an image or a stamp that is there twice, or neither
         images nor stamps, with file and line.
     """
-    table = read_text_table(path)
-    index = named_columns(table, ALIASES, POSITION, DEFAULTS, UNITS, columns)
-    if "image" not in index and "tow" not in index:
+    table = SPEC.read(path, columns)
+    if "image" not in table and "tow" not in table:
         raise table.error_at(
             0,
             "neither image nor tow among its columns: nothing says when the target was there; name"
             " the image that saw it, or the time (tow, and week)",
         )
     images, time, week = None, None, None
-    if "image" in index:
-        names, rows = rows_of(table, index["image"], "image")
-        if (twice := first_repeat(rows)) is not None:
-            raise table.error_at(
-                twice[1],
-                f"image {shown(names[rows[twice[1]]])} is there twice, before in line"
-                f" {table.lines[twice[0]]}; delete one of the lines",
-            )
+    if "image" in table:
+        names, rows = table.rows_of("image", "image")
+        table.refuse_repeats(lambda row: f"image {shown(names[rows[row]])} is there twice", rows)
         images = names
-    if "tow" in index:
-        weeks = table.floats(index["week"]) if "week" in index else None
-        time, week = gps_time(table, table.floats(index["tow"]), weeks, None)
-    position = np.column_stack([table.floats(index[name]) for name in POSITION[:3]])
-    sigma = np.column_stack([positive(table, index[name], name, "m") for name in POSITION[3:]])
+    if "tow" in table:
+        time, week = table.gps_time()
+    position, sigma = table.block("x y z"), table.positive(SIGMAS, "m")
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
     for name, (i, j) in zip(CORRELATIONS, ((0, 1), (0, 2), (1, 2)), strict=True):
-        if name in index:
-            correlation[:, i, j] = correlation[:, j, i] = table.floats(index[name])
+        if name in table:
+            correlation[:, i, j] = correlation[:, j, i] = table.floats(name)
     smallest = np.linalg.eigvalsh(correlation)[:, 0]
     if (smallest <= 1e-9).any():
         row = int(np.argmin(smallest))
@@ -139,24 +137,15 @@ def write_target_positions(
     UsageError
         The file cannot be written.
     """
-    n = len(positions.position_m)
-    head: list[str] = []
-    first = [""] * n
-    if positions.images is not None:
-        names = quoted_names(positions.images, ",")
-        head, first = ["image"], [f"{name}," for name in names]
+    columns, texts, numbers = OUT, [], []
     if positions.time is not None:
         if positions.gps_week is None:
             raise InputError("target positions: stamps without GPS week; give it")
-        head += ["week", "tow"]
-        first = [
-            f"{a}{positions.gps_week},{t:.6f}," for a, t in zip(first, positions.time, strict=True)
-        ]
+        columns = f"week=%d tow=%.6f {columns}"
+        numbers = [np.full(len(positions.time), positions.gps_week), positions.time]
+    if positions.images is not None:
+        columns, texts = f"image {columns}", [quoted_names(positions.images, ",")]
     sigma = np.sqrt(np.diagonal(positions.cov, axis1=1, axis2=2))
     corr = positions.cov / sigma[:, :, None] / sigma[:, None, :]
-    values = np.column_stack(
-        [positions.position_m, sigma, corr[:, 0, 1], corr[:, 0, 2], corr[:, 1, 2]]
-    )
-    form = "%.4f,%.4f,%.4f,%.5f,%.5f,%.5f,%.5f,%.5f,%.5f\n"
-    rows = (a + form % tuple(v) for a, v in zip(first, values.tolist(), strict=True))
-    write_table(path, comments, (*head, *POSITION, *CORRELATIONS), rows)
+    values = [positions.position_m, sigma, corr[:, 0, 1], corr[:, 0, 2], corr[:, 1, 2]]
+    TableOut(columns).write(path, np.column_stack([*numbers, *values]), *texts, comments=comments)

@@ -6,23 +6,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blocks.columns import first_repeat, named_columns, positive, rows_of, write_table
-from ..blocks.image_points import ALIASES as IMAGE_POINTS
 from ..blocks.image_points import PIXELS
+from ..names import IN_IMAGE
 from ..orientation.exported import quoted_names
-from ..text.columns import Aliases, Columns
+from ..text.columns import Columns, TableOut, TableSpec
 from ..text.layout import shown
-from ..text.text import Source, read_text_table
+from ..text.order import refuse_rows
+from ..text.text import Source
 
 Array = NDArray[np.float64]
 
-COLUMNS = ("image", "point", "size_px", "sigma_px")
-ALIASES: Aliases = {
-    "image": IMAGE_POINTS["image"],
-    "point": IMAGE_POINTS["point"],
-    "size_px": ("size_px", "size", "diameter", "diameter_px", "major_axis", "major_axis_px"),
-    "sigma_px": ("sigma_px", "sigma", "sd", "std", "sigma_size", "sigma_size_px"),
-}
+OUT = TableOut("image point size_px=%.4f sigma_px=%.4g")
+SPEC = TableSpec(
+    {
+        **IN_IMAGE,
+        "size_px": "size_px size diameter diameter_px major_axis major_axis_px",
+        "sigma_px": "sigma_px sigma sd std sigma_size sigma_size_px",
+    },
+    required=OUT.names,
+    layouts=(OUT.names,),
+    text=True,
+    strict=PIXELS,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +57,7 @@ def read_target_sizes(path: Source, columns: Columns = None) -> TargetSizes:
     path : path
         The file.
     columns : sequence or mapping, optional
-        As of `insgnss.io.formats.text.columns.columns_of`.
+        As of `text.columns.TableSpec.index`.
 
     Returns
     -------
@@ -65,21 +70,12 @@ def read_target_sizes(path: Source, columns: Columns = None) -> TargetSizes:
         A column that is unknown, a field that is no number, a length that is not positive, or an
         image with two sizes, with file and line.
     """
-    table = read_text_table(path)
-    index = named_columns(table, ALIASES, COLUMNS, (COLUMNS,), PIXELS, columns)
-    images, image = rows_of(table, index["image"], "image")
-    points, point = rows_of(table, index["point"], "point")
-    if (twice := first_repeat(image)) is not None:
-        raise table.error_at(
-            twice[1],
-            f"image {shown(images[image[twice[1]]])} has two sizes, the first in line"
-            f" {table.lines[twice[0]]}; delete one of the lines",
-        )
-    size = table.floats(index["size_px"])
-    if (size <= 0.0).any():
-        row = int(np.argmax(size <= 0.0))
-        raise table.error_at(row, f"size_px {size[row]:g} px; a size must be greater than zero")
-    sigma = positive(table, index["sigma_px"], "sigma_px", "px")
+    table = SPEC.read(path, columns)
+    images, image = table.rows_of("image", "image")
+    points, point = table.rows_of("point", "point")
+    table.refuse_repeats(lambda row: f"image {shown(images[image[row]])} has two sizes", image)
+    size, sigma = table.floats("size_px"), table.positive("sigma_px", "px")[:, 0]
+    refuse_rows(table, size <= 0.0, "size_px {:g} px; a size must be greater than zero", size)
     return TargetSizes(
         tuple(images[i] for i in image), tuple(points[p] for p in point), size, sigma
     )
@@ -106,10 +102,6 @@ def write_target_sizes(sizes: TargetSizes, path: Source, comments: Sequence[str]
     """
     images = quoted_names(sizes.images, ",")
     points = quoted_names(sizes.points, ",", "point")
-    rows = (
-        f"{image},{point},{size:.4f},{sigma:.4g}\n"
-        for image, point, size, sigma in zip(
-            images, points, sizes.size_px, sizes.sigma_px, strict=True
-        )
+    OUT.write(
+        path, np.column_stack([sizes.size_px, sizes.sigma_px]), images, points, comments=comments
     )
-    write_table(path, comments, COLUMNS, rows)

@@ -38,7 +38,7 @@ from ....io.formats.blocks.ground_points import GroundAxes, GroundTable
 from ....io.formats.blocks.joined import matched
 from ....io.formats.orientation.eo_covariance import FILE, read_common_errors, read_eo_covariance
 from ....io.formats.orientation.eo_json import read_one_camera
-from ....io.formats.trajectory.trajectory_csv import COLUMNS, TrajectoryTable, read_trajectory_csv
+from ....io.formats.trajectory.trajectory_csv import TrajectoryTable, read_trajectory_csv
 from ....io.formats.vehicle.target_positions import read_target_positions
 from ....records import ExteriorOrientation
 from ....records.block import Array
@@ -231,7 +231,7 @@ def _of_trajectory(options: VehicleTable, path: Path, plane: TangentPlane | None
     if plane is None:
         raise InputError.in_file(
             path,
-            f"positions on the globe ({COLUMNS[2]} ...), which need aerial control, whose"
+            "positions on the globe (lat_deg ...), which need aerial control, whose"
             " tangent plane has the axes of the block; give a table of positions in these axes",
         )
     if options.target_m is None:

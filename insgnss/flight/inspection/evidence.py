@@ -1,0 +1,205 @@
+"""What the recognised data say of a file: units, axes and clock, and where they contradict it."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...navigation.prepare.gaps import nominal_interval
+from ...records import Check, ImuSamples
+from .sources import Source
+
+if TYPE_CHECKING:
+    from ...navigation.recognise.recognition import Recognition
+
+SURE = 0.9  # confidence from which on a finding is a live key of the draft
+SAME = 0.02  # of a factor
+UPRIGHT = 0.85  # of |f|, along the axis that is vertical
+SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes in words with the evidence.
+
+    `sure` is set where at least the vertical is certain, so that they are better than the default.
+    """
+
+    words: str
+    why: str
+    sure: bool
+
+
+def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
+    """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
+    rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
+    gyro, accel = (
+        recognition.gyro_factor * rate,
+        recognition.accel_factor * recognition.accel_sign * rate,
+    )
+    return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
+
+
+def factor_of_numbers(recognition: "Recognition", key: str) -> float:
+    """Return what the numbers of a sensor, gyro or accel, were recognised to be times."""
+    return recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+
+
+def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
+    """Check the units that the file gives against the data.
+
+    A contradiction is a note where the draft can follow the data.
+    """
+    checks, units = [], source.header_units
+    for key, name in SENSORS.items():
+        finding, factor = recognition.finding(name), factor_of_numbers(recognition, key)
+        stated = units is None or key in units
+        if not stated or finding.confidence <= SURE or abs(factor - 1.0) < SAME:
+            continue
+        text = f"{factor:.4g} times what the file says: {finding.evidence}"
+        if units is None:
+            expected = f"the {key} values in the unit of its format"
+            advice = "the file is not what its format says; convert it"
+            checks.append(Check(f"unit of {key}", text, expected, "contradiction", advice))
+        else:
+            expected = f"the {key} values in the unit of {units[key]}, as its header says"
+            advice = "the draft follows the data"
+            checks.append(Check(f"unit of {key}", text, expected, "note", advice))
+    return checks
+
+
+def counts(source: Source, recognition: "Recognition") -> list[Check]:
+    """Return a contradiction for each sensor whose numbers are in no known unit.
+
+    The flight file must give what one count is worth.
+    """
+    checks = []
+    for key, name in SENSORS.items():
+        finding = recognition.finding(name)
+        scaled = key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
+        if finding.confidence or not (scaled or "may be counts" in finding.evidence):
+            continue
+        worth = f" (gravity makes it about {recognition.accel_factor:.4g})" * (key == "accel")
+        advice = (
+            f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives it,"
+            " and whether they are increments"
+        )
+        expected = "a unit that is known, or the value of a count"
+        checks.append(Check(f"unit of {key}", finding.evidence, expected, "contradiction", advice))
+    return checks
+
+
+def assumed_rate(source: Source) -> list[Check]:
+    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
+    if "rate_hz" not in source.keys:
+        return []
+    advice = (
+        "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
+        " in imu.columns"
+    )
+    finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
+    return [
+        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
+    ]
+
+
+def strangers(recognition: "Recognition") -> list[Check]:
+    """Check that samples and fixes are of one recording, latitude and longitude in their order."""
+    from ...navigation.recognise.recognition import EXCHANGED_ADVICE
+
+    if recognition.exchanged:
+        evidence = recognition.finding("force sign").evidence
+        expected = "latitude and longitude in their order"
+        return [Check("GNSS position", evidence, expected, "contradiction", EXCHANGED_ADVICE)]
+    clock = recognition.finding("time offset")
+    if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
+        return []
+    expected = "one time offset that explains the motion"
+    advice = (
+        "if it moved, check that samples and fixes are of one recording; no time offset is better"
+        " than all others"
+    )
+    return [Check("common motion", clock.evidence, expected, "note", advice)]
+
+
+def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
+    """Return the findings with the units of the file's header, where the data agree with it."""
+    findings = {finding.name: finding for finding in recognition.findings}
+    for key, name in SENSORS.items():
+        factor = factor_of_numbers(recognition, key)
+        header_unit, finding = (source.header_units or {}).get(key), findings[name]
+        if (
+            header_unit is not None
+            and finding.confidence > 0.0
+            and abs(factor - 1.0) < SAME
+            and header_unit != finding.value
+        ):
+            evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
+            findings[name] = replace(finding, value=header_unit, evidence=evidence)
+    return replace(recognition, findings=tuple(findings.values()))
+
+
+def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
+    """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
+
+    With the vertical alone forward is chosen freely.
+
+    Parameters
+    ----------
+    source : Source
+    imu : ImuSamples
+        In m/s^2 of specific force.
+    recognition : Recognition or None
+
+    Returns
+    -------
+    Axes
+    """
+    if recognition is not None and recognition.axes is not None:
+        finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")
+        unsure = (
+            ""
+            if finding.confidence > SURE
+            else "; the likeliest, but NOT SURE: check which way it was mounted"
+        )
+        return Axes(recognition.axes, in_words(finding) + unsure, vertical.confidence > SURE)
+    if source.axes:
+        return Axes(source.axes, "by the convention of the format", True)
+    up = np.median(imu.accel, axis=0)
+    words, axis = vertical_axes(up)
+    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
+        np.median(np.linalg.norm(imu.accel, axis=1))
+    )
+    why = (
+        f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
+        " KNOWN: the data do not show it"
+    )
+    return Axes(words, why, steady)
+
+
+def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
+    """Choose axes by the specific force at rest (3,): the vertical is certain, forward is free.
+
+    Returns
+    -------
+    tuple of str
+        The axes in words, and the IMU axis that is vertical.
+    """
+    from ...navigation.prepare.axes import DIRECTIONS
+
+    axis = int(np.argmax(np.abs(mean_force)))
+    words = ["", "", ""]
+    words[axis] = "up" if mean_force[axis] > 0.0 else "down"
+    first, second = [k for k in range(3) if k != axis]
+    words[first], words[second] = "forward", "right"
+    C = np.column_stack([np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words])
+    if np.linalg.det(C) < 0.0:
+        words[second] = "left"
+    return " ".join(words), "xyz"[axis]
+
+
+def in_words(finding: Any) -> str:
+    """Return a finding with its confidence and evidence."""
+    return (
+        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+    )

@@ -1,0 +1,181 @@
+"""Logs of autopilots: tables by message, one clock tied to GPST, and the records made of them.
+
+ArduPilot and PX4 differ in the names of messages and columns, their units, and in which rows hold a
+fix; what is done with the columns is the same. All stamps but those of fixes count from the start
+of the autopilot and are taken to GPST by `boot_clock`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....records import BarometerHeights, CameraEvents, Check, ImuSamples, Quantity
+from ..barometer import ROWS, heights_from_columns
+from ..events.events import events_in_order
+from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
+from ..text.clock import agree_on_week
+from ..text.order import NumberedRows, note, refuse_rows
+from .boot_clock import BootClock, fit_clock
+
+Array = NDArray[np.float64]
+Tables = dict[str, dict[str, Array]]
+
+# GPS.Status and fix_type to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
+NO_FIX = "give positions of their own, gnss.file"
+
+
+def as_float(column: NDArray[Any]) -> Array:
+    """Return a column as float64; what is not a number in it stays so, without a warning."""
+    with np.errstate(invalid="ignore"):
+        return column.astype(np.float64)
+
+
+@dataclass(frozen=True)
+class Message:
+    """A table of a log: its name, its columns, and where its rows stand."""
+
+    name: str
+    columns: Mapping[str, Array]
+    lines: NumberedRows
+
+    def __contains__(self, label: str) -> bool:
+        return label in self.columns
+
+    def floats(self, *labels: str) -> list[Array]:
+        """Return columns; InputError where one is missing or has a value that is not finite."""
+        if missing := [label for label in labels if label not in self.columns]:
+            there = f"it has {' '.join(self.columns)}"
+            raise InputError(f"{self.lines.path}: {self.name} has no {' '.join(missing)}; {there}")
+        values = {label: self.columns[label] for label in labels}
+        self.refuse_infinite(values)
+        return list(values.values())
+
+    def refuse_infinite(self, columns: Mapping[str, Array]) -> None:
+        """Refuse the first value that is not finite in columns (n,)."""
+        advice = "set variable to another of its messages, or export the rows without it as a table"
+        for label, column in columns.items():
+            message = f"{label} is {{}}; it must be finite: {advice}"
+            refuse_rows(self.lines, ~np.isfinite(column), message, column)
+
+    def of(self, rows: NDArray[np.bool_]) -> "Message":
+        """Return the message of some rows, numbered anew."""
+        kept = {label: column[rows] for label, column in self.columns.items()}
+        return Message(self.name, kept, self.lines)
+
+    def qualities(self, label: str) -> Array:
+        """Return RTKLIB's codes of a column of the autopilot's."""
+        codes = [QUALITY.get(int(code), 0) for code in self.columns[label]]
+        return np.array(codes, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """Rows of a receiver's message with a fix: the autopilot's stamps, s, week and time of week."""
+
+    message: Message
+    boot: Array
+    week: Array
+    tow: Array
+
+    @classmethod
+    def of(cls, message: Message, fixed: NDArray[np.bool_], *times: Array) -> "Fixes":
+        """Take the rows that are `fixed` of a message and of `boot`, `week` and `tow`.
+
+        Raises
+        ------
+        InputError
+            No row has a fix.
+        """
+        if not fixed.any():
+            path, count = message.lines.path, f"{fixed.size} {message.name} messages"
+            raise InputError(f"{path}: none of {count} has a fix and a time; {NO_FIX}")
+        return cls(message.of(fixed), *(time[fixed] for time in times))
+
+    def left_out(self, rows: int) -> tuple[Check, ...]:
+        """Return the note on the messages without a fix, of so many."""
+        left = rows - self.boot.size
+        text = f"{left} messages without a fix left out"
+        return (note("GNSS rows", text, "a fix each", ""),) if left else ()
+
+
+@dataclass(frozen=True)
+class Log:
+    """Tables of a log by message, their columns as float64, and what was odd in the file.
+
+    `kind` is what the program calls a message.
+    """
+
+    path: str
+    tables: Tables
+    odd: tuple[str, ...] = ()
+    kind: str = "message"
+
+    def notes(self, name: str) -> tuple[Check, ...]:
+        """Return the notes on what was odd in the log, for the record `name`."""
+        advice = "copy it again from the card"
+        return tuple(note(name, text, "a whole log", advice) for text in self.odd)
+
+    def message(self, names: tuple[str, ...], variable: str | None = None) -> Message:
+        """Return the message `variable`, else the first of `names` there is.
+
+        Raises
+        ------
+        InputError
+            No such message.
+        """
+        chosen = variable or next((name for name in names if name in self.tables), None)
+        if chosen is None or chosen not in self.tables:
+            there = ", ".join(sorted(self.tables)) or "none"
+            wanted = chosen or " or ".join(names)
+            raise InputError(f"{self.path}: no {self.kind} {wanted}; there are {there}")
+        return Message(chosen, self.tables[chosen], NumberedRows(self.path, chosen))
+
+    def clock(self, fixes: Fixes, gps_week: int | None) -> BootClock:
+        """Return the autopilot's clock by its receiver's fixes; InputError for another week."""
+        clock = fit_clock(self.path, fixes.boot, fixes.week, fixes.tow)
+        agree_on_week(fixes.message.lines, clock.gps_week, gps_week)
+        return clock
+
+    def samples(
+        self,
+        message: Message,
+        clock: BootClock,
+        boot: Array,
+        triads: list[Array],
+        quantity: Quantity,
+        notes: tuple[Check, ...] = (),
+    ) -> ImuSamples:
+        """Return samples of six columns in SI, at stamps of the autopilot, s."""
+        cols = dict(zip((*GYRO, *ACCEL), triads, strict=True))
+        message.refuse_infinite(cols)
+        cols["tow"] = clock.gpst(message.lines, boot)
+        notes = (clock.note("IMU rows"), *notes, *self.notes("IMU rows"))
+        scales, week = Scales(1.0, 1.0), clock.gps_week
+        return imu_from_columns(cols, message.lines, self.path, scales, quantity, week, notes)
+
+    def events(self, message: Message, clock: BootClock, boot: Array, images: str) -> CameraEvents:
+        """Return events at stamps of the autopilot, s, named by a column of whole numbers."""
+        names = None
+        if images in message:
+            (column,) = message.floats(images)
+            whole = np.where(column == np.floor(column), column, np.nan)
+            message.refuse_infinite({images: whole})
+            names = tuple(str(int(k)) for k in whole)
+        notes = (clock.note("event rows"), *self.notes("event rows"))
+        time, week = clock.gpst(message.lines, boot), clock.gps_week
+        return events_in_order(names, time, message.lines, self.path, week, notes)
+
+    def heights(
+        self, message: Message, clock: BootClock, boot: Array, labels: Mapping[str, str]
+    ) -> BarometerHeights:
+        """Return heights at stamps of the autopilot, s, by the labels of `pressure` and `h`."""
+        cols = {name: message.columns[x] for name, x in labels.items() if x in message}
+        message.refuse_infinite(cols)
+        notes = (clock.note(ROWS), *self.notes(ROWS))
+        time, week = clock.gpst(message.lines, boot), clock.gps_week
+        return heights_from_columns(cols, time, message.lines, self.path, week, notes)

@@ -1,0 +1,100 @@
+"""Columns of time become seconds of a GPS week."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....base.errors import InputError
+from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from .order import Lines, refuse_rows
+from .units import UNITS, split_unit, unit_factor
+
+Array = NDArray[np.float64]
+
+
+def check_increasing(lines: Lines, time: Array) -> None:
+    """Refuse time (n,), s, that does not increase, with the line and both times."""
+    back = np.concatenate([[False], np.diff(time) <= 0.0])
+    message = "time {:.6f} s follows {:.6f} s; time must increase; sort the file or take out the"
+    refuse_rows(lines, back, f"{message} double line", time, np.roll(time, 1))
+
+
+def clock_of(cols: Mapping[str, Array]) -> Array:
+    """Return readings of the column of time, with the nanoseconds of `nsec` where it exists."""
+    tow = np.ascontiguousarray(cols["tow"])
+    return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
+
+
+def gps_time(
+    lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s"
+) -> tuple[Array, int | None]:
+    """Return seconds of the first week, and that week.
+
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    tow : ndarray
+        (n,) times of week, or of a clock with an epoch.
+    week : ndarray, optional
+        (n,) a column of weeks; zeros are taken for none.
+    gps_week : int, optional
+        The caller's week.
+    unit : str
+        Unit of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+
+    Raises
+    ------
+    InputError
+        A time that is none, or a week that contradicts the caller's, with the line.
+    """
+    factor, epoch = unit_factor(unit, "time"), split_unit(unit)[1]
+    seconds = tow if factor == 1.0 else tow * factor
+    if epoch.startswith(("unix", "gps")):
+        return _of_epoch(lines, seconds, epoch, gps_week)
+    if week is not None and week.any():
+        odd = (week != np.floor(week)) | (week < 0.0) | (week > 9999.0)
+        message = f"GPS week {{:g}} after {week[0]:g}; check the columns, or split the file"
+        refuse_rows(lines, odd | (np.abs(week - week[0]) > 1.0), message, week)
+        first = int(week[0])
+        agree_on_week(lines, first, gps_week)
+        time, gps_week = seconds + WEEK_S * (week - first), first
+    else:
+        time = unwrap_week(seconds)
+    message = (
+        f"time {{:.3f}} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column and units"
+        f" = {{{{ time = ... }}}} ({', '.join(UNITS['time'])}), or convert the clock"
+    )
+    refuse_rows(lines, (seconds < 0.0) | (seconds > 2.0 * WEEK_S), message, seconds)
+    return time, gps_week
+
+
+def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:
+    """Return seconds of the first week, to the microsecond, and that week.
+
+    The clock counts on from its epoch.
+    """
+    if epoch == "gps":
+        if seconds.size == 0 or not seconds.min() >= 0.0:
+            raise lines.error_at(
+                int(np.argmin(seconds)),
+                f"time {seconds.min():.3f} s lies before the start of GPS time; check units = {{"
+                " time = ... }",
+            )
+        first = int(seconds[0] // WEEK_S)
+        time = seconds - first * WEEK_S
+    else:
+        try:
+            first, time = gps_from_unix_utc(seconds)
+        except InputError as refusal:
+            raise lines.error_at(int(np.argmin(seconds)), str(refusal)) from None
+    agree_on_week(lines, first, gps_week)
+    return np.round(time, 6), first
+
+
+def agree_on_week(lines: Lines, week: int, gps_week: int | None) -> None:
+    """Refuse the week of the first row where the caller says another."""
+    if gps_week is not None and week != gps_week:
+        message = f"GPS week {week}, but the flight is said to be of week {gps_week}"
+        raise lines.error_at(0, f"{message}; check gps_week or the file")
