@@ -269,7 +269,9 @@ def test_missing_directory_is_told(tmp_path: Path, diagnostics, eo, summary) -> 
 def test_fixes_minus_solution_are_listed_and_the_odd_ones_marked(diagnostics, eo, summary) -> None:
     """Oracle: by hand; of two pieces one is 0.4 m of 0.02 m off."""
     pieces = tuple(
-        MeanResidual(205200.0 + 60 * k, 205259.0 + 60 * k, 600, (0.001, down, -0.002), (0.01, 0.02, 0.03))
+        MeanResidual(
+            205200.0 + 60 * k, 205259.0 + 60 * k, 600, (0.001, down, -0.002), (0.01, 0.02, 0.03)
+        )
         for k, down in enumerate((0.003, 0.4))
     )
     d = diagnostics(residuals=pieces)

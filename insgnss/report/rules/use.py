@@ -176,7 +176,7 @@ def use(
     for doubt in doubts:
         k, d = _enlarged(doubt, judged)
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
-    beyond = (np.hypot(factor * sigma, moved) > needed).any(axis=1)
+    beyond: Rows = np.asarray(np.hypot(factor * sigma, moved) > needed).any(axis=1)
     for doubt in doubts:
         concerned = beyond & judged.within(doubt.span)
         k, d = _enlarged(doubt, judged)
@@ -187,7 +187,7 @@ def use(
     return {
         "verdict": verdict,
         "sentence": PHRASES[verdict] + (f" {judged.listed(beyond)}" if verdict == EXCEPT else ""),
-        "images": [judged.names[i] for i in np.flatnonzero(beyond)] if judged.names else [],
+        "images": [name for name, out in zip(judged.names, beyond, strict=False) if out],
         "reasons": [*against, *reasons],
         "need_m": needs[0].tolist(),
         "need_deg": needs[1].tolist(),
@@ -273,13 +273,13 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
             span=(time - RESET_S, time + RESET_S),
         )
     if any(accuracy.lever_arm(f)):
-        off = {s["name"].rsplit(" ", 1)[-1]: abs(s["value"]) for s in accuracy.arm_states(f)}
-        level = math.hypot(off.get("forward", 0.0), off.get("right", 0.0))
+        arm = {s["name"].rsplit(" ", 1)[-1]: abs(s["value"]) for s in accuracy.arm_states(f)}
+        level = math.hypot(arm.get("forward", 0.0), arm.get("right", 0.0))
         yield Doubt(
             "the lever arm from the IMU to the antenna is not what the mounting states, and the"
             " flight cannot determine whether imu_m or antenna_m is wrong",
             "measure both; mounting.antenna_sigma_m says how well the antenna's place is known",
-            moves_m=np.array([level, level, off.get("down", 0.0)]),
+            moves_m=np.array([level, level, arm.get("down", 0.0)]),
         )
 
 
@@ -345,7 +345,7 @@ def _whiteness(f: Figures) -> Iterator[Doubt]:
 
 def _weak(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
     """Yield where the images are beyond their need by the result's own sigmas, and why."""
-    beyond = (sigma > needed).any(axis=1)
+    beyond: Rows = np.asarray(sigma > needed).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
