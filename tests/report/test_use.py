@@ -15,16 +15,16 @@ def with_need(**need):
 
 
 def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; 1.5 times the sigma of a fix, a good flight's tilt and heading."""
+    """Oracle: by hand; 1.5 times the sigma of a fix, a good flight's tilt, ten times the median heading."""
     s = summary(diagnostics(), eo())
     assert (s["use"]["verdict"], s["use"]["images"], s["use"]["reasons"]) == ("use", [], [])
     assert s["use"]["need_m"] == pytest.approx([0.03, 0.03, 0.045])
-    assert s["use"]["need_deg"] == [0.05, 0.05, 0.15]
+    assert s["use"]["need_deg"] == pytest.approx([0.05, 0.05, 0.2])
     assert s["use"]["measure"] == "receiver and IMU"
     assert s["headline"].startswith("Use it: 30 images")
     colour, why = mood(s)
     assert colour == "good"
-    assert "30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.15 deg" in why
+    assert "30.0 / 30.0 / 45.0 mm and 0.05 / 0.05 / 0.2 deg" in why
 
 
 def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:
@@ -33,7 +33,7 @@ def test_an_image_beyond_its_need_is_named(diagnostics, eo, summary) -> None:
     assert s["use"]["verdict"] == "except"
     assert s["use"]["images"] == ["8001.tif"]
     assert s["use"]["sentence"] == "Use it except 1 image (8001.tif)"
-    assert s["use"]["reasons"][0].startswith("heading is known to 0.31 deg only, needed are 0.15")
+    assert s["use"]["reasons"][0].startswith("heading is known to 0.31 deg only, needed are 0.2")
     assert mood(s)[0] == "doubtful"
 
 

@@ -169,18 +169,18 @@ def use(
     ]
     needed = np.hstack(needs)
     sigma = np.hstack([judged.position_m, judged.attitude_deg])
-    weak = (sigma > needed).any(axis=1)
+    weak = _beyond(sigma, needed)
     reasons = list(_weak(f, judged, sigma, needed))
     doubts = list(_doubts(f))
     factor, moved = np.ones_like(sigma), np.zeros_like(sigma)
     for doubt in doubts:
         k, d = _enlarged(doubt, judged)
         factor, moved = np.maximum(factor, k), np.hypot(moved, d)
-    beyond: Rows = np.asarray(np.hypot(factor * sigma, moved) > needed).any(axis=1)
+    beyond = _beyond(np.hypot(factor * sigma, moved), needed)
     for doubt in doubts:
         concerned = beyond & judged.within(doubt.span)
         k, d = _enlarged(doubt, judged)
-        if (concerned & (np.hypot(k * sigma, d) > needed).any(axis=1) & ~weak).any():
+        if (concerned & _beyond(np.hypot(k * sigma, d), needed) & ~weak).any():
             reasons.append(f"{doubt.text} ({judged.listed(concerned)}); {doubt.help}")
     against = list(_against(f))
     verdict = NO if against or beyond.all() else EXCEPT if beyond.any() else USE
@@ -193,6 +193,11 @@ def use(
         "need_deg": needs[1].tolist(),
         "measure": USUAL if need_m is None and need_deg is None else STATED,
     }
+
+
+def _beyond(sigma: Array, needed: Array) -> Rows:
+    rows: Rows = np.logical_or.reduce(sigma > needed, axis=1)
+    return rows
 
 
 def _usual_need(f: Figures, judged: Places) -> tuple[Array, Array]:
@@ -345,7 +350,7 @@ def _whiteness(f: Figures) -> Iterator[Doubt]:
 
 def _weak(f: Figures, judged: Places, sigma: Array, needed: Array) -> Iterator[str]:
     """Yield where the images are beyond their need by the result's own sigmas, and why."""
-    beyond: Rows = np.asarray(sigma > needed).any(axis=1)
+    beyond = _beyond(sigma, needed)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if len(runs) > MOST_PLACES:
