@@ -18,7 +18,7 @@ from ..flight.config.flight_file import TangentPlaneTable
 from ..flight.config.gnss_options import GnssInput
 from ..gnss.ppk_options import Air, EngineSettings, RawGnss, all_of
 from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ..io.options.schema import check, is_place, swapped
+from ..io.options.kinds import check, is_place, swapped
 from .console import Progress
 from .verb import Verb, show_result
 

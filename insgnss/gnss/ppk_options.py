@@ -8,11 +8,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ..base.errors import OptionError
 from ..base.wording import named
-from ..io.options.schema import Triple, check, option
+from ..io.options.kinds import Kind, accepted, check, is_number, no_mapping, register
+from ..io.options.schema import Declared, Triple, declared, option
 
 Point = Literal["apc", "arp", "marker"]
 
@@ -179,9 +180,37 @@ class EngineSettings:
 
     def __post_init__(self) -> None:
         check(self, "gnss")
-        for name, value in self.rtklib_options.items():
-            if problem := rtklib_problem(name, value):
-                raise OptionError("gnss.rtklib_options", problem)
+
+
+def _as_texts(item: Declared, value: Any) -> Any:
+    """Numbers and texts of a mapping as texts, as RTKLIB's option file has them."""
+    if not isinstance(value, Mapping):
+        return value
+    return {name: str(x) if is_number(x) else x for name, x in value.items()}
+
+
+def _no_rtklib(item: Declared, value: Any) -> str:
+    if problem := no_mapping(item, value):
+        return problem
+    for name, setting in value.items():
+        if not isinstance(setting, str):
+            expected = "expected a number or a text, as in RTKLIB's option file"
+            return f"{name} = {setting!r}, {expected}"
+        if problem := rtklib_problem(name, setting):
+            return problem
+    return ""
+
+
+def _no_air(item: Declared, name: str, value: Any) -> str:
+    try:
+        accepted(declared(Air)[name], value, name)
+    except OptionError as refusal:
+        return refusal.problem
+    return ""
+
+
+register("air", Kind(no_mapping, member=_no_air))
+register("rtklib", Kind(_no_rtklib, _as_texts, several=True))
 
 
 def rtklib_problem(name: str, value: object) -> str:

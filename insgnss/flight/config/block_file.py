@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...base.errors import InputError, OptionError, near
+from ...base.errors import InputError, OptionError
 from ...base.inputs import is_file
 from ...base.received.trusted import at_home
-from ...io.options.schema import check, option, options_of
+from ...io.options.kinds import check
+from ...io.options.schema import option, options_of
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
+GROUPS = (
+    *("image observations", "ground control", "aerial control"),
+    *("kinematic ground control", "target sizes"),
+)
+"""Groups of observations of an adjustment."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
 Mode = Literal["iso", "indirect", "fast_at", "direct"]
@@ -82,6 +88,7 @@ class CameraTable:
         None,
         f"parameters of interior orientation that are estimated, of {' '.join(PARAMETERS)}",
         kind="texts",
+        choices=PARAMETERS,
         usual="those of the camera's file; of a project f, cx, cy and what is not zero",
         cli="--free",
         metavar="NAME",
@@ -96,9 +103,6 @@ class CameraTable:
         check(self, "camera")
         if self.weighed and self.file is None:
             raise OptionError("camera.weighed", "has no meaning without camera.file; give both")
-        for name in self.free or ():
-            if name not in PARAMETERS:
-                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, PARAMETERS)}")
 
 
 @dataclass(frozen=True)
@@ -158,6 +162,7 @@ class AdjustmentTable:
         "observations (not in mode fast_at, which has few), ground control, aerial control, "
         "kinematic ground control, target sizes; of the others a component that contradicts them "
         "is reported",
+        choices=GROUPS,
     )
     limit_w: float = option(
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
@@ -168,21 +173,11 @@ class AdjustmentTable:
         "observations whose contradiction is accepted, of image observations, ground control, "
         "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
         "five times what their standard deviations allow no orientation is written otherwise",
+        choices=(*GROUPS, "check points"),
     )
 
     def __post_init__(self) -> None:
         check(self, "adjustment")
-        groups = (
-            *("image observations", "ground control", "aerial control"),
-            *("kinematic ground control", "target sizes"),
-        )
-        for name in self.reweight:
-            if name not in groups:
-                raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")
-        for name in self.accept:
-            if name not in (*groups, "check points"):
-                problem = f"{name!r}: {near(name, (*groups, 'check points'))}"
-                raise OptionError("adjustment.accept", problem)
 
 
 @dataclass(frozen=True)
@@ -225,7 +220,9 @@ class BlockOutput:
         form="list of texts",
     )
     cameras: tuple[str, ...] = option(
-        CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
+        CAMERA_FORMATS[:2],
+        f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}",
+        choices=CAMERA_FORMATS,
     )
     pose_covariance: bool = option(
         False,
@@ -236,9 +233,6 @@ class BlockOutput:
 
     def __post_init__(self) -> None:
         check(self, "output")
-        for name in self.cameras:
-            if name not in CAMERA_FORMATS:
-                raise OptionError("output.cameras", f"{name!r}: {near(name, CAMERA_FORMATS)}")
 
 
 @dataclass(frozen=True)
@@ -331,8 +325,7 @@ def load_block(path: str | Path) -> BlockFile:
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
     from ...base.tables import read_toml
-    from .load import made
-    from .values import take
+    from .values import made, take
 
     path = Path(path)
     if path.is_dir():

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ...io.options.schema import Triple, check, option
+from ...io.options.kinds import check
+from ...io.options.schema import Triple, option
 
 
 @dataclass(frozen=True)

@@ -27,19 +27,17 @@ from ...io.options.camera_options import (
     RoverEvents,
     angle_sets,
 )
-from ...io.options.schema import (
-    Declared,
-    Triple,
-    Words,
+from ...io.options.kinds import (
+    Kind,
     are_numbers,
+    as_tuple,
     check,
     is_place,
     no_texts,
-    option,
-    refuse_unread,
     register,
     swapped,
 )
+from ...io.options.schema import Declared, Triple, Words, option, refuse_unread
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
@@ -77,7 +75,7 @@ def _no_formats(item: Declared, value: Any) -> str:
     return ""
 
 
-register("formats", _no_formats)
+register("formats", Kind(_no_formats, as_tuple))
 
 ROLLOVER = 1024  # weeks that the signal of GPS can count
 
@@ -332,7 +330,6 @@ class Flight:
     accept: tuple[str, ...] = option(
         (),
         "names of checks, below, whose contradiction does not stop `process`",
-        kind="names",
         choices=_checks,
     )
     imu: ImuInput = field(kw_only=True)

@@ -6,15 +6,13 @@ schema, how it is read in `values`; here stands what options have to do with eac
 """
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
-from ...base.errors import InputError, OptionError, UsageError
+from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file, reading
 from ...base.received.trusted import at_home
 from ...base.tables import Table, read_toml
@@ -43,9 +41,7 @@ from .flight_file import (
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
-from .values import covariance_of, take
-
-Made = TypeVar("Made")
+from .values import covariance_of, made, take
 
 
 @cache
@@ -104,9 +100,10 @@ def _loaded(path: Path) -> Flight:
         "mounting": mounting_of(root.table("mounting")),
         "tangent_plane": _tangent_plane(plane) if plane else None,
         "output": _output(root.table("output")),
-        "initial": InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
+        "initial": initial and made(initial, InitialAttitude, take(initial, [InitialAttitude])),
         "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
-        "barometer": BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
+        "barometer": barometer
+        and made(barometer, BarometerInput, take(barometer, [BarometerInput])),
     }
     flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
     return _calibrated(flight, root)
@@ -138,15 +135,6 @@ def read_covariance(path: Path) -> CovarianceModel:
         raise InputError.at_line(path, root.lines[headed], problem)
     root.check_keys()
     return covariance_of(root)
-
-
-def made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
-    """The dataclass of a table; what it refuses at construction is told at the line of the key."""
-    try:
-        return kind(**values)
-    except OptionError as refusal:
-        key = refusal.key.rpartition(".")[2] if table.name else refusal.key
-        raise table.error(key, refusal.problem) from None
 
 
 def _imu(table: Table) -> ImuInput:
@@ -182,7 +170,7 @@ def _gnss(table: Table) -> GnssInput:
         except UsageError as error:
             key = "epoch" if values["datum"] is None else "datum"
             raise table.error(key, str(error)) from None
-    return GnssInput(**({"file": None} | values), raw=raw)
+    return made(table, GnssInput, {"file": None} | values | {"raw": raw})
 
 
 def _raw(table: Table) -> RawGnss | None:
@@ -207,7 +195,7 @@ def _raw(table: Table) -> RawGnss | None:
     if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
         problem = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
         raise table.error("atmosphere", f"{problem}; keep one of them")
-    return RawGnss(**values)
+    return made(table, RawGnss, values)
 
 
 def _camera(table: Table, raw: bool) -> CameraInput:
@@ -260,6 +248,9 @@ def mounting_of(table: Table) -> Mounting:
     of_file = ("file", "max_age_days")
     given = take(table, [MountingTable], without=of_file)
     given = {key: value for key, value in given.items() if value is not None}
+    for key in ("camera_from_body", "boresight"):
+        if key in given:
+            given[key] = np.array(given[key])
     angles = given.pop("boresight_deg", None)
     try:
         if angles:

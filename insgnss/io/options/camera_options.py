@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ...base.errors import OptionError
-from .schema import BY_HEADER, Triple, check, option, take_record
+from .kinds import check
+from .schema import BY_HEADER, Triple, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns

@@ -12,11 +12,11 @@ from insgnss.base.wording import spoken_as
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.command_line import add_options, given_of, names_of
 from insgnss.flight.config.flight_file import TABLES
-from insgnss.flight.config.kinds import PLAIN
 from insgnss.flight.config.load import known_keys, load_flight
 from insgnss.flight.config.values import READERS
 from insgnss.gnss.ppk_options import EngineSettings
-from insgnss.io.options.schema import check, declared, option, options_of
+from insgnss.io.options.kinds import KINDS, check
+from insgnss.io.options.schema import declared, option, options_of
 
 SPECS = Path(__file__).parents[3] / "data_specs"
 PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"
@@ -72,7 +72,7 @@ def test_a_page_that_is_behind_is_brought_up_to_date(tmp_path):
 def test_every_option_is_whole(item, others):
     """Oracle: the house rule: a meaning, a reader, a range the default lies in, no name twice."""
     assert len(item.option.meaning) > 5
-    assert item.kind in READERS or item.kind == "tables"
+    assert item.kind in KINDS
     assert item.option.low < item.option.high
     if item.kind in ("number", "whole") and isinstance(item.default, int | float):
         assert item.option.low <= item.default <= item.option.high
@@ -84,10 +84,10 @@ def test_every_option_is_whole(item, others):
     assert render_options.default_words(item)
 
 
-def test_every_reader_is_used():
+def test_every_kind_is_used():
     """Oracle: the declarations."""
-    assert set(READERS) == {item.kind for _, item, _ in ALL} - {"tables"}
-    assert set(PLAIN) < set(READERS)
+    assert set(KINDS) == {item.kind for _, item, _ in ALL}
+    assert set(READERS) < set(KINDS)
 
 
 def test_a_type_without_a_reader_is_refused():

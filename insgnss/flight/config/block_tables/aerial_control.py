@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Literal
 
 from ....base.errors import OptionError
-from ....io.options.schema import Triple, check, option
+from ....io.options.kinds import check
+from ....io.options.schema import Triple, option
 
 ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
 CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....base.errors import OptionError
-from ....io.options.schema import Triple, check, option
+from ....io.options.kinds import check
+from ....io.options.schema import Triple, option
 
 if TYPE_CHECKING:
     from ....base.tables import Columns
