@@ -75,8 +75,9 @@ def calibrate(
     from insgnss.flight.processing.pipeline import process
     from insgnss.geodesy.rotation import rotation_from_vector
     from insgnss.photogrammetry.mounting_calibration.judgement import components
+    from insgnss.photogrammetry.mounting_calibration.options import Assumptions
     from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses, Stated
-    from insgnss.photogrammetry.mounting_calibration.solution import Assumptions, solve
+    from insgnss.photogrammetry.mounting_calibration.solution import solve
     from insgnss.simulation.dataset import write_dataset
     from insgnss.simulation.sensors import Rig
 

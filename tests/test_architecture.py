@@ -32,7 +32,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "noise": "base geodesy records io navigation report flight",
         "simulation": "base geodesy records io navigation gnss noise",
         "photogrammetry": "base geodesy records io navigation report flight simulation",
-        "batch": "base geodesy records navigation report gnss flight",
+        "batch": "base geodesy records io navigation report gnss flight",
         "api": "base geodesy records io navigation report"
         " gnss flight noise simulation photogrammetry",
         "cli": "base geodesy io navigation report gnss flight"

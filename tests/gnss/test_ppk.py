@@ -36,6 +36,7 @@ from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.exposures.naming import ImageMatch
 from insgnss.io.formats.gnss.gnss_text import read_gnss_text
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
+from insgnss.io.options.kinds import comma_numbers
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.charts.files import charts_of
 
@@ -711,16 +712,16 @@ def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, 
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("46.5,6.5", "no LAT,LON,H"),
+        ("46.5,6.5", r"= \(46.5, 6.5\): must be latitude, longitude"),
         ("139.4,35.3,40", "swapped"),
-        ("46.5,six,400", "no LAT,LON,H"),
+        ("46.5,six,400", "= '46.5,six,400': must be latitude, .*; such as 46.57"),
         ("46.5,6.5,40000", "order and units"),
     ],
 )
 def test_a_place_that_is_none_is_refused(text, word):
     """Oracle: the ranges of latitude, longitude and height."""
     with pytest.raises(UsageError, match=word):
-        verb.geodetic_position(text, "gnss.base_position")
+        verb.geodetic_position(comma_numbers(text), "gnss.base_position")
 
 
 FRAME = LocalFrame(np.radians(46.57), np.radians(6.54), 500.0)

@@ -4,11 +4,13 @@ The reader of flight files, the constructors of records and the command line all
 `accepted`; the first adds file and line to the refusal. A wing above adds its kinds by `register`.
 """
 
+import argparse
 import math
 import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from datetime import date
 from numbers import Real
 from pathlib import Path
 from typing import Any, get_args
@@ -109,6 +111,14 @@ def check(instance: Any, table: str) -> None:
             raise OptionError(key, problem)
 
 
+@dataclass(frozen=True)
+class Checked:
+    """A record of options that are no keys of a file, such as those of a verb."""
+
+    def __post_init__(self) -> None:
+        check(self, "")
+
+
 def register(name: str, kind: Kind) -> None:
     """Add a kind of option whose values only a wing above this module can judge."""
     KINDS[name] = kind
@@ -157,6 +167,12 @@ def range_words(item: Declared) -> str:
     if abs(low) == math.inf:
         return ""
     return f"{low:g} to {high:g}" if high < math.inf else f"{low:g} or more"
+
+
+def _limits(item: Declared) -> str:
+    """The range of an option's numbers with its unit."""
+    words, unit = range_words(item), item.option.unit
+    return f"{words} {unit}" if words and unit and item.option.low > -math.inf else words
 
 
 def in_range(item: Declared, value: Any) -> bool:
@@ -216,21 +232,43 @@ def _by_name(form: Callable[[Declared, Any], Any]) -> Callable[[Declared, Any], 
     return of_mapping
 
 
+def comma_numbers(text: str) -> Any:
+    """Numbers of a word such as 46.57,6.54,512.3; the word itself where it is none."""
+    try:
+        return tuple(map(float, text.split(",")))
+    except ValueError:
+        return text
+
+
+def comma_columns(text: str) -> Any:
+    """Names in the order of the columns, or a mapping where each is given as name=column."""
+    parts = [word.strip() for word in text.split(",")]
+    if "=" not in text and text.strip():
+        return tuple(parts)
+    pairs = [(name.strip(), field.strip()) for name, _, field in (w.partition("=") for w in parts)]
+    if not all(name and field for name, field in pairs):
+        advice = "names in the order of the columns, or every one as in tow=Time,gx=GyrX"
+        raise argparse.ArgumentTypeError(f"{text!r}: give {advice}")
+    return dict(pairs)
+
+
 def _no_number(item: Declared, value: Any) -> str:
     if item.choices and item.kind == "whole":
         return _no_choice(item, value)
-    if in_range(item, value) and (item.kind != "whole" or isinstance(value, int)):
+    if value == item.default or (
+        in_range(item, value) and (item.kind != "whole" or isinstance(value, int))
+    ):
         return ""
     if is_number(value) and (item.kind != "whole" or isinstance(value, int)):
-        return f"must be {range_words(item)}"
+        return f"must be {_limits(item)}"
     noun = "a whole number" if item.kind == "whole" else "a number"
-    return f"must be {noun} {range_words(item)}".rstrip()
+    return f"must be {noun} {_limits(item)}".rstrip()
 
 
 def _no_numbers(item: Declared, value: Any) -> str:
     if are_numbers(value, item.count) and all(in_range(item, number) for number in value):
         return ""
-    return f"must be {COUNTS[item.count]} {range_words(item)}".rstrip()
+    return f"must be {COUNTS[item.count]} {_limits(item)}".rstrip()
 
 
 def _no_sigmas(item: Declared, name: str, value: Any) -> str:
@@ -252,7 +290,8 @@ def _no_matrix(item: Declared, value: Any) -> str:
 def _no_place(item: Declared, value: Any) -> str:
     if are_numbers(value, 3) and is_place(*value):
         return ""
-    advice = f"; {swapped(*value[:2])}" if are_numbers(value, 3) else ""
+    example = "; such as 46.5712345,6.5412345,512.345" if isinstance(value, str) else ""
+    advice = f"; {swapped(*value[:2])}" if are_numbers(value, 3) else example
     return f"must be latitude, longitude (deg), ellipsoidal height (m){advice}"
 
 
@@ -285,6 +324,14 @@ def _no_choice(item: Declared, value: Any) -> str:
 
 def _no_gm_sigma(item: Declared, value: Any) -> str:
     return _no_choice(item, value) if isinstance(value, str) else _no_number(item, value)
+
+
+def _no_date(item: Declared, value: Any) -> str:
+    try:
+        date.fromisoformat(value or "2000-01-01")
+    except (TypeError, ValueError):
+        return "must be a date such as 2018-07-06"
+    return ""
 
 
 def _no_sign(item: Declared, value: Any) -> str:
@@ -355,15 +402,16 @@ _FILE = Kind(_no_path, _as_path, word=Path)
 _FILES = Kind(_no_paths, _as_paths, word=Path, several=True)
 _NUMBER = Kind(_no_number, _as_number, word=float)
 _NUMBERS = Kind(_no_numbers, _as_numbers, word=float)
-_POSITION = Kind(_no_place, _as_numbers)
+_POSITION = Kind(_no_place, _as_numbers, word=comma_numbers)
 _TEXT = Kind(no_text)
 _TEXTS = Kind(no_texts, as_tuple, several=True)
 KINDS: dict[str, Kind] = {
     "angles": Kind(_no_angles, _as_angles),
     "camera_mounting": Kind(no_record),
     "choice": Kind(_no_choice),
-    "columns": Kind(_no_columns, as_tuple),
+    "columns": Kind(_no_columns, as_tuple, word=comma_columns),
     "covariance": Kind(no_record, word=Path),
+    "date": Kind(_no_date),
     "directory": _FILE,
     "engine": _TEXT,
     "event_numbers": Kind(_no_event_numbers, as_tuple, word=int, several=True),
@@ -382,6 +430,7 @@ KINDS: dict[str, Kind] = {
     "numbers": _NUMBERS,
     "observations": _FILES,
     "origin": _POSITION,
+    "pair": Kind(_no_numbers, _as_numbers, word=comma_numbers),
     "place": _POSITION,
     "quality_sigmas": Kind(no_mapping, _by_name(_as_numbers), _no_sigmas),
     "rate": Kind(_no_number, _as_number),

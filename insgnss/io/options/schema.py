@@ -70,9 +70,18 @@ class Option:
     of_file : bool
         Whether it says how the file of its table is read, and nothing of a record in its place.
     cli : str
-        Its option of the command line, "--mask", or its positional argument, "ROVER"; empty: none.
+        Its option of the command line, "--mask" ("--": by its name), or its positional argument,
+        "ROVER"; empty: none.
     metavar, cli_meaning, cli_default : str
         Name of the value in the help; meaning and default where those of the page do not fit.
+    group : str
+        Heading of the help under which its argument stands; empty: none.
+    alone : Any
+        Its value where its argument stands without one; None: it must have one.
+    repeated : bool
+        Whether its argument takes one word and is repeated, for more.
+    scale : float
+        What a number of the command line, of another unit, is multiplied by.
     """
 
     meaning: str
@@ -91,6 +100,10 @@ class Option:
     metavar: str = ""
     cli_meaning: str = ""
     cli_default: str = ""
+    group: str = ""
+    alone: Any = None
+    repeated: bool = False
+    scale: float = 1.0
 
 
 def option(default: Any, meaning: str, **more: Any) -> Any:
@@ -111,6 +124,13 @@ def option(default: Any, meaning: str, **more: Any) -> Any:
     if callable(default):
         return field(default_factory=default, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def argument(default: Any, meaning: str, **more: Any) -> Any:
+    """Field of a dataclass that is an option of a verb, by its own name where no other is given."""
+    if default is ... and not more.get("cli", "-").startswith("-"):
+        return field(metadata={"option": Option(meaning=meaning, **more)})
+    return option(default, meaning, **({"cli": "--"} | more))
 
 
 @dataclass(frozen=True)
@@ -144,6 +164,12 @@ class Declared:
         if callable(declared_choices):
             return declared_choices()
         return declared_choices or (get_args(plain(self.type)) if self.kind == "choice" else ())
+
+    @property
+    def flag(self) -> str:
+        """Its option of the command line, or its positional argument; empty: none."""
+        named = f"--{self.name.replace('_', '-')}"
+        return named if self.option.cli == "--" else self.option.cli
 
     @property
     def count(self) -> int:

@@ -37,10 +37,11 @@ from .judgement import (
     linear_functions,
     misread_boresight,
 )
+from .options import Assumptions
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .records import BlockPoses, FlightPoses, Stated
-from .solution import Assumptions, Solved, solve
+from .solution import Solved, solve
 
 ROUNDS = 3
 SETTLED = 0.3  # corrections over sigmas, with which the flight need not be processed again

@@ -6,7 +6,7 @@ that exposures have the stamps of the antenna positions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +34,9 @@ from ..lever_arm.similarity import (
     similarity_lever_arm,
 )
 from .flight_direction import FlightDirection, flight_direction, neighbour_correlation
+from .options import PlaceOptions, SimilarityOptions
 from .poses import (
     CameraPoses,
-    PlaceOptions,
-    PoseSigma,
     Positions,
     joined,
     positions_of,
@@ -59,40 +58,6 @@ ALIKE = (
     " of a principal point, moves the lever arm by as much (calibrate mounting counts it)"
 )
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
-
-
-@dataclass(frozen=True)
-class SimilarityOptions:
-    """What the files of a flight do not say.
-
-    Parameters
-    ----------
-    pose_sigma : PoseSigma
-        Of poses whose file has no standard deviations.
-    antenna_sigma_m : tuple of float or None
-        Horizontal and vertical, in the place of what the table has.
-    ground : Path or None
-        Ground points.
-    points : Path or None
-        Image observations of ground points, where the poses' file has none.
-    camera : Path or None
-        camera.toml, where the poses' file has none.
-    places : PlaceOptions
-        CRS of antenna positions and ground points.
-    photo : Path or None
-        An image of the camera.
-    date : str
-        Of the data, ISO.
-    """
-
-    pose_sigma: PoseSigma = field(default_factory=PoseSigma)
-    antenna_sigma_m: tuple[float, float] | None = None
-    ground: Path | None = None
-    points: Path | None = None
-    camera: Path | None = None
-    places: PlaceOptions = field(default_factory=PlaceOptions)
-    photo: Path | None = None
-    date: str = ""
 
 
 def calibrate_similarity(
@@ -122,7 +87,7 @@ def calibrate_similarity(
     """
     camera = read_camera_poses(cameras)
     plane = camera.plane
-    fixes = read_positions(antenna, options.places, plane)
+    fixes = read_positions(antenna, options, plane)
     rows, own, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
     notes = (*camera.notes, *notes)
     camera, order = camera.taken(rows), own
@@ -132,8 +97,8 @@ def calibrate_similarity(
     first = similarity(camera.position, position)
     scale = 1.0 if first is None or not first.scale > 0.0 else first.scale
     if camera.cov is None:
-        notes += (f"{cameras.name} has no standard deviations: {options.pose_sigma}",)
-    pose_cov = camera.with_sigma(options.pose_sigma, scale)
+        notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
+    pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
     poses = FlightPoses(camera.position, camera.C, pose_cov, position, antenna_cov)
     ground = GroundPoints()
     if options.ground is not None:
@@ -180,7 +145,7 @@ def _ground(
     """Return ground points in both frames: surveyed, and intersected from their images."""
     path = options.ground
     assert path is not None
-    surveyed = _surveyed(path, cameras, camera, options.places, plane)
+    surveyed = _surveyed(path, cameras, camera, options, plane)
     block = camera.block
     if options.points is not None:
         block = read_measured_block(options.points)
@@ -223,7 +188,7 @@ def _ground(
                 " block, or attitudes count in other angles"
             )
         # neighbouring poses have their error in common
-        cov = cov * max(factor, 1.0) + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3)
+        cov = cov * max(factor, 1.0) + (options.sigma_of_poses.position_m / scale) ** 2 * np.eye(3)
         model.append(P)
         model_cov.append(cov)
         rows.append(row)

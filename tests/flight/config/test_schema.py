@@ -1,7 +1,8 @@
 """The schema of the options: what is declared once is what reader, page, help and messages say."""
 
 import argparse
-from dataclasses import dataclass
+import importlib
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
 RAW = READY.replace(
     'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
 )
+VERBS = ("compare", "tune", "calibrate.mounting", "calibrate.tripod")
 ALL = [
     (f"{file}{name}", item, options_of(name, tables[name]))
     for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))
@@ -85,8 +87,11 @@ def test_every_option_is_whole(item, others):
 
 
 def test_every_kind_is_used():
-    """Oracle: the declarations."""
-    assert set(KINDS) == {item.kind for _, item, _ in ALL}
+    """Oracle: the declarations, those of the verbs among them."""
+    verbs = [importlib.import_module(f"insgnss.cli.{name}") for name in VERBS]
+    records = [kind for module in verbs for kind in vars(module).values() if is_dataclass(kind)]
+    of_verbs = {item.kind for kind in records for item in declared(kind).values()}
+    assert set(KINDS) == {item.kind for _, item, _ in ALL} | of_verbs
     assert set(READERS) < set(KINDS)
 
 

@@ -8,6 +8,7 @@ from posed_flights import PLAIN, Posed, only, posed
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector
+from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.plausibility import (
     Path,
     gross_errors,
@@ -16,7 +17,7 @@ from insgnss.photogrammetry.mounting_calibration.plausibility import (
     refuse_implausible,
 )
 from insgnss.photogrammetry.mounting_calibration.records import BlockPoses
-from insgnss.photogrammetry.mounting_calibration.solution import Assumptions, solve
+from insgnss.photogrammetry.mounting_calibration.solution import solve
 
 OF_ITS_OWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
