@@ -18,7 +18,7 @@ class Request(Checked):
         None, "where the data set goes", cli="DIR", usual="insgnss_demo"
     )
     minutes: float = argument(8.0, "length of the flight", positive=True, metavar="M")
-    seed: int = argument(0, "of the random numbers", metavar="N")
+    seed: int = argument(0, "of the random numbers")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

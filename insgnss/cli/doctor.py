@@ -17,8 +17,7 @@ class Request:
     """Options of the verb."""
 
     compile: bool = argument(
-        False,
-        "compile the kernels of process and demo now, on all processors, for a first run",
+        False, "compile the kernels of process and demo now, on all processors, for a first run"
     )
 
 

@@ -80,9 +80,7 @@ class Request:
         None, "grid of geoid heights, for heights above sea level", metavar="GRID"
     )
     frame: Literal["tangent", "geocentric", "geographic"] | None = argument(
-        None,
-        "tangent, geocentric or geographic axes",
-        usual="what the format takes first",
+        None, "tangent, geocentric or geographic axes", usual="what the format takes first"
     )
     ground: float | None = argument(
         None,

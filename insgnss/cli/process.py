@@ -17,10 +17,7 @@ class Request:
         ..., "the flight file, or the directory that holds flight.toml", cli="FLIGHT"
     )
     out: Path | None = argument(
-        None,
-        "where the products go",
-        usual="output.directory of the flight file",
-        metavar="DIR",
+        None, "where the products go", usual="output.directory of the flight file", metavar="DIR"
     )
     mounting: Path | None = argument(
         None,
@@ -28,8 +25,7 @@ class Request:
         " the place of those of the flight file",
     )
     force: bool = argument(
-        False,
-        "overwrite results of other measurements (those of the same are overwritten anyway)",
+        False, "overwrite results of other measurements (those of the same are overwritten anyway)"
     )
     engine: str | None = argument(
         None,

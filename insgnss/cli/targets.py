@@ -51,8 +51,7 @@ class Job:
         metavar="PATH",
     )
     force: bool = argument(
-        False,
-        "overwrite the results of another flight, or (predict) a file that is no predictions",
+        False, "overwrite the results of another flight, or (predict) a file that is no predictions"
     )
 
 

@@ -50,7 +50,6 @@ class Air:
         low=300.0,
         high=1100.0,
         cli="--pressure",
-        metavar="HPA",
         usual="standard",
     )
     temperature_c: float | None = option(
@@ -60,7 +59,6 @@ class Air:
         low=-60.0,
         high=60.0,
         cli="--temperature",
-        metavar="C",
         usual="standard",
     )
     humidity: float | None = option(
@@ -90,10 +88,7 @@ class EngineSettings:
         cli_default="apc, with a note",
     )
     antex: Path | None = option(
-        None,
-        "ANTEX file of antenna phase centres, for a base point arp or marker",
-        cli="--antex",
-        metavar="FILE",
+        None, "ANTEX file of antenna phase centres, for a base point arp or marker", cli="--antex"
     )
     systems: str = option(
         "GREJC",
@@ -118,7 +113,6 @@ class EngineSettings:
         low=0.0,
         high=60.0,
         cli="--mask",
-        metavar="DEG",
     )
     ratio: float = option(
         3.0,
@@ -135,20 +129,13 @@ class EngineSettings:
         "(`insgnss process --engine`), so that a flight file of others runs none",
         kind="engine",
         cli="--engine",
-        metavar="NAME",
         cli_meaning=(
             "engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
             "PATH; auto: the first of both that is installed"
         ),
     )
     max_age_s: float = option(
-        30.0,
-        "longest time to the base's epoch",
-        unit="s",
-        low=0.01,
-        high=3600.0,
-        cli="--max-age",
-        metavar="S",
+        30.0, "longest time to the base's epoch", unit="s", low=0.01, high=3600.0, cli="--max-age"
     )
     timeout_s: float = option(
         7200.0,
@@ -157,7 +144,6 @@ class EngineSettings:
         low=1.0,
         high=1e6,
         cli="--timeout",
-        metavar="S",
     )
     acceleration_mps2: tuple[float, float] = option(
         (3.0, 1.0),
@@ -256,14 +242,10 @@ class RawGnss(EngineSettings):
         kind="observations",
         form="path or list of paths",
         cli="--base",
-        metavar="FILE",
         cli_meaning="observations of the base; several files (hourly ones) are joined",
     )
     navigation: tuple[Path, ...] = option(
-        ...,
-        "broadcast ephemerides of all systems, RINEX 2, 3 or 4",
-        cli="--navigation",
-        metavar="FILE",
+        ..., "broadcast ephemerides of all systems, RINEX 2, 3 or 4", cli="--navigation"
     )
     base_position: Triple | None = option(
         None,

@@ -43,10 +43,7 @@ class SeasonRequest(Checked):
         metavar="DIR",
     )
     workers: int | None = argument(
-        None,
-        "most flights side by side",
-        low=1,
-        usual="one a processor, as far as memory allows",
+        None, "most flights side by side", low=1, usual="one a processor, as far as memory allows"
     )
     scheduler: str | None = argument(
         None,

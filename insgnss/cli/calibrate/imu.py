@@ -30,11 +30,7 @@ class Request(Checked):
         None, "a flight file whose [imu] says columns, units and quantity", metavar="FLIGHT"
     )
     columns: tuple[str, ...] | Mapping[str, str] | None = argument(
-        None,
-        "such as tow,gx,gy,gz,ax,ay,az",
-        usual="by header",
-        kind="columns",
-        metavar="NAMES",
+        None, "such as tow,gx,gy,gz,ax,ay,az", usual="by header", kind="columns", metavar="NAMES"
     )
     gyro_unit: str | None = argument(
         None, "rad/s, deg/s or deg/h", usual="by header, else rad/s", metavar="UNIT"

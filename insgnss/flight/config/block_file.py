@@ -39,7 +39,6 @@ class ImagesInput:
         kind="existing",
         form="file or directory",
         cli="--images",
-        metavar="FILE",
         cli_meaning="image observations: a table, or a project of a photogrammetry program",
     )
     format: str = option(
@@ -47,7 +46,6 @@ class ImagesInput:
         "format of the file, such as metashape, colmap, opensfm, bingo; auto: as its name and first"
         " bytes say",
         cli="--images-format",
-        metavar="NAME",
     )
     sigma_px: float | None = option(
         None,
@@ -57,7 +55,6 @@ class ImagesInput:
         high=1000.0,
         usual="that of the file, or 1",
         cli="--sigma-px",
-        metavar="PX",
     )
     columns: "Columns" = option(
         None,
@@ -65,9 +62,7 @@ class ImagesInput:
         kind="columns",
         usual="by header or order",
     )
-    skip: tuple[str, ...] = option(
-        (), "names of images that are left out", cli="--skip-images", metavar="NAME"
-    )
+    skip: tuple[str, ...] = option((), "names of images that are left out", cli="--skip-images")
 
     def __post_init__(self) -> None:
         check(self, "images")
@@ -78,11 +73,7 @@ class CameraTable:
     """Table [camera]: the camera of all images, where the project has none or a worse one."""
 
     file: Path | None = option(
-        None,
-        "camera (camera_toml.md) of all images",
-        usual="those of the project",
-        cli="--camera",
-        metavar="FILE",
+        None, "camera (camera_toml.md) of all images", usual="those of the project", cli="--camera"
     )
     free: tuple[str, ...] | None = option(
         None,
@@ -91,7 +82,6 @@ class CameraTable:
         choices=PARAMETERS,
         usual="those of the camera's file; of a project f, cx, cy and what is not zero",
         cli="--free",
-        metavar="NAME",
     )
     weighed: bool = option(
         False,
@@ -114,7 +104,6 @@ class GroundTableInput:
         "ground control and check points: a table (ground_points.md), or a file of a program",
         usual="those of the project",
         cli="--ground",
-        metavar="FILE",
     )
     crs: str | None = option(
         None,
@@ -131,10 +120,7 @@ class GroundTableInput:
         None, "of a table, as images.columns", kind="columns", usual="by header or order"
     )
     check: tuple[str, ...] = option(
-        (),
-        "names of points that are check points, whatever the file says",
-        cli="--check",
-        metavar="NAME",
+        (), "names of points that are check points, whatever the file says", cli="--check"
     )
     skip: tuple[str, ...] = option((), "names of points that are left out")
 
@@ -194,7 +180,6 @@ class PlanTable:
         unit="m",
         usual="that of the ground points",
         cli="--ground-height",
-        metavar="M",
     )
 
     def __post_init__(self) -> None:

@@ -328,9 +328,7 @@ class Flight:
         None, "data after this time of week are cut away", unit="s", low=0.0
     )
     accept: tuple[str, ...] = option(
-        (),
-        "names of checks, below, whose contradiction does not stop `process`",
-        choices=_checks,
+        (), "names of checks, below, whose contradiction does not stop `process`", choices=_checks
     )
     imu: ImuInput = field(kw_only=True)
     gnss: GnssInput = field(kw_only=True)

@@ -171,10 +171,7 @@ class GnssInput:
         60.0, "correlation time of this error", unit="s", low=0.1, high=1e5
     )
     white_scale: float = option(
-        1.0,
-        "white error, in standard deviations of each fix",
-        low=1e-2,
-        high=100.0,
+        1.0, "white error, in standard deviations of each fix", low=1e-2, high=100.0
     )
     covariance: CovarianceModel = option(
         lambda: MODEL,

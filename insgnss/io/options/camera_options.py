@@ -60,10 +60,9 @@ class ImageMatch:
         kind="event_numbers",
         form="list of whole numbers",
         cli="--skip-events",
-        metavar="N",
     )
     skip_images: tuple[str, ...] = option(
-        (), "names of images without an event", cli="--skip-images", metavar="NAME"
+        (), "names of images without an event", cli="--skip-images"
     )
 
     @property
@@ -237,7 +236,6 @@ class CameraInput:
         kind="file_or_directory",
         form="file or directory",
         cli="--events",
-        metavar="FILE",
         cli_meaning="camera events (.MRK, text, dates, directory of images) instead of those of "
         "the rover's file",
     )
@@ -258,7 +256,6 @@ class CameraInput:
         "added to the times of the events: the delay from event to mid-exposure",
         unit="s",
         cli="--camera-delay",
-        metavar="S",
     )
     clock: Literal["auto", "imu", "receiver"] = option(
         "auto",

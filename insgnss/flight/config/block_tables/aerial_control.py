@@ -91,7 +91,6 @@ class AerialControlTable:
         low=0.0,
         high=180.0,
         cli="--boresight-sigma",
-        metavar="DEG",
     )
     lever_arm_sigma_m: Triple | None = option(
         None,
@@ -108,7 +107,6 @@ class AerialControlTable:
         low=0.0,
         high=10.0,
         cli="--delay-sigma",
-        metavar="S",
     )
     shift_sigma_m: Triple | None = option(
         None,

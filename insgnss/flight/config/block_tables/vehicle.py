@@ -22,7 +22,6 @@ class VehicleTable:
         "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
         "positions of the target (target_positions.md)",
         cli="--vehicle",
-        metavar="FILE",
         cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
     )
     target: str = option(
