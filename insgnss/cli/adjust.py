@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
-from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
+from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, load_block
 from ..flight.config.command_line import add_options, given_of, names_of
 from ..io.options.schema import argument
 from .console import Progress
@@ -84,7 +84,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     given["aerial_control"]["file"] = options.block
     with spoken_as(named):
         made = {name: kind(**given[name]) for name, kind in tables.items()}
-    made["output"] = replace(BlockOutput(), directory=options.block.parent / DIRECTORY)
+    made["output"] = replace(made["output"], directory=options.block.parent / DIRECTORY)
     _refuse_missing(made, options.block)
     name = options.block.absolute().parent.name
     return BlockFile(path=options.block, name=name, **made)

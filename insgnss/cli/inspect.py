@@ -4,14 +4,14 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.errors import UsageError
+from ..io.options.kinds import Checked
 from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, show_judged
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(Checked):
     """Options of the verb."""
 
     source: tuple[Path, ...] = argument(
@@ -24,7 +24,7 @@ class Request:
         alone=Path("flight.toml"),
         metavar="FLIGHT",
     )
-    force: bool = argument(False, "let --write overwrite existing files")
+    force: bool = argument(False, "let --write overwrite existing files", needs=("write",))
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -32,8 +32,6 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..flight.inspection.described import flight_file, inspect_flight
     from ..flight.inspection.run import inspect_files
 
-    if options.force and options.write is None:
-        raise UsageError("inspect: --force belongs to --write")
     described = flight_file(options.source, options.write is not None)
     if described is not None:
         return show_judged(options, progress, inspect_flight(described, progress), *options.source)

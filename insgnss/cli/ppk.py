@@ -259,12 +259,6 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
             f"ppk: {option} looks at the record lines of the rover's file; --events is given as"
             " well, keep one"
         )
-    if given.images is None and (given.image_ending or given.skip_images):
-        option = "--image-ending" if given.image_ending else "--skip-images"
-        raise UsageError(
-            f"ppk: {option} is of --images, which is missing; give the directory of the images or a"
-            " list of their names"
-        )
     if given_of(given, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
         raise UsageError(
             "ppk: --pressure, --temperature and --humidity are of what --no-wet-delay and"

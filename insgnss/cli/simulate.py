@@ -60,6 +60,7 @@ class Request(Checked):
     gross_errors: float | None = argument(
         None,
         "of --block: share of image observations that are off by 10 to 100 px",
+        needs=("block",),
         usual="0",
         metavar="SHARE",
     )
@@ -107,8 +108,6 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         from ..simulation.image_block import BlockOptions
 
         arguments["block"] = BlockOptions.of(flight, options.gross_errors or 0.0)
-    elif options.gross_errors is not None:
-        raise UsageError("--gross-errors is of image observations; give --block too")
     imu_rate = options.imu_rate or IMU_RATE_HZ
     write_dataset(options.directory, imu_rate=imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"

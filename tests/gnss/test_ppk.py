@@ -651,8 +651,8 @@ def test_the_help_tells_the_defaults_of_the_engine():
             ["--events", "x.MRK", "--invalid-events"],
             "--invalid-events looks at .* --events is given as well",
         ),
-        (["--image-ending", ".tif"], "--image-ending is of --images, which is missing"),
-        (["--skip-images", "a.tif"], "--skip-images is of --images, which is missing"),
+        (["--image-ending", ".tif"], "--image-ending: has no meaning without --images; give both"),
+        (["--skip-images", "a.tif"], "--skip-images: has no meaning without --images; give both"),
     ],
 )
 def test_words_that_contradict_are_refused(words, what):

@@ -87,12 +87,11 @@ class CameraTable:
         False,
         "the standard deviations of the camera's file are observations of what is estimated of it;"
         " not those of an adjustment of the same images",
+        needs=("file",),
     )
 
     def __post_init__(self) -> None:
         check(self, "camera")
-        if self.weighed and self.file is None:
-            raise OptionError("camera.weighed", "has no meaning without camera.file; give both")
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,11 @@ class GroundTableInput:
         metavar="CRS",
     )
     geoid: Path | None = option(
-        None, "grid of geoid heights, for heights above sea level", cli="--geoid", metavar="GRID"
+        None,
+        "grid of geoid heights, for heights above sea level",
+        needs=("crs",),
+        cli="--geoid",
+        metavar="GRID",
     )
     columns: "Columns" = option(
         None, "of a table, as images.columns", kind="columns", usual="by header or order"
@@ -126,8 +129,6 @@ class GroundTableInput:
 
     def __post_init__(self) -> None:
         check(self, "ground")
-        if self.geoid is not None and self.crs is None:
-            raise OptionError("ground.geoid", "has no meaning without ground.crs; give both")
 
 
 @dataclass(frozen=True)

@@ -232,6 +232,7 @@ class Output:
         None,
         "height of the ground in a projected CRS: heights above it are scaled as the projection "
         "scales the plan; not needed with control points",
+        needs=("crs",),
         unit="m",
         low=-500.0,
         high=9000.0,

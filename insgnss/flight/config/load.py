@@ -234,13 +234,7 @@ def _further_camera(table: Table) -> CameraInput:
 
 def _image_match(table: Table) -> ImageMatch:
     """Which images there are, of a table of a camera."""
-    match = ImageMatch(**take(table, [ImageMatch]))
-    of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
-    if of_images and match.images is None:
-        problem = "give the directory of the images or a list of their names"
-        where = f"{table.name}.images"
-        raise table.error(of_images[0], f"is of {where}, which is missing; {problem}")
-    return match
+    return made(table, ImageMatch, take(table, [ImageMatch]))
 
 
 def mounting_of(table: Table) -> Mounting:
@@ -276,11 +270,6 @@ def _output(table: Table) -> Output:
     rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
     output = made(table, Output, values | {"directory": directory, "rename": rename})
     if output.crs is None:
-        if output.ground_m is not None:
-            problem = (
-                "scales heights in a projected CRS only; give output.crs as well, or leave it out"
-            )
-            raise table.error("ground_m", problem)
         return output
     from ...geodesy.projection import MapProjection
 

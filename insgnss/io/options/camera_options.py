@@ -51,6 +51,7 @@ class ImageMatch:
         None,
         "ending of the images to take from a directory that holds them in several formats",
         usual="all",
+        needs=("images",),
         cli="--image-ending",
         metavar="EXT",
     )
@@ -62,8 +63,11 @@ class ImageMatch:
         cli="--skip-events",
     )
     skip_images: tuple[str, ...] = option(
-        (), "names of images without an event", cli="--skip-images"
+        (), "names of images without an event", needs=("images",), cli="--skip-images"
     )
+
+    def __post_init__(self) -> None:
+        check(self, "camera")
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from ...base.errors import OptionError, near
 from ...base.units import LARGEST
-from ...base.wording import listed
+from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
 
 Problem = Callable[[Declared, Any], str]
@@ -109,6 +109,12 @@ def check(instance: Any, table: str) -> None:
             object.__setattr__(instance, name, accepted(options[name], value, key))
         elif problem := other_class(annotation, value):
             raise OptionError(key, problem)
+    start = f"{table}." if table else ""
+    for name, item in options.items():
+        missing = [other for other in item.option.needs if getattr(instance, other) is None]
+        if missing and getattr(instance, name) != item.default:
+            problem = f"has no meaning without {named(start + missing[0])}; give both"
+            raise OptionError(start + name, problem)
 
 
 @dataclass(frozen=True)
@@ -171,8 +177,8 @@ def range_words(item: Declared) -> str:
 
 def _limits(item: Declared) -> str:
     """The range of an option's numbers with its unit."""
-    words, unit = range_words(item), item.option.unit
-    return f"{words} {unit}" if words and unit and item.option.low > -math.inf else words
+    words = range_words(item)
+    return f"{words} {item.option.unit}".rstrip() if " to " in words else words
 
 
 def in_range(item: Declared, value: Any) -> bool:
@@ -419,7 +425,10 @@ KINDS: dict[str, Kind] = {
     "file": _FILE,
     "file_or_directory": _FILE,
     "files": _FILES,
-    "flag": Kind(lambda item, value: "" if isinstance(value, bool) else "must be true or false"),
+    "flag": Kind(
+        lambda item, value: "" if isinstance(value, bool) else "must be true or false",
+        word=lambda text: {"true": True, "false": False}.get(text.lower(), text),
+    ),
     "gm_sigma": Kind(_no_gm_sigma, _as_number),
     "images": _FILE,
     "letters": Kind(_no_letters),

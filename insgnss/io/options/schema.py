@@ -69,6 +69,8 @@ class Option:
         The one table that has the option, where several share its dataclass.
     of_file : bool
         Whether it says how the file of its table is read, and nothing of a record in its place.
+    needs : tuple of str
+        Options of the same dataclass without which it has no meaning.
     cli : str
         Its option of the command line, "--mask" ("--": by its name), or its positional argument,
         "ROVER"; empty: none.
@@ -96,6 +98,7 @@ class Option:
     usual: str = ""
     only: str = ""
     of_file: bool = False
+    needs: tuple[str, ...] = ()
     cli: str = ""
     metavar: str = ""
     cli_meaning: str = ""

@@ -436,7 +436,7 @@ WRONG = {
     "ending of no images": (
         RAW + '[camera]\nimage_ending = ".tif"\n',
         8,
-        "camera.image_ending: is of camera.images, which is missing",
+        "camera.image_ending: has no meaning without camera.images; give both",
     ),
     "event that is no number": (
         RAW + "[camera]\nskip_events = [0, 3]\n",

@@ -10,6 +10,8 @@ import render_options
 
 from insgnss.base.errors import OptionError
 from insgnss.base.wording import spoken_as
+from insgnss.cli import build_parser
+from insgnss.cli.adjust import block_of
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.command_line import add_options, given_of, names_of
 from insgnss.flight.config.flight_file import TABLES
@@ -199,3 +201,16 @@ def test_unknown_keys_find_their_way():
     assert {"imu.units", "imu.further.units", "gnss.covariance.scale"} <= set(keys)
     assert "lever_m" not in keys["imu"]
     assert "further" not in keys["imu.further"]
+
+
+def test_every_option_of_a_block_reaches_it(tmp_path):
+    """Oracle: the words of the command line; --pose-covariance was lost beside an eo.json."""
+    (tmp_path / "eo.json").write_text("{}")
+    (tmp_path / "points.csv").write_text("x")
+    words = (
+        f"adjust {tmp_path}/eo.json --images {tmp_path}/points.csv --pose-covariance --mode direct"
+    )
+    block = block_of(build_parser().parse_args(words.split()))
+    assert block.output.pose_covariance
+    assert block.output.directory == tmp_path / "adjusted"
+    assert block.adjustment.mode == "direct"
