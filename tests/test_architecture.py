@@ -35,8 +35,7 @@ HOUSE: dict[str, dict[str, str]] = {
         "batch": "base geodesy records io navigation report gnss flight",
         "api": "base geodesy records io navigation report"
         " gnss flight noise simulation photogrammetry",
-        "cli": "base geodesy io navigation report gnss flight"
-        " noise simulation photogrammetry batch api",
+        "cli": "base io navigation report gnss flight noise simulation photogrammetry batch api",
         "__init__": "base geodesy records io navigation gnss"
         " flight noise simulation photogrammetry api",
         "__main__": "cli",

@@ -205,25 +205,12 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     OptionError and UsageError for what it cannot ask for.
     """
     from ..flight.config.load import read_covariance
-    from ..geodesy.frames import geodetic_to_ecef
     from ..gnss.covariance_model import MODEL
-    from ..gnss.options import EngineOptions
+    from ..gnss.options import options_at
     from ..gnss.ppk import PpkInput
 
     settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
     _refuse_contradictions(given, raw)
-    base_ecef = (
-        None
-        if given.base_position is None
-        else geodetic_to_ecef(
-            *geodetic_position(given.base_position, "gnss.base_position")
-        ).tolist()
-    )
-    if base_ecef is not None:
-        settings = {
-            "base_position_m": (base_ecef[0], base_ecef[1], base_ecef[2]),
-            "base_point": "apc",
-        } | settings
     if "systems" in settings:
         settings["systems"] = settings["systems"].upper()
     if "rtklib_options" in settings:
@@ -235,7 +222,7 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
         rover=one_or_several(given.rover),
         base=one_or_several(given.base),
         navigation=tuple(given.navigation),
-        options=EngineOptions(**settings),
+        options=options_at(given.base_position, **settings),
         covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
         **same,
         atmosphere=air or None,

@@ -328,7 +328,7 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
         (
             {"tangent_plane": {"lat": 46.5}},
             insgnss.UsageError,
-            "^tangent_plane = .*must be latitude",
+            "^tangent_plane: must be latitude",
         ),
         ({"progress": None}, insgnss.UsageError, "^progress = None: is no function"),
         (

@@ -9,7 +9,7 @@ from ...base.errors import InputError, OptionError
 from ...base.inputs import is_file
 from ...base.received.trusted import at_home
 from ...io.options.kinds import check
-from ...io.options.schema import option, options_of
+from ...io.options.schema import option
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -311,7 +311,7 @@ def load_block(path: str | Path) -> BlockFile:
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
     from ...base.tables import read_toml
-    from .values import made, take
+    from .values import known_keys, made, take
 
     path = Path(path)
     if path.is_dir():
@@ -320,12 +320,7 @@ def load_block(path: str | Path) -> BlockFile:
         raise InputError.at_line(
             path, None, "does not exist; give a block file, or eo.json with --images and --ground"
         )
-    keys = {
-        name: tuple(item.name for item in options_of(name, classes))
-        for name, classes in BLOCK_TABLES.items()
-    }
-    keys[""] += tuple(name for name in BLOCK_TABLES if name)
-    root = read_toml(path, keys)
+    root = read_toml(path, known_keys(BLOCK_TABLES))
     root.check_keys()
     control = root.table("aerial_control")
     if not control.resolve(str(control.text("file", "."))).exists():

@@ -29,15 +29,13 @@ from ...io.options.camera_options import (
 )
 from ...io.options.kinds import (
     Kind,
-    are_numbers,
+    accepted,
     as_tuple,
     check,
-    is_place,
     no_texts,
     register,
-    swapped,
 )
-from ...io.options.schema import Declared, Triple, Words, option, refuse_unread
+from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
@@ -167,9 +165,7 @@ class TangentPlane:
 
     def __post_init__(self) -> None:
         coordinates = (self.lat_deg, self.lon_deg, self.height_m)
-        if not is_place(*coordinates):
-            problem = f"is no latitude, longitude, ellipsoidal height; {swapped(*coordinates[:2])}"
-            raise OptionError("tangent_plane.origin", problem, list(coordinates))
+        accepted(declared(TangentPlaneTable)["origin"], coordinates, "tangent_plane.origin")
 
     @property
     def origin(self) -> "Array":
@@ -347,10 +343,10 @@ class Flight:
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
         if plane is not None and not isinstance(plane, TangentPlane):
-            if not are_numbers(plane, 3):
-                problem = "must be latitude (deg), longitude (deg), ellipsoidal height (m)"
-                raise OptionError("tangent_plane", problem, plane)
-            object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
+            item = declared(TangentPlaneTable)["origin"]
+            object.__setattr__(
+                self, "tangent_plane", TangentPlane(*accepted(item, plane, "tangent_plane"))
+            )
         check(self, "")
         refuse_week(self.gps_week)
 

@@ -7,7 +7,6 @@ schema, how it is read in `values`; here stands what options have to do with eac
 
 import re
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import OF_POSITIONS, RawGnss
 from ...io.formats.orientation.mounting_file import DELAY, read_mounting_file
 from ...io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ...io.options.schema import declared, options_of
+from ...io.options.schema import declared
 from ...records.cameras.mounting import (
     PAPER_CAMERA_FROM_BODY,
     ROTATION_TOLERANCE,
@@ -41,19 +40,7 @@ from .flight_file import (
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
-from .values import covariance_of, made, take
-
-
-@cache
-def known_keys() -> dict[str, tuple[str, ...]]:
-    """The keys of every table of a flight file, the sub-tables among them."""
-    keys = {name: tuple(item.name for item in options_of(name, TABLES[name])) for name in TABLES}
-    for name in TABLES:
-        for item in options_of(name, TABLES[name]):
-            if item.option.members is not None:
-                keys[f"{name}.{item.name}"] = item.option.members()
-    tables = tuple(name for name in TABLES if name and "." not in name)
-    return keys | {"": (*keys[""], *tables)}
+from .values import covariance_of, known_keys, made, take
 
 
 @at_home
@@ -82,7 +69,7 @@ def load_flight(path: str | Path) -> Flight:
 
 
 def _loaded(path: Path) -> Flight:
-    root, included = with_included(read_toml(path, known_keys()), known_keys())
+    root, included = with_included(read_toml(path, known_keys(TABLES)), known_keys(TABLES))
     root.check_keys()
     values = take(root, [Flight])
     start, end = values["start_tow"], values["end_tow"]
@@ -123,7 +110,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
-        for name, words in known_keys().items()
+        for name, words in known_keys(TABLES).items()
         if name.startswith(start)
     }
     root = read_toml(path, keys)

@@ -5,7 +5,7 @@ the kinds whose values TOML writes otherwise than a record holds them: paths, wh
 the file and must be there, and tables within a table.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,16 @@ from ...io.options.schema import Declared, declared, options_of
 from ...navigation.noise_model.model import shipped_models
 from ...records.cameras.mounting import Mounting
 from .imu_options import neither_model_nor_file
+
+
+def known_keys(tables: Mapping[str, tuple[type, ...]]) -> dict[str, tuple[str, ...]]:
+    """The keys of every table of a file, the sub-tables among them."""
+    keys = {name: tuple(item.name for item in options_of(name, tables[name])) for name in tables}
+    for name in tables:
+        for item in options_of(name, tables[name]):
+            if item.option.members is not None:
+                keys[f"{name}.{item.name}"] = item.option.members()
+    return keys | {"": (*keys[""], *(name for name in tables if name and "." not in name))}
 
 
 def take(table: Table, classes: Iterable[type], without: Iterable[str] = ()) -> dict[str, Any]:
