@@ -6,7 +6,6 @@ The file is tables whose values are checked as they are taken.
 import math
 import re
 import reprlib
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -22,7 +21,7 @@ from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST, too_deep
 from .received.trusted import trusting
-from .units import LARGEST, spells_zero
+from .units import LARGEST, is_number, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -239,15 +238,6 @@ class Table:
         if path.stat().st_size == 0:
             raise self.error(key, f"{name} is empty; copy the recording again")
         return path
-
-
-def is_number(value: object) -> bool:
-    """Whether `value` is a finite number that fits into a float; true and false are none."""
-    return (
-        isinstance(value, (int, float))
-        and not isinstance(value, bool)
-        and abs(value) <= sys.float_info.max
-    )
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:

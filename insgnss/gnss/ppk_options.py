@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..base.errors import OptionError
+from ..base.units import is_number
 from ..base.wording import named
-from ..io.options.kinds import Kind, accepted, check, is_number, no_mapping, register
+from ..io.options.kinds import Kind, accepted, check, no_mapping, register
 from ..io.options.schema import Declared, Triple, declared, option
 
 Point = Literal["apc", "arp", "marker"]

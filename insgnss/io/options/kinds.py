@@ -7,7 +7,6 @@ The reader of flight files, the constructors of records and the command line all
 import argparse
 import math
 import os
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from datetime import date
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...base.errors import OptionError, near
-from ...base.units import LARGEST
+from ...base.units import LARGEST, is_number
 from ...base.wording import listed, named
 from .schema import Declared, class_names, declared, plain
 
@@ -136,12 +135,6 @@ def other_class(annotation: Any, value: Any) -> str:
     if (value is None and "None" in expected) or classes & set(expected):
         return ""
     return f"is of type {type(value).__name__}; it must be {listed(expected)}"
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite real number that fits into a float, true and false not among."""
-    real = isinstance(value, Real) and not isinstance(value, bool)
-    return real and abs(value) <= sys.float_info.max
 
 
 def are_numbers(value: Any, count: int) -> bool:
