@@ -74,8 +74,8 @@ def calibrate(
     from insgnss.flight.config.load import load_flight
     from insgnss.flight.processing.pipeline import process
     from insgnss.geodesy.rotation import rotation_from_vector
-    from insgnss.photogrammetry.mounting_calibration.equations import Assumptions
     from insgnss.photogrammetry.mounting_calibration.judgement import components
+    from insgnss.photogrammetry.mounting_calibration.options import Assumptions
     from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses, Stated
     from insgnss.photogrammetry.mounting_calibration.solution import solve
     from insgnss.simulation.dataset import write_dataset

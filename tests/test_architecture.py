@@ -32,11 +32,10 @@ HOUSE: dict[str, dict[str, str]] = {
         "noise": "base geodesy records io navigation report flight",
         "simulation": "base geodesy records io navigation gnss noise",
         "photogrammetry": "base geodesy records io navigation report flight simulation",
-        "batch": "base geodesy records navigation report gnss flight",
+        "batch": "base geodesy records io navigation report gnss flight",
         "api": "base geodesy records io navigation report"
         " gnss flight noise simulation photogrammetry",
-        "cli": "base geodesy io navigation report gnss flight"
-        " noise simulation photogrammetry batch api",
+        "cli": "base io navigation report gnss flight noise simulation photogrammetry batch api",
         "__init__": "base geodesy records io navigation gnss"
         " flight noise simulation photogrammetry api",
         "__main__": "cli",

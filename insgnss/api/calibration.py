@@ -1,6 +1,5 @@
 """Verbs of the mounting calibration: tripod, similarity in flight, targets, the joint one."""
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,13 +70,12 @@ def calibrate_tripod(
     ------
     InputError : a file is wrong, or both do not belong together.
     """
-    from ..photogrammetry.mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..photogrammetry.mounting_calibration.options import TripodOptions
     from ..photogrammetry.mounting_calibration.products import written
-    from ..photogrammetry.mounting_calibration.tripod_files import TripodOptions
     from ..photogrammetry.mounting_calibration.tripod_files import calibrate_tripod as calibrate
 
     options = TripodOptions(
-        PoseSigma(*pose_sigma), pin_sigma_m, PlaceOptions(crs), _path(photo), date
+        pose_sigma=pose_sigma, pin_sigma_m=pin_sigma_m, crs=crs, photo=_path(photo), date=date
     )
     result = calibrate(Path(poses), Path(pins), options)
     return result if out is None else written(result, Path(out), force)
@@ -124,22 +122,21 @@ def calibrate_similarity(
     ------
     InputError : a file is wrong, or they do not belong together.
     """
-    from ..photogrammetry.mounting_calibration.poses import PlaceOptions, PoseSigma
+    from ..photogrammetry.mounting_calibration.options import SimilarityOptions
     from ..photogrammetry.mounting_calibration.products import written
-    from ..photogrammetry.mounting_calibration.similarity_files import SimilarityOptions
     from ..photogrammetry.mounting_calibration.similarity_files import (
         calibrate_similarity as calibrate,
     )
 
     options = SimilarityOptions(
-        PoseSigma(*pose_sigma),
-        antenna_sigma_m,
-        _path(ground),
-        _path(points),
-        _path(camera),
-        PlaceOptions(crs),
-        _path(photo),
-        date,
+        pose_sigma=pose_sigma,
+        antenna_sigma_m=antenna_sigma_m,
+        ground=_path(ground),
+        points=_path(points),
+        camera=_path(camera),
+        crs=crs,
+        photo=_path(photo),
+        date=date,
     )
     result = calibrate(Path(cameras), Path(antenna), options)
     return result if out is None else written(result, Path(out), force)
@@ -183,10 +180,10 @@ def calibrate_materialise(
     InputError : a file is wrong, or they do not belong together.
     UsageError : the pose of the camera's own image is missing.
     """
-    from ..photogrammetry.mounting_calibration.materialise_files import MaterialiseOptions
     from ..photogrammetry.mounting_calibration.materialise_files import (
         calibrate_materialise as calibrate,
     )
+    from ..photogrammetry.mounting_calibration.options import MaterialiseOptions
     from ..photogrammetry.mounting_calibration.products import written
 
     options = MaterialiseOptions(
@@ -249,13 +246,21 @@ def calibrate_mounting(
     """
     from ..flight.config.flight_file import Flight
     from ..flight.config.load import load_flight
-    from ..photogrammetry.mounting_calibration.equations import Assumptions
     from ..photogrammetry.mounting_calibration.flight_products import calibrated
     from ..photogrammetry.mounting_calibration.in_flight import calibrate_mounting as calibrate
+    from ..photogrammetry.mounting_calibration.options import Assumptions
     from ..photogrammetry.mounting_calibration.products import written
 
     own = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    alike = pose_sigma[0], math.radians(pose_sigma[1])
-    assumptions = Assumptions(shift_sigma_m, imu_sigma_m, lever_arm_sigma_m, frame, *alike)
-    result = calibrated(calibrate(own, Path(poses), assumptions), own, _path(photo), date)
+    assumptions = Assumptions(
+        frame=frame,
+        shift_sigma_m=shift_sigma_m,
+        lever_arm_sigma_m=lever_arm_sigma_m,
+        imu_sigma_m=imu_sigma_m,
+        pose_sigma=pose_sigma,
+        photo=_path(photo),
+        date=date or "",
+    )
+    solved = calibrate(own, Path(poses), assumptions)
+    result = calibrated(solved, own, assumptions.photo, assumptions.date)
     return result if out is None else written(result, Path(out), force)

@@ -4,7 +4,6 @@ compare, figures, ppk.
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -247,32 +246,20 @@ def ppk(
     InputError : a file cannot be read, or the base's position is not known.
     DataError : the observations do not support a solution.
     """
-    import numpy as np
-
-    from ..geodesy.frames import geodetic_to_ecef
-    from ..gnss.options import EngineOptions
+    from ..flight.config.keys.changes import with_changes
+    from ..gnss.options import options_at
     from ..gnss.ppk import PpkInput, solve_ppk
     from ..io.exposures.naming import ImageMatch
-    from .verbs import _checked_options
 
-    base_options: dict[str, Any] = {}
     if base_position is None and base_point is not None:
         raise UsageError("ppk: base_point belongs to base_position; give the coordinates")
-    if base_position is not None:
-        lat, lon, height = base_position
-        base_options["base_position_m"] = tuple(
-            geodetic_to_ecef(np.radians(lat), np.radians(lon), height).tolist()
-        )
-        base_options["base_point"] = base_point or "apc"
-    engine_options = _checked_options(
-        "ppk", options, tuple(f.name for f in fields(EngineOptions) if f.name not in base_options)
-    )
+    engine = options_at(base_position, base_point=base_point if base_position else None)
     several = [navigation] if isinstance(navigation, str | os.PathLike) else navigation
     given = PpkInput(
         rover=Path(rover),
         base=Path(base),
         navigation=tuple(Path(file) for file in several),
-        options=EngineOptions(**base_options, **engine_options),
+        options=with_changes(engine, options),
         wet_delay=wet_delay,
         ionosphere=ionosphere,
         velocity=velocity,

@@ -4,11 +4,11 @@ calibrate_imu, simulate.
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from ..base.errors import UsageError, near
+from ..base.errors import UsageError
 from ..base.inputs import reading
 from ..records import ImuSamples, Quantity
 
@@ -198,6 +198,7 @@ def tune(
     DataError : the recording does not support a model.
     """
     from ..flight.config.flight_file import Flight
+    from ..flight.config.keys.changes import with_changes
     from ..flight.config.load import load_flight
     from ..noise.tuning.options import TuneOptions
 
@@ -231,9 +232,7 @@ def tune(
             " files: np.save the table (n, 7) of time, gyro, accel and give its path, with"
             ' gyro_unit="rad/s"'
         )
-    chosen = TuneOptions(
-        **_checked_options("tune", options, tuple(f.name for f in fields(TuneOptions)))
-    )
+    chosen = with_changes(TuneOptions(), options)
     return tune_static([Path(path) for path in paths], chosen, target, force, progress)
 
 
@@ -395,11 +394,3 @@ def simulate(
 
 def _is_flight(path: Path) -> bool:
     return path.suffix.lower() == ".toml" or (path / FLIGHT_FILE).is_file()
-
-
-def _checked_options(who: str, options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    """The options, or a UsageError with the nearest name of one that does not exist."""
-    for name in options:
-        if name not in names:
-            raise UsageError(f"{who}: there is no {name}; {near(name, names)}")
-    return options

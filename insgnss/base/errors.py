@@ -12,7 +12,7 @@ from typing import Any
 from .received.trusted import hidden, instead, without_text
 from .wording import named, setting
 
-_ABSENT: Any = object()
+ABSENT: Any = object()
 _ENDS = re.compile("[\n\r\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
 
@@ -51,9 +51,9 @@ class OptionError(UsageError):
         The value, where the message is to show it.
     """
 
-    def __init__(self, key: str, problem: str, value: Any = _ABSENT) -> None:
-        self.key, self.problem = key, problem
-        option = named(key) if value is _ABSENT else setting(key, value)
+    def __init__(self, key: str, problem: str, value: Any = ABSENT) -> None:
+        self.key, self.problem, self.value = key, problem, value
+        option = named(key) if value is ABSENT else setting(key, value)
         super().__init__(f"{option}: {problem}")
 
     def __reduce__(self) -> tuple[Any, ...]:

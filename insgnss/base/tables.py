@@ -6,7 +6,6 @@ The file is tables whose values are checked as they are taken.
 import math
 import re
 import reprlib
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -17,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, near
+from .errors import ABSENT, InputError, OptionError, near
 from .files import lines_of
 from .inputs import is_file, read_text
 from .received.nesting import DEEPEST, too_deep
 from .received.trusted import trusting
-from .units import LARGEST, spells_zero
+from .units import LARGEST, is_number, spells_zero
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
 
@@ -71,9 +70,9 @@ class Table:
     data: Mapping[str, Any]
     sources: Mapping[str, Source] = field(default_factory=dict)
 
-    def error(self, key: str, problem: str) -> InputError:
+    def error(self, key: str, problem: str, value: Any = ABSENT) -> InputError:
         """Return an error at the line of `key`, of its table where the key is absent."""
-        full = self._full(key)
+        full = self.full(key)
         source = self.source(key)
         line, prefix = None, full
         while prefix and line is None:
@@ -81,16 +80,27 @@ class Table:
         ours = near(key.partition(".")[0], self.keys.get(self.name, ())).startswith("did you")
         # a key of ours, or one that is nearly so, is no text of others, wherever the file lies
         with trusting([source.path]) if ours else nullcontext():
-            return InputError.at_line(source.path, line, f"{full}: {problem}")
+            text = str(value).lower() if isinstance(value, bool) else reprlib.repr(value)
+            shown = "" if value is ABSENT else f" = {text}"
+            return InputError.at_line(source.path, line, f"{full}{shown}: {problem}")
+
+    def refusal(self, error: OptionError) -> InputError:
+        """Return the refusal of an option at the line of its key, here or in a table around it."""
+        key, table = error.key, self.name
+        while table and not key.startswith(f"{table}."):
+            table = table.rpartition(".")[0]
+        key = key.removeprefix(f"{table}.")
+        return self.error(key, error.problem, error.value)
 
     def source(self, key: str) -> Source:
         """Return the file that `key`, or the value around it, came from."""
-        prefix = self._full(key)
+        prefix = self.full(key)
         while prefix and prefix not in self.sources:
             prefix = prefix.rpartition(".")[0]
         return self.sources[prefix] if prefix else Source(self.path, self.lines)
 
-    def _full(self, key: str) -> str:
+    def full(self, key: str) -> str:
+        """Return the dotted name of a key."""
         return ".".join(filter(None, (self.name, key)))
 
     def check_keys(self) -> None:
@@ -116,14 +126,14 @@ class Table:
     def table(self, key: str) -> "Table":
         """Return a sub-table, its keys checked; it is empty where it is absent."""
         value = self.value(key, dict, {})
-        sub = Table(self.path, self.lines, self.keys, self._full(key), value, self.sources)
+        sub = Table(self.path, self.lines, self.keys, self.full(key), value, self.sources)
         sub.check_keys()
         return sub
 
     def tables(self, key: str) -> "list[Table]":
         """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
         items = self.value(key, list, [])
-        name = self._full(key)
+        name = self.full(key)
         if not all(isinstance(item, dict) for item in items):
             raise self.error(key, f"{reprlib.repr(items)}, expected [[{name}]] tables")
         subs = [Table(self.path, self.lines, self.keys, name, item, self.sources) for item in items]
@@ -144,10 +154,6 @@ class Table:
             got = _TYPE_NAMES.get(type(value), "a date or time")
             raise self.error(key, f"{reprlib.repr(value)} is {got}, expected {_TYPE_NAMES[kind]}")
         return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        """true or false."""
-        return bool(self.value(key, bool, default))
 
     def text(self, key: str, default: Any = ...) -> Any:
         """A text that is not empty."""
@@ -208,23 +214,6 @@ class Table:
             raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
         return tuple(values)
 
-    def columns(self) -> Columns:
-        """Return `columns`, a list of names or a table { canonical = "name in the file" }.
-
-        The result is None where it is absent.
-        """
-        value = self.data.get("columns")
-        if isinstance(value, dict):
-            if not value or not all(isinstance(v, str) and v for v in value.values()):
-                raise self.error(
-                    "columns",
-                    f"{reprlib.repr(value)}, expected {{ canonical = 'name in the file' }}",
-                )
-            return dict(value)
-        if value == []:
-            raise self.error("columns", "is an empty list")
-        return None if value is None else self.texts("columns", ())
-
     def resolve(self, name: str | Path, key: str = "") -> Path:
         """Return the path of a name given relative to the file, or to that which gave `key`."""
         text = str(name)
@@ -249,15 +238,6 @@ class Table:
         if path.stat().st_size == 0:
             raise self.error(key, f"{name} is empty; copy the recording again")
         return path
-
-
-def is_number(value: object) -> bool:
-    """Whether `value` is a finite number that fits into a float; true and false are none."""
-    return (
-        isinstance(value, (int, float))
-        and not isinstance(value, bool)
-        and abs(value) <= sys.float_info.max
-    )
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:

@@ -11,8 +11,11 @@ deg/h/sqrt(Hz) and deg/sqrt(h) are of one dimension. There are no prefixes beyon
 
 import math
 import re
+import sys
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Real
+from typing import Any
 
 from .errors import InputError, near
 
@@ -207,6 +210,12 @@ class _Parser:
                 " as in 'deg/h/sqrt(Hz)'"
             )
         raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite real number that fits into a float, true and false not among."""
+    real = isinstance(value, Real) and not isinstance(value, bool)
+    return real and abs(value) <= sys.float_info.max
 
 
 def spells_zero(text: str) -> bool:

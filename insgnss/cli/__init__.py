@@ -1,7 +1,7 @@
 """The command line: `main` has the parser and the exit codes; every verb has its own module.
 
-It imports every wing but `records`; `insgnss/__main__.py` alone imports it. Help loads the standard
-library only: a verb imports its room when it runs, not before.
+It imports every wing but `records` and `geodesy`; `insgnss/__main__.py` alone imports it. Help
+loads the standard library only: a verb imports its room when it runs, not before.
 
 The way of the data: `run` in `main.py` is the program. It loads the module of the verb, which adds
 its options to the parser, calls a room with them and shows the result: a text on standard output,

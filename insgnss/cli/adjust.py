@@ -2,14 +2,15 @@
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import UsageError
 from ..base.wording import spoken_as
-from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, BlockOutput, load_block
-from ..flight.config.command_line import add_options_of_tables, given_of_tables, names_of
+from ..flight.config.block_file import BLOCK_TABLES, DIRECTORY, BlockFile, load_block
+from ..flight.config.command_line import add_options, given_of, names_of
+from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, show_judged, show_result
 
@@ -25,32 +26,33 @@ EXAMPLE = """\
       --ground-height 510"""
 
 
+@dataclass(frozen=True)
+class Request:
+    """What is adjusted, and where the products go."""
+
+    block: Path = argument(
+        ...,
+        "the block file, whose keys the options below change, its directory, or the eo.json of a"
+        " processed flight with --images",
+        cli="BLOCK",
+    )
+    plan: bool = argument(
+        False, "say what precision to expect of the block, without image observations"
+    )
+    out: Path | None = argument(
+        None,
+        "where the products go",
+        usual=f"{DIRECTORY} beside BLOCK, or as it says",
+        metavar="DIR",
+    )
+    force: bool = argument(False, "overwrite results of other image observations")
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb: those that the tables of the block file declare."""
-    parser.add_argument(
-        "block",
-        type=Path,
-        metavar="BLOCK",
-        help=(
-            "the block file, whose keys the options below change, its directory, or the eo.json of"
-            " a processed flight with --images"
-        ),
-    )
-    parser.add_argument(
-        "--plan",
-        action="store_true",
-        help="say what precision to expect of the block, without image observations",
-    )
-    add_options_of_tables(parser, BLOCK_TABLES)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help=f"where the products go (default: {DIRECTORY} beside BLOCK, or as it says)",
-    )
-    parser.add_argument(
-        "--force", action="store_true", help="overwrite results of other image observations"
-    )
+    add_options(parser, (Request,))
+    for table, kinds in BLOCK_TABLES.items():
+        add_options(parser, kinds, (), table)
 
 
 def block_of(options: argparse.Namespace) -> BlockFile:
@@ -61,7 +63,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     UsageError
         Options that do not go together.
     """
-    given = given_of_tables(options, BLOCK_TABLES)
+    given = {name: given_of(options, kind, name) for name, (kind,) in BLOCK_TABLES.items()}
     named = names_of(BLOCK_TABLES)
     if options.block.suffix.lower() != ".json":
         file = load_block(options.block)
@@ -82,7 +84,7 @@ def block_of(options: argparse.Namespace) -> BlockFile:
     given["aerial_control"]["file"] = options.block
     with spoken_as(named):
         made = {name: kind(**given[name]) for name, kind in tables.items()}
-    made["output"] = replace(BlockOutput(), directory=options.block.parent / DIRECTORY)
+    made["output"] = replace(made["output"], directory=options.block.parent / DIRECTORY)
     _refuse_missing(made, options.block)
     name = options.block.absolute().parent.name
     return BlockFile(path=options.block, name=name, **made)

@@ -1,31 +1,24 @@
 """The verb `demo`: simulate a short flight, process it, compare with the truth."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, positive, show_result
+from .verb import Verb, show_result
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "directory",
-        nargs="?",
-        type=Path,
-        metavar="DIR",
-        help="where the data set goes (default: insgnss_demo)",
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    directory: Path | None = argument(
+        None, "where the data set goes", cli="DIR", usual="insgnss_demo"
     )
-    parser.add_argument(
-        "--minutes",
-        type=positive,
-        default=8.0,
-        metavar="M",
-        help="length of the flight (default: 8)",
-    )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
-    )
+    minutes: float = argument(8.0, "length of the flight", positive=True, metavar="M")
+    seed: int = argument(0, "of the random numbers")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -40,6 +33,6 @@ VERB = Verb(
     "demo",
     "simulate a short flight, process it, print the errors against truth, leave the report",
     "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7",
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,7 +1,9 @@
 """The verb `doctor`: what an installation is and lacks, and whether its core counts right."""
 
 import argparse
+from dataclasses import dataclass
 
+from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, report_error, show_result
 
@@ -10,12 +12,12 @@ EXAMPLE = """  insgnss doctor
   insgnss doctor --json > doctor.json"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "--compile",
-        action="store_true",
-        help="compile the kernels of process and demo now, on all processors, for a first run",
+@dataclass(frozen=True)
+class Request:
+    """Options of the verb."""
+
+    compile: bool = argument(
+        False, "compile the kernels of process and demo now, on all processors, for a first run"
     )
 
 
@@ -36,6 +38,6 @@ VERB = Verb(
     "versions, what is missing and what to do about it, and a self-test of the compiled core; for"
     " reports of errors",
     EXAMPLE,
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,15 +1,17 @@
 """The verb `export`: its options and what it does with them."""
 
 import argparse
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ..base.errors import UsageError
 from ..base.output.staging import together
+from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, positive, show_result
+from .verb import Verb, show_result
 
 EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
@@ -45,76 +47,62 @@ class ExportResult:
         }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of the verb."""
-    parser.add_argument(
-        "eo",
-        type=Path,
-        metavar="EO",
-        help="the eo.json of a processed flight or its directory, the camera_positions.csv of ppk,"
-        " for metashape, pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with"
-        " --proof: a format below)",
+@dataclass(frozen=True)
+class Request:
+    """Options of the verb."""
+
+    eo: Path = argument(
+        ...,
+        "the eo.json of a processed flight or its directory, the camera_positions.csv of ppk, for "
+        "metashape, pix4d_matic, pix4d_mapper and odm, or a noise model by name or file (with "
+        "--proof: a format below)",
+        cli="EO",
     )
-    parser.add_argument(
-        "format",
-        metavar="FORMAT",
-        help="one of the formats below (with --proof: the directory of the scene)",
+    format: str = argument(
+        ..., "one of the formats below (with --proof: the directory of the scene)", cli="FORMAT"
     )
-    out = (
-        "what to write (default: the format's usual name beside EO); a new directory where the"
-        " format has several files. A table that process wrote in another CRS or frame is not"
-        " replaced, nor a FILE that is there and would differ, without --force"
+    out: Path | None = argument(
+        None,
+        "what to write (default: the format's usual name beside EO); a new directory where the "
+        "format has several files. A table that process wrote in another CRS or frame is not "
+        "replaced, nor a FILE that is there and would differ, without --force",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help=out)
-    parser.add_argument(
-        "--camera",
-        metavar="NAME",
-        help="the images of one camera of a rig alone; its name goes into the default name of the"
-        " file",
+    camera: str | None = argument(
+        None,
+        "the images of one camera of a rig alone; its name goes into the default name of the file",
     )
-    parser.add_argument(
-        "--crs",
+    crs: str | None = argument(
+        None,
+        "projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it",
         metavar="CRS",
-        help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it",
     )
-    parser.add_argument(
-        "--geoid",
-        type=Path,
-        metavar="GRID",
-        help="grid of geoid heights, for heights above sea level",
+    geoid: Path | None = argument(
+        None, "grid of geoid heights, for heights above sea level", metavar="GRID"
     )
-    kinds = "tangent, geocentric or geographic axes (default: what the format takes first)"
-    parser.add_argument("--frame", choices=("tangent", "geocentric", "geographic"), help=kinds)
-    ground = "height of the ground: heights above it are scaled like the projection scales the plan"
-    parser.add_argument("--ground", type=float, metavar="M", help=ground)
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="an option of the format; repeat it",
+    frame: Literal["tangent", "geocentric", "geographic"] | None = argument(
+        None, "tangent, geocentric or geographic axes", usual="what the format takes first"
     )
-    parser.add_argument(
-        "--rename",
-        action="append",
-        default=[],
+    ground: float | None = argument(
+        None,
+        "height of the ground: heights above it are scaled like the projection scales the plan",
+        metavar="M",
+    )
+    settings: tuple[str, ...] = argument(
+        (), "an option of the format; repeat it", cli="--set", repeated=True, metavar="KEY=VALUE"
+    )
+    rename: tuple[str, ...] = argument(
+        (),
+        "other names of the images in this export: OLD=NEW, a CSV table of old,new, safe (letters, "
+        "digits and . _ - alone) or basename (without folders); repeat it; a table of both names "
+        "goes beside the export",
+        repeated=True,
         metavar="RULE",
-        help=(
-            "other names of the images in this export: OLD=NEW, a CSV table of old,new, safe"
-            " (letters, digits and . _ - alone) or basename (without folders); repeat it; a table"
-            " of both names goes beside the export"
-        ),
     )
-    parser.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite a run's own table in another frame, and what --out names where it differs",
+    force: bool = argument(
+        False, "overwrite a run's own table in another frame, and what --out names where it differs"
     )
-    parser.add_argument(
-        "--proof",
-        action="store_true",
-        help="write a synthetic scene in FORMAT, to load in the real tool, into DIR",
+    proof: bool = argument(
+        False, "write a synthetic scene in FORMAT, to load in the real tool, into DIR"
     )
 
 
@@ -167,9 +155,12 @@ def _refuse_camera(given: argparse.Namespace, where: str) -> None:
 def _positive(key: str, text: str) -> float:
     """The number of a setting; UsageError for what is none."""
     try:
-        return positive(text)
-    except (ValueError, argparse.ArgumentTypeError):
-        raise UsageError(f"export: {key}={text}: a number greater than zero is expected") from None
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < math.inf:
+        raise UsageError(f"export: {key}={text}: a number greater than zero is expected")
+    return value
 
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
@@ -267,7 +258,7 @@ def frame_kind(word: str | None) -> str | None:
     return "tangent plane" if word == "tangent" else word
 
 
-def _settings(texts: list[str]) -> dict[str, str]:
+def _settings(texts: Sequence[str]) -> dict[str, str]:
     """Options of the format as texts."""
     settings: dict[str, str] = {}
     for text in texts:
@@ -329,7 +320,7 @@ VERB = Verb(
     "export",
     "write the master exterior orientation in the format of a bundle adjustment",
     EXAMPLE,
-    add_arguments,
+    (Request,),
     run,
     more_help=_list_formats,
 )

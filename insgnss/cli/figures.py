@@ -1,47 +1,43 @@
 """The verb `figures`: the charts of a page as files for papers."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, positive, show_result
+from .verb import Verb, show_result
 
 EXAMPLE = """  insgnss figures results/02_Processed/GPS-INS/report.json --format pdf --out paper
   insgnss figures adjust.html --only map by-image --format svg
   insgnss figures report.html --width 84"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "source",
-        type=Path,
-        metavar="PAGE",
-        help="a page that insgnss wrote (report.html, adjust.html, ...), or the JSON beside it",
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    source: Path = argument(
+        ...,
+        "a page that insgnss wrote (report.html, adjust.html, ...), or the JSON beside it",
+        cli="PAGE",
     )
-    parser.add_argument(
-        "--format",
-        choices=("pdf", "svg", "png"),
-        default="pdf",
-        help="of the files (default: pdf; PNG has 300 pixels to the inch)",
+    format: Literal["pdf", "svg", "png"] = argument(
+        "pdf", "of the files; PNG has 300 pixels to the inch"
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where the files go (default: figures beside PAGE)",
+    out: Path | None = argument(
+        None, "where the files go", usual="figures beside PAGE", metavar="DIR"
     )
-    parser.add_argument(
-        "--only", nargs="+", default=[], metavar="NAME", help="names of charts (default: all)"
+    only: tuple[str, ...] = argument((), "names of charts", usual="all")
+    width: float = argument(
+        174.0,
+        "of each figure: 84 fills one column of a journal, 174 two of them",
+        unit="mm",
+        positive=True,
     )
-    parser.add_argument(
-        "--width",
-        type=positive,
-        default=174.0,
-        metavar="MM",
-        help="of each figure: 84 fills one column of a journal, 174 two of them (default: 174)",
-    )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    force: bool = argument(False, "overwrite existing files")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -59,6 +55,6 @@ VERB = Verb(
     "figures",
     "the charts of a page of insgnss as PDF, SVG or PNG, one file a chart",
     EXAMPLE,
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,30 +1,30 @@
 """The verb `inspect`: what a recording is, and a draft of its flight file."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.errors import UsageError
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, show_judged
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "source",
-        type=Path,
-        nargs="+",
-        metavar="SOURCE",
-        help="a flight file, a directory, or the files of a recording",
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    source: tuple[Path, ...] = argument(
+        ..., "a flight file, a directory, or the files of a recording", cli="SOURCE"
     )
-    where = (
-        "write a flight file of what is found, and the noise model and a picture beside it"
-        " (default: flight.toml)"
+    write: Path | None = argument(
+        None,
+        "write a flight file of what is found, and the noise model and a picture beside it",
+        usual="flight.toml",
+        alone=Path("flight.toml"),
+        metavar="FLIGHT",
     )
-    parser.add_argument(
-        "--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where
-    )
-    parser.add_argument("--force", action="store_true", help="let --write overwrite existing files")
+    force: bool = argument(False, "let --write overwrite existing files", needs=("write",))
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -32,8 +32,6 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..flight.inspection.described import flight_file, inspect_flight
     from ..flight.inspection.run import inspect_files
 
-    if options.force and options.write is None:
-        raise UsageError("inspect: --force belongs to --write")
     described = flight_file(options.source, options.write is not None)
     if described is not None:
         return show_judged(options, progress, inspect_flight(described, progress), *options.source)
@@ -50,6 +48,6 @@ VERB = Verb(
     " file",
     "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect"
     " imu.csv gps.pos --write a.toml",
-    add_arguments,
+    (Request,),
     run,
 )

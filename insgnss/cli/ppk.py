@@ -13,12 +13,13 @@ from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
 from ..base.wording import spoken_as
-from ..flight.config.command_line import add_options, given_of, names_of
+from ..flight.config.command_line import add_options, given_of, made_of, names_of
 from ..flight.config.flight_file import TangentPlaneTable
 from ..flight.config.gnss_options import GnssInput
 from ..gnss.ppk_options import Air, EngineSettings, RawGnss, all_of
 from ..io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ..io.options.schema import check, is_place, swapped
+from ..io.options.kinds import accepted, check
+from ..io.options.schema import argument, declared
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -34,7 +35,17 @@ EXAMPLE = """\
   insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
 --origin 46.57,6.54,0 --camera-delay 0.0012"""
 FIGURE, DOCUMENT, PAGE = "gnss_quality.png", "ppk.json", "ppk.html"
-TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where the files go."""
+
+    out: Path = argument(Path("ppk"), "where the files go", metavar="DIR")
+    force: bool = argument(False, "overwrite the solution of other observations")
+
+
+TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable, Files)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,17 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     They are those that the tables of the flight file declare, and where the files go.
     """
-    add_options(parser, TABLES, required=("base", "navigation"))
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("ppk"),
-        metavar="DIR",
-        help="where the files go (default: ppk)",
-    )
-    parser.add_argument(
-        "--force", action="store_true", help="overwrite the solution of other observations"
-    )
+    add_options(parser, TABLES, required=("rover", "base", "navigation"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,22 +124,23 @@ def _solved(given: argparse.Namespace, progress: Progress) -> PpkRun:
         None if given.origin is None else geodetic_position(given.origin, "tangent_plane.origin"),
     )
     _refuse_absent(given)
-    if given.out.exists() and not given.out.is_dir():
-        raise UsageError(f"ppk: --out {given.out} is a file; give a directory, which is made")
+    files_to = made_of(Files, given)
+    if files_to.out.exists() and not files_to.out.is_dir():
+        raise UsageError(f"ppk: --out {files_to.out} is a file; give a directory, which is made")
     from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
     from ..gnss.exposures.camera_positions import camera_positions
     from ..gnss.ppk import solve_ppk
     from ..io.formats.positions.camera_positions import PRODUCT, write_camera_positions
 
-    if name := positions_of_others(given.out):
+    if name := positions_of_others(files_to.out):
         raise UsageError(
-            f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give"
+            f"ppk: --out {files_to.out} holds {name} and no {SOLUTION}: positions of others; give"
             " another directory"
         )
     measured = (*all_of(inputs.rover), *all_of(inputs.base))
-    refuse_other_results("ppk", given.out / DOCUMENT, measured, given.force)
+    refuse_other_results("ppk", files_to.out / DOCUMENT, measured, files_to.force)
     with together() as staging:
-        into = staging.tree(given.out)
+        into = staging.tree(files_to.out)
         result = solve_ppk(inputs, into, progress)
         progress("writing")
         written, missing = write_antenna_files(result.fixes, result.events, into, origin)
@@ -203,25 +205,12 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     OptionError and UsageError for what it cannot ask for.
     """
     from ..flight.config.load import read_covariance
-    from ..geodesy.frames import geodetic_to_ecef
     from ..gnss.covariance_model import MODEL
-    from ..gnss.options import EngineOptions
+    from ..gnss.options import options_at
     from ..gnss.ppk import PpkInput
 
     settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
     _refuse_contradictions(given, raw)
-    base_ecef = (
-        None
-        if given.base_position is None
-        else geodetic_to_ecef(
-            *geodetic_position(given.base_position, "gnss.base_position")
-        ).tolist()
-    )
-    if base_ecef is not None:
-        settings = {
-            "base_position_m": (base_ecef[0], base_ecef[1], base_ecef[2]),
-            "base_point": "apc",
-        } | settings
     if "systems" in settings:
         settings["systems"] = settings["systems"].upper()
     if "rtklib_options" in settings:
@@ -233,7 +222,7 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
         rover=one_or_several(given.rover),
         base=one_or_several(given.base),
         navigation=tuple(given.navigation),
-        options=EngineOptions(**settings),
+        options=options_at(given.base_position, **settings),
         covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
         **same,
         atmosphere=air or None,
@@ -256,12 +245,6 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
         raise UsageError(
             f"ppk: {option} looks at the record lines of the rover's file; --events is given as"
             " well, keep one"
-        )
-    if given.images is None and (given.image_ending or given.skip_images):
-        option = "--image-ending" if given.image_ending else "--skip-images"
-        raise UsageError(
-            f"ppk: {option} is of --images, which is missing; give the directory of the images or a"
-            " list of their names"
         )
     if given_of(given, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
         raise UsageError(
@@ -291,22 +274,14 @@ def _named_values(words: Sequence[str]) -> dict[str, str]:
     return {name: value for name, _, value in split.values()}
 
 
-def geodetic_position(text: str, key: str) -> Any:
-    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees.
+def geodetic_position(coordinates: Any, key: str) -> Any:
+    """Latitude rad, longitude rad, ellipsoidal height m (3,) of the same in degrees.
 
     OptionError of `key` for what is none.
     """
     import numpy as np
 
-    try:
-        lat, lon, height = (float(number) for number in text.split(","))
-    except ValueError:
-        problem = "is no LAT,LON,H in degrees and metres, such as 46.5712345,6.5412345,512.345"
-        raise OptionError(key, f"{text!r} {problem}") from None
-    if not is_place(lat, lon, height):
-        raise OptionError(
-            key, f"{text!r} is no latitude, longitude, ellipsoidal height; {swapped(lat, lon)}"
-        )
+    lat, lon, height = accepted(declared(RawGnss)["base_position"], coordinates, key)
     return np.array([np.radians(lat), np.radians(lon), height])
 
 

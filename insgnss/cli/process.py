@@ -1,47 +1,36 @@
 """The verb `process`: raw data in, products out."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
+from ..io.options.schema import argument
 from .console import Progress
 from .verb import Verb, show
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "flight",
-        type=Path,
-        metavar="FLIGHT",
-        help="the flight file, or the directory that holds flight.toml",
+@dataclass(frozen=True)
+class Request:
+    """Options of the verb."""
+
+    flight: Path = argument(
+        ..., "the flight file, or the directory that holds flight.toml", cli="FLIGHT"
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where the products go (default: output.directory of the flight file)",
+    out: Path | None = argument(
+        None, "where the products go", usual="output.directory of the flight file", metavar="DIR"
     )
-    parser.add_argument(
-        "--mounting",
-        type=Path,
-        metavar="FILE",
-        help=(
-            "tables [mounting] and [camera] time_offset_s, such as mounting.toml of insgnss adjust,"
-            " in the place of those of the flight file"
-        ),
+    mounting: Path | None = argument(
+        None,
+        "tables [mounting] and [camera] time_offset_s, such as mounting.toml of insgnss adjust, in"
+        " the place of those of the flight file",
     )
-    parser.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite results of other measurements (those of the same are overwritten anyway)",
+    force: bool = argument(
+        False, "overwrite results of other measurements (those of the same are overwritten anyway)"
     )
-    parser.add_argument(
-        "--engine",
-        metavar="NAME",
-        help=(
-            "engine that solves gnss.rover, in the place of gnss.engine: pyrtklib5, or an rnx2rtkp"
-            " by its path or its name on PATH"
-        ),
+    engine: str | None = argument(
+        None,
+        "engine that solves gnss.rover, in the place of gnss.engine: pyrtklib5, or an rnx2rtkp by "
+        "its path or its name on PATH",
     )
 
 
@@ -65,6 +54,6 @@ VERB = Verb(
     "raw data in, exterior orientation, trajectory and report out",
     "  insgnss process ign8/flight.toml --out results\n"
     "  insgnss process ign8/flight.toml --mounting adjusted/mounting.toml --out remounted",
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,11 +1,14 @@
 """The verb `simulate`: a simulated data set in the published tree."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.errors import UsageError
+from ..base.errors import OptionError, UsageError
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, positive, show
+from .verb import Verb, show
 
 SURVEYS = ("ign8", "ign6x1")
 PUBLISHED = ("block2015", "corridor2014", "mapkite")
@@ -13,77 +16,68 @@ PUBLISHED = ("block2015", "corridor2014", "mapkite")
 IMU_RATE_HZ, VIBRATION = 500.0, 1.0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
-    parser.add_argument(
-        "--flight",
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb; None where nobody gave them, since images alone have no sensors."""
+
+    directory: Path = argument(..., "the data set's root", cli="DIR")
+    flight: str | None = argument(
+        None,
+        "block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8); or an"
+        " image block of the literature with poses whose errors are drawn: block2015, corridor2014"
+        " (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)",
+        kind="choice",
         choices=(*SURVEYS, "car", "walk", *PUBLISHED),
-        help=(
-            "block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8); or"
-            " an image block of the literature with poses whose errors are drawn: block2015,"
-            " corridor2014 (Rehak and Skaloud 2016), mapkite (Molina et al. 2017)"
-        ),
     )
-    parser.add_argument(
-        "--minutes",
-        type=positive,
+    minutes: float | None = argument(
+        None,
+        "length of the record",
+        positive=True,
+        usual="that of the flight's plan, of car and walk 5",
         metavar="M",
-        help="length of the record (default: that of the flight's plan, of car and walk 5)",
     )
-    parser.add_argument(
-        "--imu-rate",
-        type=positive,
-        metavar="HZ",
-        help="IMU samples a second (default: 500)",
+    imu_rate: float | None = argument(
+        None, "IMU samples a second", positive=True, usual="500", metavar="HZ"
     )
-    shakes = (
-        "factor of the IMU's white noise in motion against the noise model of the flight file"
-        " (default: 1)"
+    vibration: float | None = argument(
+        None,
+        "factor of the IMU's white noise in motion against the noise model of the flight file",
+        positive=True,
+        usual="1",
     )
-    parser.add_argument("--vibration", type=positive, metavar="X", help=shakes)
-    raw = (
+    raw_gnss: bool = argument(
+        False,
         "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start"
-        " from"
+        " from",
     )
-    parser.add_argument("--raw-gnss", action="store_true", help=raw)
-    block = (
+    block: str | None = argument(
+        None,
         "write image observations, ground control and check points and a camera of ign8 or ign6x1"
-        " as well, with their truth"
-    )
-    parser.add_argument(
-        "--block",
-        nargs="?",
-        const="",
-        type=_survey,
+        " as well, with their truth (of --flight; or name the flight here)",
+        alone="",
         metavar="FLIGHT",
-        help=f"{block} (of --flight; or name the flight here)",
     )
-    parser.add_argument(
-        "--gross-errors",
-        type=float,
+    gross_errors: float | None = argument(
+        None,
+        "of --block: share of image observations that are off by 10 to 100 px",
+        needs=("block",),
+        usual="0",
         metavar="SHARE",
-        help="of --block: share of image observations that are off by 10 to 100 px (default: 0)",
     )
-    parser.add_argument(
-        "--unknown-boresight",
-        type=positive,
+    unknown_boresight: float | None = argument(
+        None,
+        "of block2015, corridor2014, mapkite: a turn of the camera that its poses do not know",
+        positive=True,
         metavar="DEG",
-        help="of block2015, corridor2014, mapkite: a turn of the camera that its poses do not know",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
-    )
+    seed: int = argument(0, "of the random numbers")
 
-
-def _survey(text: str) -> str:
-    """Return the name of a survey flight."""
-    if text and text not in SURVEYS:  # argparse asks for the constant too
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no survey flight, of which there are {' and '.join(SURVEYS)}; a DIR"
-            " stands before it"
-        )
-    return text
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.block and self.block not in SURVEYS:
+            names = " and ".join(SURVEYS)
+            problem = f"is no survey flight, of which there are {names}; a DIR stands before it"
+            raise OptionError("block", problem, self.block)
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -114,8 +108,6 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         from ..simulation.image_block import BlockOptions
 
         arguments["block"] = BlockOptions.of(flight, options.gross_errors or 0.0)
-    elif options.gross_errors is not None:
-        raise UsageError("--gross-errors is of image observations; give --block too")
     imu_rate = options.imu_rate or IMU_RATE_HZ
     write_dataset(options.directory, imu_rate=imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
@@ -154,6 +146,6 @@ VERB = Verb(
     "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
     " --minutes 15 --raw-gnss\n  insgnss simulate images --flight ign6x1 --block --gross-errors"
     " 0.01\n  insgnss simulate corridor --flight corridor2014 --seed 1",
-    add_arguments,
+    (Request,),
     run,
 )

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..base.files import json_ready
+from ..flight.config.command_line import add_options, made_of
 from .console import Parser, Progress
 
 
@@ -35,11 +35,12 @@ class Verb:
         What it does, as a clause that begins in lower case.
     example : str
         Commands that work, one a line.
-    add_arguments : callable
-        Adds the verb's options to its parser.
+    arguments : tuple of type, or callable
+        The dataclasses that declare the verb's options, or what adds them to its parser.
     run : callable, or None
-        Does what the parsed command line asks for; returns the exit code. None where only the verbs
-        below it do something.
+        Does what the parsed command line asks for; returns the exit code. It finds the value of
+        each declared option, its default where nobody gave it, and in `records` the dataclasses.
+        None where only the verbs below it do something.
     more_help : callable, optional
         Gives the text behind the help, only when help is asked for.
     """
@@ -47,7 +48,7 @@ class Verb:
     name: str
     what: str
     example: str
-    add_arguments: Callable[[argparse.ArgumentParser], None]
+    arguments: tuple[type, ...] | Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace, Progress], int] | None
     more_help: Callable[[], str] | None = None
 
@@ -62,7 +63,7 @@ class Verb:
             description=f"{self.what[0].upper()}{self.what[1:]}.",
             epilog=f"example:\n{self.example}",
             more_help=self.more_help,
-            later=self.add_arguments,
+            later=self._add_arguments,
         )
         default = argparse.SUPPRESS if below else False
         for names, meaning in (
@@ -72,7 +73,22 @@ class Verb:
         ):
             parser.add_argument(*names, action="store_true", default=default, help=meaning)
         if self.run is not None:
-            parser.set_defaults(run=self.run)
+            parser.set_defaults(run=self._checked_run)
+
+    def _checked_run(self, options: argparse.Namespace, progress: Progress) -> int:
+        """Run the verb with its options as their records have them, defaults filled in."""
+        if isinstance(self.arguments, tuple):
+            options.records = {kind: made_of(kind, options) for kind in self.arguments}
+            for record in options.records.values():
+                vars(options).update(vars(record))
+        return self.run(options, progress) if self.run else 0
+
+    def _add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the verb's own options to its parser."""
+        if isinstance(self.arguments, tuple):
+            add_options(parser, self.arguments)
+        else:
+            self.arguments(parser)
 
 
 def show(
@@ -128,11 +144,3 @@ def report_error(line: str, code: int, as_json: bool) -> None:
     print(f"insgnss: {line}", file=sys.stderr)
     if as_json:
         print_json({"error": line.partition("error: ")[2], "exit_code": code})
-
-
-def positive(text: str) -> float:
-    """Return the number of an option that must be greater than zero."""
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not greater than zero")
-    return value

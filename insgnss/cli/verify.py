@@ -1,43 +1,44 @@
 """The verb `verify`: a part of a flight by the core and by its reference twin."""
 
 import argparse
-import math
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.errors import UsageError
+from ..io.options.kinds import Checked
+from ..io.options.schema import argument
 from .console import Progress
-from .verb import Verb, positive, show_judged
+from .verb import Verb, show_judged
 
 EXAMPLE = """  insgnss verify ign8/flight.toml
   insgnss verify ign8 --minutes 1 --start 381600"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    flight = "the flight file, or the directory that holds flight.toml"
-    parser.add_argument("flight", type=Path, metavar="FLIGHT", help=flight)
-    length = "length of the part (default: 2); the twin takes some ten seconds a minute"
-    parser.add_argument("--minutes", type=positive, default=2.0, metavar="M", help=length)
-    start = "time of week, s, at which it begins (default: where the path is longest)"
-    parser.add_argument("--start", type=float, metavar="TOW", help=start)
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    flight: Path = argument(
+        ..., "the flight file, or the directory that holds flight.toml", cli="FLIGHT"
+    )
+    minutes: float = argument(
+        2.0,
+        "length of the part; the twin takes some ten seconds a minute",
+        positive=True,
+        metavar="M",
+    )
+    start: float | None = argument(
+        None,
+        "time of week, s, at which it begins",
+        usual="where the path is longest",
+        metavar="TOW",
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
-    """Do what the parsed command line asks for; return the exit code.
-
-    Raises
-    ------
-    UsageError
-        Where `--start` is no number of seconds.
-    """
+    """Do what the parsed command line asks for; return the exit code."""
     from ..flight.config.load import load_flight
     from ..flight.reference.verify import verify
 
-    if options.start is not None and not math.isfinite(options.start):
-        raise UsageError(
-            f"verify: --start {options.start} is no time of week in seconds; give one of"
-            " the flight's"
-        )
     result = verify(load_flight(options.flight), options.minutes, options.start, progress)
     return show_judged(options, progress, result, options.flight)
 
@@ -47,6 +48,6 @@ VERB = Verb(
     "a part of a flight by the core and by a textbook implementation, and their largest difference"
     " in sigmas",
     EXAMPLE,
-    add_arguments,
+    (Request,),
     run,
 )

@@ -10,7 +10,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from ..base.errors import OptionError
-from ..io.options.schema import Declared, Triple, declared, in_range, option
+from ..io.options.kinds import check
+from ..io.options.schema import Triple, option
 from ..navigation.prepare.fix_covariance.numbers import CLASSES, MEASURED, CalibrationNumbers
 
 LARGEST = 1000.0
@@ -124,23 +125,11 @@ class CovarianceModel(CalibrationNumbers):
     )
 
     def __post_init__(self) -> None:
-        for name, item in declared(CovarianceModel).items():
-            value = getattr(self, name)
-            if item.kind == "triples":
-                if not isinstance(value, Mapping):
-                    raise OptionError(f"{TABLE}.{name}", "must be a mapping by class", value)
-                if odd := set(value) ^ set(CLASSES):
-                    problem = f"has one line for each of {', '.join(CLASSES)}"
-                    raise OptionError(
-                        f"{TABLE}.{name}", f"{problem}; {sorted(map(str, odd))[0]!r} does not fit"
-                    )
-                table = {key: triple(item, value[key], key) for key in value}
-                object.__setattr__(self, name, table)
-            elif item.kind == "triple":
-                object.__setattr__(self, name, triple(item, value))
-            elif not in_range(item, value):
-                limits = f"{item.option.low:g} to {item.option.high:g}"
-                raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r} is outside {limits}")
+        check(self, TABLE)
+        for name in ("scale", "floor_m"):
+            if missing := set(CLASSES) - set(getattr(self, name)):
+                problem = f"has one line for each of {', '.join(CLASSES)}"
+                raise OptionError(f"{TABLE}.{name}", f"{problem}; {min(missing)!r} is missing")
 
     def with_changes(self, changes: Mapping[str, Any]) -> "CovarianceModel":
         """The model with some numbers replaced.
@@ -168,21 +157,6 @@ class CovarianceModel(CalibrationNumbers):
 
 
 TABLE = "gnss.covariance"
-
-
-def triple(item: Declared, value: Any, member: str = "") -> Triple:
-    """Numbers north, east, down of an option, or of a member of it; one number stands for all.
-
-    Raises OptionError for a number that is outside of the option's range.
-    """
-    value = value.tolist() if hasattr(value, "tolist") else value
-    given = tuple(value) if isinstance(value, list | tuple) else (value,) * 3
-    least, most = item.option.low, item.option.high
-    if len(given) != 3 or not all(in_range(item, x) for x in given):
-        name = ".".join(filter(None, (item.name, member)))
-        expected = f"three numbers (north, east, down) from {least:g} to {most:g}"
-        raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r}, expected {expected}")
-    return (float(given[0]), float(given[1]), float(given[2]))
 
 
 MODEL = CovarianceModel()

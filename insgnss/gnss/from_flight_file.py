@@ -3,14 +3,12 @@ positions would give.
 """
 
 from dataclasses import fields, replace
-from math import radians
 
-from ..geodesy.frames import geodetic_to_ecef
 from ..io.exposures.naming import ImageMatch
 from .covariance_model import MODEL, CovarianceModel
-from .options import EngineOptions
+from .options import options_at
 from .ppk import PpkInput, PpkResult, solve_ppk
-from .ppk_options import RawGnss
+from .ppk_options import EngineSettings, RawGnss
 from .rinex.camera_events import RoverEvents
 
 
@@ -55,12 +53,8 @@ def solve_raw_gnss(
 
 
 def _input(raw: RawGnss) -> PpkInput:
-    same = {
-        f.name: getattr(raw, f.name) for f in fields(EngineOptions) if f.name != "base_position_m"
-    }
-    options = EngineOptions(
-        base_position_m=None if raw.base_position is None else _ecef(raw.base_position), **same
-    )
+    settings = {f.name: getattr(raw, f.name) for f in fields(EngineSettings)}
+    options = options_at(raw.base_position, **settings)
     return PpkInput(
         raw.rover,
         raw.base,
@@ -71,8 +65,3 @@ def _input(raw: RawGnss) -> PpkInput:
         atmosphere=raw.atmosphere,
         velocity=raw.phase_velocity,
     )
-
-
-def _ecef(geodetic: tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = geodetic_to_ecef(radians(geodetic[0]), radians(geodetic[1]), geodetic[2]).tolist()
-    return x, y, z

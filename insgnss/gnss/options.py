@@ -40,15 +40,19 @@ header (ANTENNA: DELTA H/E/N), too. The rover has neither delta nor offset: posi
 phase centre.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from ..base.errors import InputError, OptionError
 from ..base.inputs import read_text
 from ..base.wording import named, setting
+from ..geodesy.frames import geodetic_to_ecef
+from ..io.options.kinds import accepted
+from ..io.options.schema import declared
 from ..records import Check
-from .ppk_options import EngineSettings, Point
+from .ppk_options import EngineSettings, Point, RawGnss
 from .rinex.header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
@@ -130,6 +134,26 @@ class EngineOptions(EngineSettings):
         if not 6.3e6 < radius < 6.4e6:
             message = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
             raise OptionError("gnss.base_position", f"{message}; ECEF coordinates in m are needed")
+
+
+def options_at(base_position: tuple[float, ...] | None, **settings: Any) -> EngineOptions:
+    """Return options with a base at a latitude, longitude (deg) and ellipsoidal height (m).
+
+    Parameters
+    ----------
+    base_position : tuple of float or None
+        None: the header's.
+    **settings : Any
+        Fields of `EngineSettings`; what stands at a position is the antenna's phase centre where
+        nobody says it.
+    """
+    if base_position is None:
+        return EngineOptions(**settings)
+    item = declared(RawGnss)["base_position"]
+    lat, lon, height = accepted(item, base_position, "gnss.base_position")
+    ecef = geodetic_to_ecef(math.radians(lat), math.radians(lon), height).tolist()
+    settings["base_point"] = settings.get("base_point") or "apc"
+    return EngineOptions(base_position_m=tuple(ecef), **settings)
 
 
 def base_position(

@@ -8,11 +8,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ..base.errors import OptionError
+from ..base.units import is_number
 from ..base.wording import named
-from ..io.options.schema import Triple, check, option
+from ..io.options.kinds import Kind, accepted, check, no_mapping, register
+from ..io.options.schema import Declared, Triple, declared, option
 
 Point = Literal["apc", "arp", "marker"]
 
@@ -49,7 +51,6 @@ class Air:
         low=300.0,
         high=1100.0,
         cli="--pressure",
-        metavar="HPA",
         usual="standard",
     )
     temperature_c: float | None = option(
@@ -59,7 +60,6 @@ class Air:
         low=-60.0,
         high=60.0,
         cli="--temperature",
-        metavar="C",
         usual="standard",
     )
     humidity: float | None = option(
@@ -89,10 +89,7 @@ class EngineSettings:
         cli_default="apc, with a note",
     )
     antex: Path | None = option(
-        None,
-        "ANTEX file of antenna phase centres, for a base point arp or marker",
-        cli="--antex",
-        metavar="FILE",
+        None, "ANTEX file of antenna phase centres, for a base point arp or marker", cli="--antex"
     )
     systems: str = option(
         "GREJC",
@@ -117,7 +114,6 @@ class EngineSettings:
         low=0.0,
         high=60.0,
         cli="--mask",
-        metavar="DEG",
     )
     ratio: float = option(
         3.0,
@@ -134,20 +130,13 @@ class EngineSettings:
         "(`insgnss process --engine`), so that a flight file of others runs none",
         kind="engine",
         cli="--engine",
-        metavar="NAME",
         cli_meaning=(
             "engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
             "PATH; auto: the first of both that is installed"
         ),
     )
     max_age_s: float = option(
-        30.0,
-        "longest time to the base's epoch",
-        unit="s",
-        low=0.01,
-        high=3600.0,
-        cli="--max-age",
-        metavar="S",
+        30.0, "longest time to the base's epoch", unit="s", low=0.01, high=3600.0, cli="--max-age"
     )
     timeout_s: float = option(
         7200.0,
@@ -156,7 +145,6 @@ class EngineSettings:
         low=1.0,
         high=1e6,
         cli="--timeout",
-        metavar="S",
     )
     acceleration_mps2: tuple[float, float] = option(
         (3.0, 1.0),
@@ -179,9 +167,37 @@ class EngineSettings:
 
     def __post_init__(self) -> None:
         check(self, "gnss")
-        for name, value in self.rtklib_options.items():
-            if problem := rtklib_problem(name, value):
-                raise OptionError("gnss.rtklib_options", problem)
+
+
+def _as_texts(item: Declared, value: Any) -> Any:
+    """Numbers and texts of a mapping as texts, as RTKLIB's option file has them."""
+    if not isinstance(value, Mapping):
+        return value
+    return {name: str(x) if is_number(x) else x for name, x in value.items()}
+
+
+def _no_rtklib(item: Declared, value: Any) -> str:
+    if problem := no_mapping(item, value):
+        return problem
+    for name, setting in value.items():
+        if not isinstance(setting, str):
+            expected = "expected a number or a text, as in RTKLIB's option file"
+            return f"{name} = {setting!r}, {expected}"
+        if problem := rtklib_problem(name, setting):
+            return problem
+    return ""
+
+
+def _no_air(item: Declared, name: str, value: Any) -> str:
+    try:
+        accepted(declared(Air)[name], value, name)
+    except OptionError as refusal:
+        return refusal.problem
+    return ""
+
+
+register("air", Kind(no_mapping, member=_no_air))
+register("rtklib", Kind(_no_rtklib, _as_texts, several=True))
 
 
 def rtklib_problem(name: str, value: object) -> str:
@@ -227,14 +243,10 @@ class RawGnss(EngineSettings):
         kind="observations",
         form="path or list of paths",
         cli="--base",
-        metavar="FILE",
         cli_meaning="observations of the base; several files (hourly ones) are joined",
     )
     navigation: tuple[Path, ...] = option(
-        ...,
-        "broadcast ephemerides of all systems, RINEX 2, 3 or 4",
-        cli="--navigation",
-        metavar="FILE",
+        ..., "broadcast ephemerides of all systems, RINEX 2, 3 or 4", cli="--navigation"
     )
     base_position: Triple | None = option(
         None,

@@ -24,6 +24,8 @@ from ..base.advance import through
 from ..base.errors import UsageError, near
 from ..io.formats.blocks.ground_points import GroundTable
 from ..io.formats.blocks.image_points import ImagePoints
+from ..io.options.kinds import check as hold
+from ..io.options.schema import option
 from ..records import ExteriorOrientation
 from ..records.block import INTERIOR, BrownCamera, ImageObservations
 from ..records.cameras.camera import pixels_of
@@ -111,31 +113,32 @@ class BlockOptions:
         A value that cannot be.
     """
 
-    tie_points: float = 52.0
-    matched: float = 0.6
-    tie_sigma_px: float = 0.5
-    target_sigma_px: float = 0.2
-    control: int = 21
-    check: int = 4
-    ground_sigma_m: tuple[float, ...] = (0.010, 0.010, 0.015)
-    relief_m: float = 16.0
-    gross_errors: float = 0.0
+    tie_points: float = option(52.0, "tie points an image", low=1.0, high=1e5)
+    matched: float = option(
+        0.6, "share of the images that measure a tie point they see", low=0.05, high=1.0
+    )
+    tie_sigma_px: float = option(
+        0.5, "standard deviation of tie points", unit="px", low=1e-6, high=100.0
+    )
+    target_sigma_px: float = option(
+        0.2, "standard deviation of targets", unit="px", low=1e-6, high=100.0
+    )
+    control: int = option(21, "targets that are control points", low=0, high=10000)
+    check: int = option(4, "targets that are check points", low=0, high=10000)
+    ground_sigma_m: tuple[float, float, float] = option(
+        (0.010, 0.010, 0.015), "standard deviations of surveyed targets", unit="m", positive=True
+    )
+    relief_m: float = option(
+        16.0, "largest height above and below the site", unit="m", low=0.0, high=30.0
+    )
+    gross_errors: float = option(
+        0.0, "share of observations off by 10 to 100 px", low=0.0, high=0.5
+    )
     true_camera: BrownCamera = field(default=IGN8)
     stated_camera: BrownCamera = field(default=IGN_CAL2)
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("tie_points", 1.0, 1e5),
-            ("matched", 0.05, 1.0),
-            ("tie_sigma_px", 1e-6, 100.0),
-            ("target_sigma_px", 1e-6, 100.0),
-            ("control", 0, 10000),
-            ("check", 0, 10000),
-            ("relief_m", 0.0, 30.0),
-            ("gross_errors", 0.0, 0.5),
-        ):
-            if not low <= (value := getattr(self, name)) <= high:
-                raise UsageError(f"{name} {value:g} of a block; it lies within {low:g} to {high:g}")
+        hold(self, "block")
 
     @classmethod
     def of(cls, flight: str, gross_errors: float = 0.0) -> "BlockOptions":

@@ -544,8 +544,8 @@ def test_export_help_lists_the_formats(capsys):
             "(is it --height?); see insgnss calibrate imu",
         ),
         (["demo", "--out", "d"], "unrecognized arguments: --out; see insgnss demo --help"),
-        (["demo", "--minutes", "0"], "'0' is not greater than zero"),
-        (["demo", "--minutes", "nan"], "'nan' is not greater than zero"),
+        (["demo", "--minutes", "0"], "demo: --minutes 0.0: must be greater than zero"),
+        (["demo", "--minutes", "nan"], "demo: --minutes nan: must be a number greater than zero"),
         (["demo", "--minutes", "two"], "--minutes"),
         (["demo", "--seed", "1.5"], "--seed"),
         (["simulate", "d", "--flight", "ign9"], "invalid choice: 'ign9'"),
@@ -592,7 +592,7 @@ def test_coordinates_of_the_southern_hemisphere_are_values(argv, option, value):
     for an option.
     """
     given = build_parser().parse_args([value if word == "VALUE" else word for word in argv])
-    assert getattr(given, option) == value
+    assert getattr(given, option) == tuple(map(float, value.split(",")))
     with pytest.raises(UsageError, match="unrecognized arguments: -x"):
         build_parser().parse_args([*argv, "-x"])
 

@@ -264,7 +264,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "wrong type": (
         _toml("= 2008", '= "2008"'),
         INPUT,
-        ("flight.toml:2: gps_week", "is a text, expected a number"),
+        ("flight.toml:2: gps_week = '2008'", "must be a whole number"),
     ),
     "no week anywhere": (
         _toml("gps_week = 2008\n", ""),
@@ -274,17 +274,17 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "axes, no such word": (
         _toml("forward right", "forward rihgt"),
         INPUT,
-        ("flight.toml:8: imu.axes: 'rihgt'", "'right'"),
+        ("flight.toml:8: imu.axes = 'forward rihgt down': 'rihgt'", "'right'"),
     ),
     "axes, left-handed": (
         _toml("forward right", "forward left"),
         INPUT,
-        ("imu.axes: left-handed", "'forward left up'"),
+        ("imu.axes = 'forward left down': left-handed", "'forward left up'"),
     ),
     "axes, one line twice": (
         _toml("forward right", "forward backward"),
         INPUT,
-        ("imu.axes: two directions lie along one line",),
+        ("imu.axes = 'forward backward down': two directions lie along one line",),
     ),
     "file is a directory": (
         _toml(IMU, "01_Observations"),
@@ -319,7 +319,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             ],
         ),
         INPUT,
-        ("flight.toml:23: mounting.boresight", "expected 3 rows"),
+        ("flight.toml:23: mounting.boresight", "must be 3 rows"),
     ),
     "mounting, determinant 0": (
         _toml("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 0.0]]"),
@@ -339,7 +339,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "origin is no number": (
         _toml("[46.57,", "[nan,"),
         INPUT,
-        ("tangent_plane.origin", "3 finite numbers"),
+        ("tangent_plane.origin", "must be latitude, longitude (deg), ellipsoidal height (m)"),
     ),
     "sigma zero": (
         _toml("[gnss]", "[gnss]\nsigma_m = [0.02, 0.0, 0.03]"),
@@ -354,12 +354,12 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "gate negative": (
         _toml("[gnss]", "[gnss]\ngate_sigma = -5"),
         INPUT,
-        ("flight.toml:12: gnss.gate_sigma: -5 is outside 2 to 30",),
+        ("flight.toml:12: gnss.gate_sigma = -5: must be 2 to 30",),
     ),
     "gate without end": (
         _toml("[gnss]", "[gnss]\ngate_sigma = 1e9"),
         INPUT,
-        ("gnss.gate_sigma", "outside 2 to 30"),
+        ("gnss.gate_sigma", "must be 2 to 30"),
     ),
     "option of another format": (
         _toml("[gnss]", '[gnss]\nrepeat_column = "tow"'),
@@ -374,12 +374,15 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "unknown output format": (
         _toml('"metashape"]', '"metashap"]'),
         INPUT,
-        ("flight.toml:30: output.formats: 'metashap'", "'metashape'"),
+        (
+            "flight.toml:30: output.formats = ['eo_local_plane', 'metashap']: 'metashap'",
+            "'metashape'",
+        ),
     ),
     "output rate zero": (
         _toml("[output]", "[output]\ntrajectory_hz = 0"),
         INPUT,
-        ("output.trajectory_hz: 0",),
+        ("output.trajectory_hz = 0: must be 0.001",),
     ),
     "start after the end": (
         _toml("[imu]", "start_tow = 300000\n[imu]"),

@@ -36,6 +36,7 @@ from insgnss.gnss.rinex.observations import read_observations
 from insgnss.io.exposures.naming import ImageMatch
 from insgnss.io.formats.gnss.gnss_text import read_gnss_text
 from insgnss.io.formats.gnss.rtklib_pos import read_pos_rows
+from insgnss.io.options.kinds import comma_numbers
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.charts.files import charts_of
 
@@ -650,8 +651,8 @@ def test_the_help_tells_the_defaults_of_the_engine():
             ["--events", "x.MRK", "--invalid-events"],
             "--invalid-events looks at .* --events is given as well",
         ),
-        (["--image-ending", ".tif"], "--image-ending is of --images, which is missing"),
-        (["--skip-images", "a.tif"], "--skip-images is of --images, which is missing"),
+        (["--image-ending", ".tif"], "--image-ending: has no meaning without --images; give both"),
+        (["--skip-images", "a.tif"], "--skip-images: has no meaning without --images; give both"),
     ],
 )
 def test_words_that_contradict_are_refused(words, what):
@@ -692,7 +693,7 @@ def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
     [
         ("ppm = -1\n", 1, "from 0 to 1000"),
         ("[scale]\nflaot = 3\n", 2, "did you mean 'float'"),
-        ("\ngate = 'x'\n", 2, "is a text"),
+        ("\ngate = 'x'\n", 2, "must be a number"),
         ("# mine\n[gnss.covariance]\nppm = 2\n", 2, "its keys stand at the top"),
         ("[covariance]\nppm = 2\n", 1, "its keys stand at the top"),
         ("\ngnss.covariance.ppm = 2\n", 2, "its keys stand at the top"),
@@ -711,16 +712,16 @@ def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, 
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("46.5,6.5", "no LAT,LON,H"),
+        ("46.5,6.5", r"= \(46.5, 6.5\): must be latitude, longitude"),
         ("139.4,35.3,40", "swapped"),
-        ("46.5,six,400", "no LAT,LON,H"),
+        ("46.5,six,400", "= '46.5,six,400': must be latitude, .*; such as 46.57"),
         ("46.5,6.5,40000", "order and units"),
     ],
 )
 def test_a_place_that_is_none_is_refused(text, word):
     """Oracle: the ranges of latitude, longitude and height."""
     with pytest.raises(UsageError, match=word):
-        verb.geodetic_position(text, "gnss.base_position")
+        verb.geodetic_position(comma_numbers(text), "gnss.base_position")
 
 
 FRAME = LocalFrame(np.radians(46.57), np.radians(6.54), 500.0)

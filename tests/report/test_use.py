@@ -15,7 +15,7 @@ def with_need(**need):
 
 
 def test_a_good_flight_is_used_and_the_measure_is_named(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; 1.5 times the sigma of a fix, a good flight's tilt, ten times the median heading."""
+    """Oracle: by hand; 1.5 sigmas of a fix, a good flight's tilt, ten median headings."""
     s = summary(diagnostics(), eo())
     assert (s["use"]["verdict"], s["use"]["images"], s["use"]["reasons"]) == ("use", [], [])
     assert s["use"]["need_m"] == pytest.approx([0.03, 0.03, 0.045])

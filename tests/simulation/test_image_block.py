@@ -273,10 +273,13 @@ def test_gross_errors_are_those_that_an_adjustment_rejects() -> None:
     ("given", "message"),
     [
         ("--flight car --block", "flight 'car' is no survey and has no image block"),
-        ("--minutes 2 --gross-errors 0.1", "--gross-errors is of image observations; give --block"),
-        ("--block images", "'images' is no survey flight, of which there are ign8 and ign6x1"),
+        ("--minutes 2 --gross-errors 0.1", "--gross-errors: has no meaning without --block"),
+        (
+            "--block images",
+            "--block images: is no survey flight, of which there are ign8 and ign6x1",
+        ),
         ("--flight ign8 --block ign6x1", "are two flights; keep one"),
-        ("--minutes 2 --block --gross-errors 5", "gross_errors 5 of a block; it lies within 0 to"),
+        ("--minutes 2 --block --gross-errors 5", "block.gross_errors = 5.0: must be 0 to 0.5"),
     ],
 )
 def test_what_has_no_block_is_refused(tmp_path, capsys, given, message) -> None:

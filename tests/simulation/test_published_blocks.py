@@ -270,7 +270,7 @@ def test_files_hold_what_was_simulated(tmp_path) -> None:
         ("--flight mapkite --vibration 2", "--vibration has no meaning"),
         ("--flight corridor2014 --raw-gnss", "--raw-gnss has no meaning"),
         ("--flight corridor2014 --block", "--block has no meaning"),
-        ("--flight corridor2014 --gross-errors 0.1", "--gross-errors has no meaning"),
+        ("--flight corridor2014 --gross-errors 0.1", "--gross-errors: has no meaning"),
         ("--flight corridor2014 --unknown-boresight 20", "lies within 0 to 10"),
         ("--flight ign8 --unknown-boresight 2", "--unknown-boresight is of --flight block2015"),
     ],

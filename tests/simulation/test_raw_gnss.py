@@ -633,16 +633,19 @@ def solved(flight, raw, directory):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: RawGnssOptions(rate_hz=0.0), "rate_hz 0"),
-        (lambda: RawGnssOptions(phase_sigma_m=-1.0), "phase_sigma_m -1"),
+        (lambda: RawGnssOptions(rate_hz=0.0), "rate_hz = 0.0: must be"),
+        (lambda: RawGnssOptions(phase_sigma_m=-1.0), "phase_sigma_m = -1.0: must be"),
         (lambda: RawGnssOptions(systems="E"), "'E'"),
-        (lambda: RawGnssOptions(elevation_mask_deg=1.0), "elevation_mask_deg 1"),
-        (lambda: RawGnssOptions(base_share=2.0), "base_share 2"),
+        (lambda: RawGnssOptions(elevation_mask_deg=1.0), "elevation_mask_deg = 1.0: must be"),
+        (lambda: RawGnssOptions(base_share=2.0), "base_share = 2.0: must be"),
         (lambda: RawGnssOptions(iono_vertical_m=1.0), "no delay can be negative"),
-        (lambda: RawGnssOptions(glonass_phase_bias_m=float("nan")), "must be finite"),
-        (lambda: Tracking(slips_per_hour=-1.0), "slips_per_hour -1"),
+        (
+            lambda: RawGnssOptions(glonass_phase_bias_m=float("nan")),
+            "glonass_phase_bias_m = nan: must be",
+        ),
+        (lambda: Tracking(slips_per_hour=-1.0), "slips_per_hour = -1.0: must be"),
         (lambda: Tracking(outage_s=(3.0, 1.0)), "outage_s"),
-        (lambda: Weather(pressure_hpa=95700.0), "pressure_hpa 95700"),
+        (lambda: Weather(pressure_hpa=95700.0), "pressure_hpa = 95700.0: must be"),
     ],
 )
 def test_impossible_options_are_refused(make, said):

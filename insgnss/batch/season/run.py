@@ -17,6 +17,7 @@ from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
 from .page import SeasonPage, is_ours
 from .pool import processors, run_alone, run_side_by_side
+from .request import SeasonRequest
 from .row import COLUMNS, Row, with_own_names
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
 from .trends import Trend, trends
@@ -24,45 +25,6 @@ from .work import DONE, FAILED, KEPT, WAITING, Outcome, Task, Tell, not_reached
 
 TABLE, PAGE, PARQUET = "season.csv", "index.html", "season.parquet"
 MIXED = 4  # exit code where flights failed of different kinds
-
-
-@dataclass(frozen=True)
-class SeasonRequest:
-    """What is asked of a season.
-
-    Parameters
-    ----------
-    sources : tuple of str
-        Directories, patterns, flight files, tables of flights.
-    out : Path or None
-        Directory of table and page; None: the one directory that was named, else the working one.
-    scheduler : str or None
-        Address of a Dask scheduler; None: processes of this machine.
-    workers : int or None
-        Most of these processes; None: one a processor, as far as memory allows.
-    again : bool
-        Whether flights are processed although their products are in force.
-    force : bool
-        Whether results of other measurements, and a page of others, are overwritten.
-    parquet : bool
-        Whether season.parquet is written as well.
-    """
-
-    sources: tuple[str, ...]
-    out: Path | None = None
-    scheduler: str | None = None
-    workers: int | None = None
-    again: bool = False
-    force: bool = False
-    parquet: bool = False
-
-    @property
-    def directory(self) -> Path:
-        """Where table and page go."""
-        if self.out is not None:
-            return self.out
-        one = Path(self.sources[0]) if len(self.sources) == 1 else Path(".")
-        return one if one.is_dir() else Path(".")
 
 
 @dataclass(frozen=True)

@@ -2,77 +2,59 @@
 
 import argparse
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ...base.errors import UsageError
 from ...base.files import atomic_write, json_text
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, refuse_other_results
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
 from ..console import Progress
 from ..verb import Verb, show
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "imu",
-        type=Path,
-        metavar="IMU_FILE",
-        help="samples of an IMU that rests 5 s and more in each position",
+@dataclass(frozen=True)
+class Request(Checked):
+    """Options of the verb."""
+
+    imu: Path = argument(
+        ..., "samples of an IMU that rests 5 s and more in each position", cli="IMU_FILE"
     )
-    parser.add_argument(
-        "--flight",
-        type=Path,
-        metavar="FLIGHT",
-        help="a flight file whose [imu] says columns, units and quantity",
+    flight: Path | None = argument(
+        None, "a flight file whose [imu] says columns, units and quantity", metavar="FLIGHT"
     )
-    parser.add_argument(
-        "--columns", metavar="NAMES", help="such as tow,gx,gy,gz,ax,ay,az (default: by header)"
+    columns: tuple[str, ...] | Mapping[str, str] | None = argument(
+        None, "such as tow,gx,gy,gz,ax,ay,az", usual="by header", kind="columns", metavar="NAMES"
     )
-    parser.add_argument(
-        "--gyro-unit", metavar="UNIT", help="rad/s, deg/s or deg/h (default: by header, else rad/s)"
+    gyro_unit: str | None = argument(
+        None, "rad/s, deg/s or deg/h", usual="by header, else rad/s", metavar="UNIT"
     )
-    parser.add_argument(
-        "--accel-unit", metavar="UNIT", help="m/s^2, g or mg (default: by header, else m/s^2)"
+    accel_unit: str | None = argument(
+        None, "m/s^2, g or mg", usual="by header, else m/s^2", metavar="UNIT"
     )
-    parser.add_argument(
-        "--quantity",
-        choices=("mean_rate", "increments", "instant_rate"),
-        help="what a sample is (default: mean_rate)",
+    quantity: Literal["mean_rate", "increments", "instant_rate"] | None = argument(
+        None, "what a sample is", usual="mean_rate"
     )
-    parser.add_argument(
-        "--latitude",
-        type=float,
-        metavar="DEG",
-        help="of the place, for its gravity (default: 9.80665 +- 0.02 m/s^2)",
+    latitude: float | None = argument(
+        None,
+        "of the place, north positive, for its gravity",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
+        usual="9.80665 +- 0.02 m/s^2",
     )
-    parser.add_argument(
-        "--height",
-        type=float,
-        default=0.0,
-        metavar="M",
-        help="of the place above the ellipsoid (default: 0)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="what to write (default: calibration.toml beside IMU_FILE)",
-    )
-    parser.add_argument(
-        "--force", action="store_true", help="overwrite the calibration of another recording"
-    )
+    height: float = argument(0.0, "of the place above the ellipsoid", unit="m")
+    out: Path | None = argument(None, "what to write", usual="calibration.toml beside IMU_FILE")
+    force: bool = argument(False, "overwrite the calibration of another recording")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    if options.latitude is not None and not abs(options.latitude) <= 90.0:
-        raise UsageError(
-            f"calibrate imu: latitude {options.latitude} deg is beyond 90; give degrees, north"
-            " positive"
-        )
     from ...flight.processing.checks import sentence
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
@@ -121,10 +103,7 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
     """How to read the IMU file: of a flight file, of the options beside it."""
     given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
     units = {sensor: unit for sensor, unit in given.items() if unit}
-    columns = (
-        tuple(name.strip() for name in options.columns.split(",")) if options.columns else None
-    )
-    spec = {"columns": columns, "units": units or None, "quantity": options.quantity}
+    spec = {"columns": options.columns, "units": units or None, "quantity": options.quantity}
     if options.flight is None:
         return spec
     if any(spec.values()):
@@ -149,6 +128,6 @@ VERB = Verb(
     "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine positions"
     " and more",
     "  insgnss calibrate imu turned_by_hand.csv --latitude 46.57 --height 420 --out navchip1.toml",
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,8 +1,10 @@
 """The verb `archive`: whether products can be made again from their inputs."""
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
+from ...io.options.schema import argument
 from ..console import Progress
 from ..verb import Verb, report_error, show_result
 
@@ -10,15 +12,13 @@ EXAMPLE = """  insgnss archive season
   insgnss archive season --remake"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="the directory of flights and their results"
-    )
-    parser.add_argument(
-        "--remake",
-        action="store_true",
-        help="process every flight again in a temporary directory and compare byte for byte",
+@dataclass(frozen=True)
+class Request:
+    """Options of the verb."""
+
+    directory: Path = argument(..., "the directory of flights and their results", cli="DIR")
+    remake: bool = argument(
+        False, "process every flight again in a temporary directory and compare byte for byte"
     )
 
 
@@ -39,6 +39,6 @@ VERB = Verb(
     "check that every result below a directory can be made again from its inputs, by hashes and"
     " versions",
     EXAMPLE,
-    add_arguments,
+    (Request,),
     run,
 )

@@ -1,9 +1,9 @@
 """The verb `batch`: the flights of a season."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...batch.season.request import SeasonRequest
 from ..console import Progress
 from ..verb import Verb, print_json, report_error
 
@@ -17,71 +17,11 @@ EXAMPLE = """  insgnss batch season
 SELDOM_S = 20.0  # between lines of progress where no terminal renews one
 
 
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not 1 or more")
-    return value
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "sources",
-        nargs="+",
-        metavar="FLIGHTS",
-        help=(
-            "directories, below which every flight.toml counts; patterns in quotation marks; flight"
-            " files; tables of flights: CSV with a column flight and, if wanted, name and out"
-        ),
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help=(
-            "where season.csv and index.html go (default: the directory that is named alone, else"
-            " the working one); products go where each flight file says, or the column out of a"
-            " table, below the table or below DIR"
-        ),
-    )
-    parser.add_argument(
-        "--workers",
-        type=_count,
-        metavar="N",
-        help="most flights side by side (default: one a processor, as far as memory allows)",
-    )
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="address of a Dask scheduler, tcp://HOST:8786, in place of this machine (needs Dask)",
-    )
-    parser.add_argument(
-        "--again", action="store_true", help="process flights whose products are in force as well"
-    )
-    parser.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite results of other measurements, and a page or table of others",
-    )
-    parser.add_argument(
-        "--parquet", action="store_true", help="write season.parquet as well (needs pyarrow)"
-    )
-
-
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...batch.season.run import SeasonRequest, line_of, run_season
+    from ...batch.season.run import line_of, run_season
 
-    request = SeasonRequest(
-        tuple(options.sources),
-        options.out,
-        options.scheduler,
-        options.workers,
-        options.again,
-        options.force,
-        options.parquet,
-    )
+    request = options.records[SeasonRequest]
     lines = _Lines(progress, silent=options.json)
     result = run_season(request, lambda one: lines.show(one, line_of(one)), lines.tick)
     progress.clear()
@@ -136,6 +76,6 @@ VERB = Verb(
     "batch",
     "process the flights of a season side by side, skip what is done, and leave one table and page",
     EXAMPLE,
-    add_arguments,
+    (SeasonRequest,),
     run,
 )

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...io.options.schema import BY_HEADER, check, option, take_record
+from ...io.options.kinds import check
+from ...io.options.schema import BY_HEADER, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...base.errors import InputError, OptionError, near
+from ...base.errors import InputError, OptionError
 from ...base.inputs import is_file
 from ...base.received.trusted import at_home
-from ...io.options.schema import check, option, options_of
+from ...io.options.kinds import check
+from ...io.options.schema import option
 from .block_tables.aerial_control import AerialControlTable
 from .block_tables.vehicle import VehicleTable
 from .flight_file import resolved
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 PARAMETERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
 """Those of `records.block.INTERIOR`, which asks for numpy."""
+GROUPS = (
+    *("image observations", "ground control", "aerial control"),
+    *("kinematic ground control", "target sizes"),
+)
+"""Groups of observations of an adjustment."""
 CAMERA_FORMATS = ("toml", "metashape", "colmap", "opencv")
 DIRECTORY = "adjusted"
 Mode = Literal["iso", "indirect", "fast_at", "direct"]
@@ -33,7 +39,6 @@ class ImagesInput:
         kind="existing",
         form="file or directory",
         cli="--images",
-        metavar="FILE",
         cli_meaning="image observations: a table, or a project of a photogrammetry program",
     )
     format: str = option(
@@ -41,7 +46,6 @@ class ImagesInput:
         "format of the file, such as metashape, colmap, opensfm, bingo; auto: as its name and first"
         " bytes say",
         cli="--images-format",
-        metavar="NAME",
     )
     sigma_px: float | None = option(
         None,
@@ -51,7 +55,6 @@ class ImagesInput:
         high=1000.0,
         usual="that of the file, or 1",
         cli="--sigma-px",
-        metavar="PX",
     )
     columns: "Columns" = option(
         None,
@@ -59,9 +62,7 @@ class ImagesInput:
         kind="columns",
         usual="by header or order",
     )
-    skip: tuple[str, ...] = option(
-        (), "names of images that are left out", cli="--skip-images", metavar="NAME"
-    )
+    skip: tuple[str, ...] = option((), "names of images that are left out", cli="--skip-images")
 
     def __post_init__(self) -> None:
         check(self, "images")
@@ -72,33 +73,25 @@ class CameraTable:
     """Table [camera]: the camera of all images, where the project has none or a worse one."""
 
     file: Path | None = option(
-        None,
-        "camera (camera_toml.md) of all images",
-        usual="those of the project",
-        cli="--camera",
-        metavar="FILE",
+        None, "camera (camera_toml.md) of all images", usual="those of the project", cli="--camera"
     )
     free: tuple[str, ...] | None = option(
         None,
         f"parameters of interior orientation that are estimated, of {' '.join(PARAMETERS)}",
         kind="texts",
+        choices=PARAMETERS,
         usual="those of the camera's file; of a project f, cx, cy and what is not zero",
         cli="--free",
-        metavar="NAME",
     )
     weighed: bool = option(
         False,
         "the standard deviations of the camera's file are observations of what is estimated of it;"
         " not those of an adjustment of the same images",
+        needs=("file",),
     )
 
     def __post_init__(self) -> None:
         check(self, "camera")
-        if self.weighed and self.file is None:
-            raise OptionError("camera.weighed", "has no meaning without camera.file; give both")
-        for name in self.free or ():
-            if name not in PARAMETERS:
-                raise OptionError("camera.free", f"{name!r} is unknown; {near(name, PARAMETERS)}")
 
 
 @dataclass(frozen=True)
@@ -110,7 +103,6 @@ class GroundTableInput:
         "ground control and check points: a table (ground_points.md), or a file of a program",
         usual="those of the project",
         cli="--ground",
-        metavar="FILE",
     )
     crs: str | None = option(
         None,
@@ -121,23 +113,22 @@ class GroundTableInput:
         metavar="CRS",
     )
     geoid: Path | None = option(
-        None, "grid of geoid heights, for heights above sea level", cli="--geoid", metavar="GRID"
+        None,
+        "grid of geoid heights, for heights above sea level",
+        needs=("crs",),
+        cli="--geoid",
+        metavar="GRID",
     )
     columns: "Columns" = option(
         None, "of a table, as images.columns", kind="columns", usual="by header or order"
     )
     check: tuple[str, ...] = option(
-        (),
-        "names of points that are check points, whatever the file says",
-        cli="--check",
-        metavar="NAME",
+        (), "names of points that are check points, whatever the file says", cli="--check"
     )
     skip: tuple[str, ...] = option((), "names of points that are left out")
 
     def __post_init__(self) -> None:
         check(self, "ground")
-        if self.geoid is not None and self.crs is None:
-            raise OptionError("ground.geoid", "has no meaning without ground.crs; give both")
 
 
 @dataclass(frozen=True)
@@ -158,6 +149,7 @@ class AdjustmentTable:
         "observations (not in mode fast_at, which has few), ground control, aerial control, "
         "kinematic ground control, target sizes; of the others a component that contradicts them "
         "is reported",
+        choices=GROUPS,
     )
     limit_w: float = option(
         4.0, "largest standardised residual of an image observation", low=2.0, high=100.0
@@ -168,21 +160,11 @@ class AdjustmentTable:
         "observations whose contradiction is accepted, of image observations, ground control, "
         "aerial control, kinematic ground control, target sizes, check points: of residuals beyond "
         "five times what their standard deviations allow no orientation is written otherwise",
+        choices=(*GROUPS, "check points"),
     )
 
     def __post_init__(self) -> None:
         check(self, "adjustment")
-        groups = (
-            *("image observations", "ground control", "aerial control"),
-            *("kinematic ground control", "target sizes"),
-        )
-        for name in self.reweight:
-            if name not in groups:
-                raise OptionError("adjustment.reweight", f"{name!r}: {near(name, groups)}")
-        for name in self.accept:
-            if name not in (*groups, "check points"):
-                problem = f"{name!r}: {near(name, (*groups, 'check points'))}"
-                raise OptionError("adjustment.accept", problem)
 
 
 @dataclass(frozen=True)
@@ -199,7 +181,6 @@ class PlanTable:
         unit="m",
         usual="that of the ground points",
         cli="--ground-height",
-        metavar="M",
     )
 
     def __post_init__(self) -> None:
@@ -225,7 +206,9 @@ class BlockOutput:
         form="list of texts",
     )
     cameras: tuple[str, ...] = option(
-        CAMERA_FORMATS[:2], f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}"
+        CAMERA_FORMATS[:2],
+        f"formats of the adjusted cameras, of {' '.join(CAMERA_FORMATS)}",
+        choices=CAMERA_FORMATS,
     )
     pose_covariance: bool = option(
         False,
@@ -236,9 +219,6 @@ class BlockOutput:
 
     def __post_init__(self) -> None:
         check(self, "output")
-        for name in self.cameras:
-            if name not in CAMERA_FORMATS:
-                raise OptionError("output.cameras", f"{name!r}: {near(name, CAMERA_FORMATS)}")
 
 
 @dataclass(frozen=True)
@@ -331,8 +311,7 @@ def load_block(path: str | Path) -> BlockFile:
         The file is missing or no TOML, or a key, a value or a file it names is wrong.
     """
     from ...base.tables import read_toml
-    from .load import made
-    from .values import take
+    from .values import known_keys, made, take
 
     path = Path(path)
     if path.is_dir():
@@ -341,12 +320,7 @@ def load_block(path: str | Path) -> BlockFile:
         raise InputError.at_line(
             path, None, "does not exist; give a block file, or eo.json with --images and --ground"
         )
-    keys = {
-        name: tuple(item.name for item in options_of(name, classes))
-        for name, classes in BLOCK_TABLES.items()
-    }
-    keys[""] += tuple(name for name in BLOCK_TABLES if name)
-    root = read_toml(path, keys)
+    root = read_toml(path, known_keys(BLOCK_TABLES))
     root.check_keys()
     control = root.table("aerial_control")
     if not control.resolve(str(control.text("file", "."))).exists():

@@ -1,102 +1,61 @@
-"""Arguments of a verb, made of the options that the flight file declares.
+"""Arguments of a verb, made of the options that records and tables declare.
 
-An option that names its argument (`cli="--max-age"`) becomes one, with meaning, unit, range and
-default in its help. Only the standard library is needed.
+An option that names its argument (`cli="--max-age"`; `cli="--"`: by its name) becomes one, with
+meaning, unit, range and default in its help. Only the standard library is needed.
 """
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from ...base.errors import OptionError, UsageError
+from ...base.wording import spoken_as
+from ...io.options.kinds import KINDS, in_range, range_words
 from ...io.options.schema import Declared, options_of
 from .flight_file import TABLES
 
-_TYPES: dict[str, Any] = {
-    "covariance": Path,
-    "event_numbers": int,
-    "existing": Path,
-    "file_or_directory": Path,
-    "file": Path,
-    "files": Path,
-    "images": Path,
-    "observations": Path,
-    "number": float,
-    "numbers": float,
-    "whole": int,
-}
-_LISTS = ("event_numbers", "files", "observations", "rtklib", "texts")
+Request = TypeVar("Request")
 
 
 def add_options(
-    parser: argparse.ArgumentParser, tables: Iterable[type], required: Sequence[str] = ()
+    parser: argparse.ArgumentParser,
+    classes: Iterable[type],
+    required: Sequence[str] | None = None,
+    table: str = "",
 ) -> None:
-    """Add the arguments that the options of some tables declare.
+    """Add the arguments that the options of some dataclasses declare.
 
-    The parsed values have the names of the options; what nobody gives is None, or an empty list.
+    The parsed values have the names of the options; what nobody gives is None.
 
     Parameters
     ----------
     parser : argparse.ArgumentParser
         Gets the arguments.
-    tables : Iterable[type]
+    classes : Iterable[type]
         The dataclasses whose options are taken.
-    required : Sequence[str]
-        Options that must be given.
+    required : Sequence[str], optional
+        Options that must be given; None: those without a default.
+    table : str
+        Whose options they are, where those of several tables share names: the parsed values have
+        it before their names, with two underscores between them.
     """
-    for table in tables:
-        for item in options_of("", [table]):
-            if item.option.cli:
-                _add(parser, item, item.name in required)
+    groups: dict[str, Any] = {"": parser}
+    for item in options_of(table, tuple(classes)):
+        if item.flag:
+            group = item.option.group
+            if group not in groups:
+                groups[group] = parser.add_argument_group(group)
+            needed = item.required if required is None else item.name in required
+            _add(groups[group], item, f"{table}__{item.name}".removeprefix("__"), needed)
 
 
-def add_options_of_tables(
-    parser: argparse.ArgumentParser, tables: Mapping[str, Iterable[type]]
-) -> None:
-    """Add the arguments of tables whose options may share names.
-
-    The parsed values have the names of table and option, with two underscores between them.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Gets the arguments.
-    tables : mapping
-        The dataclasses of each table.
-    """
-    for name, classes in tables.items():
-        for item in options_of(name, tuple(classes)):
-            if item.option.cli:
-                _add(parser, replace(item, name=f"{name}__{item.name}"), False)
-
-
-def given_of_tables(
-    parsed: argparse.Namespace, tables: Mapping[str, Iterable[type]]
-) -> dict[str, dict[str, Any]]:
-    """The values of the options of each table by name, of those that somebody gave."""
-    given: dict[str, dict[str, Any]] = {name: {} for name in tables}
-    for name, classes in tables.items():
-        for item in options_of(name, tuple(classes)):
-            value = getattr(parsed, f"{name}__{item.name}", None)
-            if value is not None and value != []:
-                given[name][item.name] = tuple(value) if isinstance(value, list) else value
-    return given
-
-
-def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:
-    """The option of the command line for each key of the flight file that has one."""
-    options = {}
-    for table, classes in tables.items():
-        for item in options_of(table, tuple(classes)):
-            if item.option.cli:
-                options[".".join(filter(None, (table, item.name)))] = item.option.cli
-    return options
-
-
-def given_of(parsed: argparse.Namespace, table: type) -> dict[str, Any]:
-    """The values of a table's options by name, of those that somebody gave."""
-    values = {item.name: getattr(parsed, item.name, None) for item in options_of("", [table])}
+def given_of(parsed: argparse.Namespace, kind: type, table: str = "") -> dict[str, Any]:
+    """The values of a dataclass' options by name, of those that somebody gave."""
+    values = {
+        item.name: getattr(parsed, f"{table}__{item.name}".removeprefix("__"), None)
+        for item in options_of(table, (kind,))
+    }
     return {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in values.items()
@@ -104,33 +63,77 @@ def given_of(parsed: argparse.Namespace, table: type) -> dict[str, Any]:
     }
 
 
-def _add(parser: argparse.ArgumentParser, item: Declared, required: bool) -> None:
-    stated, kind = item.option, item.kind
-    words = stated.cli_meaning or stated.meaning
-    if not stated.cli.startswith("-"):
-        count = "+" if kind in _LISTS else None
-        parser.add_argument(
-            item.name, type=Path, metavar=stated.cli, help=_percent(words), nargs=count
-        )
+def made_of(kind: Callable[..., Request], parsed: argparse.Namespace, **more: Any) -> Request:
+    """The record of a verb's arguments; UsageError in the words of the command line."""
+    with spoken_as(names_of({"": (kind,)})):  # type: ignore[dict-item]
+        try:
+            return kind(**given_of(parsed, kind), **more)  # type: ignore[arg-type]
+        except OptionError as error:
+            verb = " ".join(filter(None, (parsed.verb, getattr(parsed, "what", ""))))
+            raise UsageError(f"{verb}: {error}; see insgnss {verb} --help") from None
+
+
+def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:
+    """The option of the command line for each key of the flight file that has one."""
+    return {
+        ".".join(filter(None, (table, item.name))): item.flag
+        for table, classes in tables.items()
+        for item in options_of(table, tuple(classes))
+        if item.flag
+    }
+
+
+def _add(parser: Any, item: Declared, name: str, required: bool) -> None:
+    stated, kind = item.option, KINDS[item.kind]
+    more: dict[str, Any] = {"help": _help(item, required), "type": _word(item)}
+    if kind.several:
+        more |= {"nargs": "+", "action": "extend"}
+    if stated.repeated:
+        more |= {"nargs": None, "action": "append"}
+    elif item.kind in ("numbers", "lever"):
+        more["nargs"] = item.count
+    if stated.alone is not None:
+        more |= {"nargs": "?", "const": stated.alone}
+    if item.kind in ("choice", "whole") and item.choices:
+        more["choices"] = item.choices
+    if not item.flag.startswith("-"):
+        many = ("+" if required else "*") if kind.several else None if required else "?"
+        more |= {"nargs": many, "action": "store"}
+        if item.kind != "choice":
+            more["metavar"] = item.flag
+        parser.add_argument(name, **more)
         return
-    more: dict[str, Any] = {"dest": item.name, "default": None, "help": _help(item, required)}
-    if kind == "flag":
-        action = "store_false" if item.default else "store_true"
-        parser.add_argument(stated.cli, action=action, **more)
-        return
+    if item.kind == "flag":
+        set_to = "store_false" if item.default else "store_true"
+        more["action"] = argparse.BooleanOptionalAction if item.default is None else set_to
+        more.pop("type")
+    elif "choices" not in more:
+        name_of_value = stated.metavar or _metavar(item)
+        more["metavar"] = tuple(name_of_value.split()) if " " in name_of_value else name_of_value
     if required:
         more["required"] = True
-    if kind in _LISTS:
-        more |= {"nargs": "+", "action": "extend", "default": None if required else []}
-    elif kind == "numbers":
-        more["nargs"] = item.count
-    if kind in _TYPES:
-        more["type"] = _TYPES[kind]
-    if stated.metavar:
-        more["metavar"] = stated.metavar
-    if kind in ("choice", "whole") and item.choices:
-        more["choices"] = item.choices
-    parser.add_argument(stated.cli, **more)
+    more["default"] = [] if kind.several and not required else None
+    parser.add_argument(item.flag, dest=name, **more)
+
+
+def _word(item: Declared) -> Callable[[str], Any]:
+    """How a word is read; where the command line has another unit, it is judged in that."""
+    scale, word = item.option.scale, KINDS[item.kind].word
+    if scale == 1.0:
+        return word
+
+    def scaled(text: str) -> float:
+        if not in_range(item, float(text)):
+            raise argparse.ArgumentTypeError(f"{text!r} must be {range_words(item)}")
+        return scale * float(text)
+
+    return scaled
+
+
+def _metavar(item: Declared) -> str:
+    """Name of the value in the help: by unit, else by what it is."""
+    names: dict[Any, str] = {Path: "FILE", int: "N", float: "X"}
+    return item.option.unit.upper() or names.get(KINDS[item.kind].word, "NAME")
 
 
 def _help(item: Declared, required: bool) -> str:
@@ -139,23 +142,19 @@ def _help(item: Declared, required: bool) -> str:
     words = [stated.cli_meaning or stated.meaning]
     if stated.unit and not stated.cli_meaning:
         words.append(stated.unit)
-    if item.kind in ("number", "whole") and not item.choices and abs(stated.low) != float("inf"):
-        words.append(f"{stated.low:g} to {stated.high:g}")
+    if item.kind in ("number", "whole") and not item.choices:
+        words.append(range_words(item))
+    text = ", ".join(filter(None, words))
     usual = stated.cli_default or stated.usual or default_words(item.default)
-    if required or item.kind in ("flag", *_LISTS, "covariance") or not usual:
-        return _percent(", ".join(words))
-    return _percent(f"{', '.join(words)} (default: {usual})")
+    if not (required or item.kind in ("flag", "covariance") or not usual):
+        text = f"{text} (default: {usual})"
+    return text.replace("%", "%%")
 
 
 def default_words(value: Any) -> str:
     """A default as the command line takes it, empty for none."""
-    if value is None or value is ... or value == "":
+    if value is None or value is ... or value == "" or isinstance(value, Mapping):
         return ""
     if isinstance(value, tuple):
         return " ".join(map(default_words, value))
     return f"{value:g}" if isinstance(value, int | float) else str(value)
-
-
-def _percent(text: str) -> str:
-    """Text as argparse prints it whole."""
-    return text.replace("%", "%%")

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ...io.options.schema import Triple, check, option
+from ...io.options.kinds import check
+from ...io.options.schema import Triple, option
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,7 @@ class InitialAttitude:
     pitch_deg: float = option(..., "initial pitch", unit="deg", low=-90.0, high=90.0)
     heading_deg: float = option(..., "initial heading", unit="deg", low=-180.0, high=360.0)
     sigma_deg: Triple = option(
-        (2.0, 2.0, 5.0),
-        "standard deviations of roll, pitch and heading",
-        kind="sigmas",
-        unit="deg",
+        (2.0, 2.0, 5.0), "standard deviations of roll, pitch and heading", kind="sigmas", unit="deg"
     )
 
     def __post_init__(self) -> None:

@@ -27,19 +27,15 @@ from ...io.options.camera_options import (
     RoverEvents,
     angle_sets,
 )
-from ...io.options.schema import (
-    Declared,
-    Triple,
-    Words,
-    are_numbers,
+from ...io.options.kinds import (
+    Kind,
+    accepted,
+    as_tuple,
     check,
-    is_place,
     no_texts,
-    option,
-    refuse_unread,
     register,
-    swapped,
 )
+from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
 from ...report.rules.use import NEEDS
 from .barometer_options import BarometerInput
 from .filter_options import FilterOptions, InitialAttitude
@@ -78,7 +74,7 @@ def _no_formats(item: Declared, value: Any) -> str:
     return ""
 
 
-register("formats", _no_formats)
+register("formats", Kind(_no_formats, as_tuple))
 
 ROLLOVER = 1024  # weeks that the signal of GPS can count
 
@@ -170,9 +166,7 @@ class TangentPlane:
 
     def __post_init__(self) -> None:
         coordinates = (self.lat_deg, self.lon_deg, self.height_m)
-        if not is_place(*coordinates):
-            problem = f"is no latitude, longitude, ellipsoidal height; {swapped(*coordinates[:2])}"
-            raise OptionError("tangent_plane.origin", problem, list(coordinates))
+        accepted(declared(TangentPlaneTable)["origin"], coordinates, "tangent_plane.origin")
 
     @property
     def origin(self) -> "Array":
@@ -252,6 +246,7 @@ class Output:
         None,
         "height of the ground in a projected CRS: heights above it are scaled as the projection "
         "scales the plan; not needed with control points",
+        needs=("crs",),
         unit="m",
         low=-500.0,
         high=9000.0,
@@ -348,10 +343,7 @@ class Flight:
         None, "data after this time of week are cut away", unit="s", low=0.0
     )
     accept: tuple[str, ...] = option(
-        (),
-        "names of checks, below, whose contradiction does not stop `process`",
-        kind="names",
-        choices=_checks,
+        (), "names of checks, below, whose contradiction does not stop `process`", choices=_checks
     )
     imu: ImuInput = field(kw_only=True)
     gnss: GnssInput = field(kw_only=True)
@@ -369,10 +361,10 @@ class Flight:
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
         if plane is not None and not isinstance(plane, TangentPlane):
-            if not are_numbers(plane, 3):
-                problem = "must be latitude (deg), longitude (deg), ellipsoidal height (m)"
-                raise OptionError("tangent_plane", problem, plane)
-            object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
+            item = declared(TangentPlaneTable)["origin"]
+            object.__setattr__(
+                self, "tangent_plane", TangentPlane(*accepted(item, plane, "tangent_plane"))
+            )
         check(self, "")
         refuse_week(self.gps_week)
 

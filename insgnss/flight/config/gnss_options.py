@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ...base.errors import InputError
+from ...base.errors import InputError, near
 from ...gnss.covariance_model import MODEL, CovarianceModel
 from ...gnss.ppk_options import RawGnss
-from ...io.options.schema import BY_HEADER, Triple, check, option, take_record
+from ...io.options.kinds import Kind, check, no_mapping, register
+from ...io.options.schema import BY_HEADER, Declared, Triple, option, take_record
 from ...navigation.prepare.fix_covariance.numbers import QUALITY_SIGMA_M
 
 if TYPE_CHECKING:
@@ -26,6 +27,23 @@ def _unit_keys() -> tuple[str, ...]:
     from ...io.formats.gnss.gnss_text import SPEC
 
     return (*SPEC.units, "quality")
+
+
+def _no_unit(item: Declared, quantity: str, unit: object) -> str:
+    from ...io.formats.gnss.fixes import QUALITY_CODES
+    from ...io.formats.text.units import UNITS, is_unit
+
+    if quantity == "quality":
+        if unit in QUALITY_CODES:
+            return ""
+        return f"is unknown; {near(str(unit), QUALITY_CODES)}"
+    kind = "angle" if quantity == "course" else quantity
+    if isinstance(unit, str) and is_unit(unit, kind):
+        return ""
+    return f"is no unit for it: {near(str(unit), tuple(UNITS[kind]))}"
+
+
+register("gnss_units", Kind(no_mapping, member=_no_unit))
 
 
 @dataclass(frozen=True)
@@ -153,10 +171,7 @@ class GnssInput:
         60.0, "correlation time of this error", unit="s", low=0.1, high=1e5
     )
     white_scale: float = option(
-        1.0,
-        "white error, in standard deviations of each fix",
-        low=1e-2,
-        high=100.0,
+        1.0, "white error, in standard deviations of each fix", low=1e-2, high=100.0
     )
     covariance: CovarianceModel = option(
         lambda: MODEL,

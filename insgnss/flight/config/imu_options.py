@@ -5,19 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import InputError, near
-from ...io.options.schema import (
-    BY_HEADER,
-    Declared,
-    Triple,
-    Words,
-    check,
-    no_text,
-    option,
-    other_class,
-    register,
-    take_record,
-)
+from ...base.errors import InputError, OptionError, near
+from ...io.options.kinds import Kind, check, no_mapping, no_text, other_class, register
+from ...io.options.schema import BY_HEADER, Declared, Triple, Words, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -57,7 +47,7 @@ def neither_model_nor_file(noise: str, remark: str = "") -> str:
     return f"{noise!r} is neither a shipped model nor a file{remark}; {advice}"
 
 
-def _name_or_path(value: Any) -> Any:
+def _name_or_path(item: Declared, value: Any) -> Any:
     """A text that names a file and no shipped model as a path, all else as it is."""
     from ...navigation.noise_model.model import shipped_models
 
@@ -73,8 +63,29 @@ def _no_noise(item: Declared, value: Any) -> str:
     return "" if value in shipped_models() else neither_model_nor_file(value)
 
 
-register("axes", _no_axes)
-register("noise", _no_noise, _name_or_path)
+def _refuse_units(units: Mapping[str, str], quantity: str) -> None:
+    """Raise OptionError for a unit that is none of its quantity's, and say whose it is."""
+    from ...io.formats import UNITS
+    from ...io.formats.text.units import imu_kinds, is_unit
+
+    kinds = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
+    for sensor, unit in units.items():
+        kind = kinds.get(sensor, sensor)
+        if is_unit(unit, kind):
+            continue
+        count = "a number may stand before it (of one count: 0.05 deg/s)"
+        advice = f"{near(str(unit), tuple(UNITS[kind]))}; {count}"
+        homes = [name for name in UNITS if is_unit(unit, name)]
+        if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
+            advice = f'it does not belong to quantity = "{quantity}"; use {", ".join(UNITS[kind])}'
+        elif homes:
+            advice = f"it belongs to the other sensor; use {', '.join(UNITS[kind])}"
+        raise OptionError(f"imu.units.{sensor}", f"{unit!r} is no unit for it: {advice}")
+
+
+register("axes", Kind(_no_axes))
+register("imu_units", Kind(no_mapping, member=lambda item, name, unit: no_text(item, unit)))
+register("noise", Kind(_no_noise, _name_or_path))
 
 
 @dataclass(frozen=True)
@@ -168,6 +179,8 @@ class ImuInput:
 
     def __post_init__(self) -> None:
         check(self, "imu")
+        if self.units:
+            _refuse_units(self.units, self.quantity)
         take_record(self, "file", "imu_samples", self.quantity)
 
     @property

@@ -6,15 +6,12 @@ schema, how it is read in `values`; here stands what options have to do with eac
 """
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
-from ...base.errors import InputError, OptionError, UsageError
+from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file, reading
 from ...base.received.trusted import at_home
 from ...base.tables import Table, read_toml
@@ -22,7 +19,7 @@ from ...gnss.covariance_model import CovarianceModel
 from ...gnss.ppk_options import OF_POSITIONS, RawGnss
 from ...io.formats.orientation.mounting_file import DELAY, read_mounting_file
 from ...io.options.camera_options import CameraInput, ImageMatch, RoverEvents
-from ...io.options.schema import declared, options_of
+from ...io.options.schema import declared
 from ...records.cameras.mounting import (
     PAPER_CAMERA_FROM_BODY,
     ROTATION_TOLERANCE,
@@ -43,21 +40,7 @@ from .flight_file import (
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
 from .imu_options import ImuInput
 from .keys.include import with_included
-from .values import covariance_of, take
-
-Made = TypeVar("Made")
-
-
-@cache
-def known_keys() -> dict[str, tuple[str, ...]]:
-    """The keys of every table of a flight file, the sub-tables among them."""
-    keys = {name: tuple(item.name for item in options_of(name, TABLES[name])) for name in TABLES}
-    for name in TABLES:
-        for item in options_of(name, TABLES[name]):
-            if item.option.members is not None:
-                keys[f"{name}.{item.name}"] = item.option.members()
-    tables = tuple(name for name in TABLES if name and "." not in name)
-    return keys | {"": (*keys[""], *tables)}
+from .values import covariance_of, known_keys, made, take
 
 
 @at_home
@@ -86,7 +69,7 @@ def load_flight(path: str | Path) -> Flight:
 
 
 def _loaded(path: Path) -> Flight:
-    root, included = with_included(read_toml(path, known_keys()), known_keys())
+    root, included = with_included(read_toml(path, known_keys(TABLES)), known_keys(TABLES))
     root.check_keys()
     values = take(root, [Flight])
     start, end = values["start_tow"], values["end_tow"]
@@ -104,9 +87,10 @@ def _loaded(path: Path) -> Flight:
         "mounting": mounting_of(root.table("mounting")),
         "tangent_plane": _tangent_plane(plane) if plane else None,
         "output": _output(root.table("output")),
-        "initial": InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
+        "initial": initial and made(initial, InitialAttitude, take(initial, [InitialAttitude])),
         "filter": FilterOptions(**take(root.table("filter"), [FilterOptions])),
-        "barometer": BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
+        "barometer": barometer
+        and made(barometer, BarometerInput, take(barometer, [BarometerInput])),
     }
     flight = made(root, Flight, {"path": path, "included": included, **values, **tables})
     return _calibrated(flight, root)
@@ -126,7 +110,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
-        for name, words in known_keys().items()
+        for name, words in known_keys(TABLES).items()
         if name.startswith(start)
     }
     root = read_toml(path, keys)
@@ -138,15 +122,6 @@ def read_covariance(path: Path) -> CovarianceModel:
         raise InputError.at_line(path, root.lines[headed], problem)
     root.check_keys()
     return covariance_of(root)
-
-
-def made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
-    """The dataclass of a table; what it refuses at construction is told at the line of the key."""
-    try:
-        return kind(**values)
-    except OptionError as refusal:
-        key = refusal.key.rpartition(".")[2] if table.name else refusal.key
-        raise table.error(key, refusal.problem) from None
 
 
 def _imu(table: Table) -> ImuInput:
@@ -182,7 +157,7 @@ def _gnss(table: Table) -> GnssInput:
         except UsageError as error:
             key = "epoch" if values["datum"] is None else "datum"
             raise table.error(key, str(error)) from None
-    return GnssInput(**({"file": None} | values), raw=raw)
+    return made(table, GnssInput, {"file": None} | values | {"raw": raw})
 
 
 def _raw(table: Table) -> RawGnss | None:
@@ -207,7 +182,7 @@ def _raw(table: Table) -> RawGnss | None:
     if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
         problem = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
         raise table.error("atmosphere", f"{problem}; keep one of them")
-    return RawGnss(**values)
+    return made(table, RawGnss, values)
 
 
 def _camera(table: Table, raw: bool) -> CameraInput:
@@ -246,13 +221,7 @@ def _further_camera(table: Table) -> CameraInput:
 
 def _image_match(table: Table) -> ImageMatch:
     """Which images there are, of a table of a camera."""
-    match = ImageMatch(**take(table, [ImageMatch]))
-    of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
-    if of_images and match.images is None:
-        problem = "give the directory of the images or a list of their names"
-        where = f"{table.name}.images"
-        raise table.error(of_images[0], f"is of {where}, which is missing; {problem}")
-    return match
+    return made(table, ImageMatch, take(table, [ImageMatch]))
 
 
 def mounting_of(table: Table) -> Mounting:
@@ -260,6 +229,9 @@ def mounting_of(table: Table) -> Mounting:
     of_file = ("file", "max_age_days")
     given = take(table, [MountingTable], without=of_file)
     given = {key: value for key, value in given.items() if value is not None}
+    for key in ("camera_from_body", "boresight"):
+        if key in given:
+            given[key] = np.array(given[key])
     angles = given.pop("boresight_deg", None)
     try:
         if angles:
@@ -285,11 +257,6 @@ def _output(table: Table) -> Output:
     rename = tuple(str(path) if path.is_file() else rule for rule, path in rules)
     output = made(table, Output, values | {"directory": directory, "rename": rename})
     if output.crs is None:
-        if output.ground_m is not None:
-            problem = (
-                "scales heights in a projected CRS only; give output.crs as well, or leave it out"
-            )
-            raise table.error("ground_m", problem)
         return output
     from ...geodesy.projection import MapProjection
 

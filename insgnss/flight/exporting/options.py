@@ -4,13 +4,12 @@ They are turned into what the annotations of its writer say, or refused in one l
 """
 
 import inspect
-import math
-from collections.abc import Callable
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any
 
-from ...base.errors import UsageError
+from ...base.errors import OptionError, UsageError
 from ...io.formats.exports import Export
+from ...io.options.kinds import KINDS, accepted
+from ...io.options.schema import Declared, Option, class_names
 from ...navigation.orient.relative import relative_control
 
 
@@ -37,7 +36,7 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
         texts = texts | {"camera": colmap_words(read_camera_toml(camera))}
     return {
         key: (
-            _typed(f"export: {name}: {key}", text, parameters[key].annotation)
+            _typed(f"{name}: {key}", text, parameters[key].annotation)
             if key in form.options and key in parameters
             else text
         )
@@ -45,40 +44,17 @@ def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, A
     }
 
 
-def _typed(who: str, text: str, annotation: Any) -> Any:
-    union = get_origin(annotation) in (Union, UnionType)
-    kinds = get_args(annotation) if union else (annotation,)
-    words = [str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
-    if words:
-        if text not in words:
-            raise UsageError(f"{who} {text!r} is unknown; it is one of {', '.join(words)}")
+def _typed(name: str, text: str, annotation: Any) -> Any:
+    """The value of a text; text is taken first, as a writer that takes it reads it itself."""
+    if "str" in class_names(annotation):
         return text
-    for kind, read, noun in READ:
-        if kind in kinds:
-            try:
-                return read(text)
-            except ValueError:
-                raise UsageError(f"{who} {text!r} is no {noun}") from None
-    return text
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError
-    return value
-
-
-def _truth(text: str) -> bool:
-    if text.lower() not in ("true", "false"):
-        raise ValueError
-    return text.lower() == "true"
-
-
-READ: tuple[tuple[type, Callable[[str], Any], str], ...] = (
-    (str, str, "text"),
-    (bool, _truth, "true or false"),
-    (float, _finite, "finite number, such as 3.5"),
-    (int, int, "whole number, such as 3"),
-)
-"""Type, how to read it, what it is; text comes first, as a writer that takes it reads it itself."""
+    item = Declared(name, annotation, ..., Option(meaning=""))
+    word = KINDS[item.kind].word
+    try:
+        value = word(text)
+    except ValueError:
+        value = text
+    try:
+        return accepted(item, value, name)
+    except OptionError as refusal:
+        raise UsageError(f"export: {name} = {text!r}: {refusal.problem}") from None

@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ...base.errors import OptionError
-from .schema import BY_HEADER, Triple, check, option, take_record
+from .kinds import check
+from .schema import BY_HEADER, Triple, option, take_record
 
 if TYPE_CHECKING:
     from ...base.tables import Columns
@@ -50,6 +51,7 @@ class ImageMatch:
         None,
         "ending of the images to take from a directory that holds them in several formats",
         usual="all",
+        needs=("images",),
         cli="--image-ending",
         metavar="EXT",
     )
@@ -59,11 +61,13 @@ class ImageMatch:
         kind="event_numbers",
         form="list of whole numbers",
         cli="--skip-events",
-        metavar="N",
     )
     skip_images: tuple[str, ...] = option(
-        (), "names of images without an event", cli="--skip-images", metavar="NAME"
+        (), "names of images without an event", needs=("images",), cli="--skip-images"
     )
+
+    def __post_init__(self) -> None:
+        check(self, "camera")
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -236,7 +240,6 @@ class CameraInput:
         kind="file_or_directory",
         form="file or directory",
         cli="--events",
-        metavar="FILE",
         cli_meaning="camera events (.MRK, text, dates, directory of images) instead of those of "
         "the rover's file",
     )
@@ -257,7 +260,6 @@ class CameraInput:
         "added to the times of the events: the delay from event to mid-exposure",
         unit="s",
         cli="--camera-delay",
-        metavar="S",
     )
     clock: Literal["auto", "imu", "receiver"] = option(
         "auto",

@@ -16,18 +16,15 @@ same; and importing them takes 15 and 33 ms more than `dataclasses`, where `insg
 """
 
 import math
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ...base.errors import OptionError, near
-from ...base.wording import listed
+from ...base.errors import OptionError
 
 Words = tuple[str, ...] | tuple[int, ...]
 Triple = tuple[float, float, float]
@@ -63,7 +60,7 @@ class Option:
     members : function, optional
         The keys of a table that is the option's value.
     kind : str
-        The reader of its value (`flight.config.values`); empty: by the type of the field.
+        What its values are (`kinds.KINDS`); empty: by the type of the field.
     form : str
         How the page describes its value, where kind and type do not say enough.
     usual : str
@@ -72,10 +69,21 @@ class Option:
         The one table that has the option, where several share its dataclass.
     of_file : bool
         Whether it says how the file of its table is read, and nothing of a record in its place.
+    needs : tuple of str
+        Options of the same dataclass without which it has no meaning.
     cli : str
-        Its option of the command line, "--mask", or its positional argument, "ROVER"; empty: none.
+        Its option of the command line, "--mask" ("--": by its name), or its positional argument,
+        "ROVER"; empty: none.
     metavar, cli_meaning, cli_default : str
         Name of the value in the help; meaning and default where those of the page do not fit.
+    group : str
+        Heading of the help under which its argument stands; empty: none.
+    alone : Any
+        Its value where its argument stands without one; None: it must have one.
+    repeated : bool
+        Whether its argument takes one word and is repeated, for more.
+    scale : float
+        What a number of the command line, of another unit, is multiplied by.
     """
 
     meaning: str
@@ -90,10 +98,15 @@ class Option:
     usual: str = ""
     only: str = ""
     of_file: bool = False
+    needs: tuple[str, ...] = ()
     cli: str = ""
     metavar: str = ""
     cli_meaning: str = ""
     cli_default: str = ""
+    group: str = ""
+    alone: Any = None
+    repeated: bool = False
+    scale: float = 1.0
 
 
 def option(default: Any, meaning: str, **more: Any) -> Any:
@@ -116,6 +129,13 @@ def option(default: Any, meaning: str, **more: Any) -> Any:
     return field(default=default, metadata=metadata)
 
 
+def argument(default: Any, meaning: str, **more: Any) -> Any:
+    """Field of a dataclass that is an option of a verb, by its own name where no other is given."""
+    if default is ... and not more.get("cli", "-").startswith("-"):
+        return field(metadata={"option": Option(meaning=meaning, **more)})
+    return option(default, meaning, **({"cli": "--"} | more))
+
+
 @dataclass(frozen=True)
 class Declared:
     """An option as a dataclass declares it: name, type, default and `Option`."""
@@ -133,11 +153,11 @@ class Declared:
     @property
     def optional(self) -> bool:
         """Whether None is a value."""
-        return self.default is None or "None" in _class_names(self.type)
+        return self.default is None or "None" in class_names(self.type)
 
     @property
     def kind(self) -> str:
-        """Name of the reader of its value."""
+        """Name of its kind (`kinds.KINDS`)."""
         return self.option.kind or _kind(self.type)
 
     @property
@@ -146,15 +166,21 @@ class Declared:
         declared_choices = self.option.choices
         if callable(declared_choices):
             return declared_choices()
-        return declared_choices or (get_args(_plain(self.type)) if self.kind == "choice" else ())
+        return declared_choices or (get_args(plain(self.type)) if self.kind == "choice" else ())
+
+    @property
+    def flag(self) -> str:
+        """Its option of the command line, or its positional argument; empty: none."""
+        named = f"--{self.name.replace('_', '-')}"
+        return named if self.option.cli == "--" else self.option.cli
 
     @property
     def count(self) -> int:
         """How many numbers it has."""
-        return len(get_args(_plain(self.type)))
+        return len(get_args(plain(self.type)))
 
 
-def _plain(annotation: Any) -> Any:
+def plain(annotation: Any) -> Any:
     """The type without `| None`."""
     if get_origin(annotation) in (Union, UnionType):
         members = [member for member in get_args(annotation) if member is not NoneType]
@@ -162,21 +188,30 @@ def _plain(annotation: Any) -> Any:
     return annotation
 
 
+def class_names(annotation: Any) -> tuple[str, ...]:
+    """Names of the classes of an annotation, which may be a text; "None" for that of None."""
+    if isinstance(annotation, str):
+        return tuple(re.findall(r"\w+", annotation))
+    if get_origin(annotation) in (Union, UnionType):
+        return tuple(name for member in get_args(annotation) for name in class_names(member))
+    return ("None" if annotation is NoneType else getattr(annotation, "__name__", ""),)
+
+
 def _kind(annotation: Any) -> str:
-    plain = _plain(annotation)
-    if plain in _KINDS:
-        return _KINDS[plain]
-    if get_origin(plain) is Literal:
+    kind = plain(annotation)
+    if kind in _KINDS:
+        return _KINDS[kind]
+    if get_origin(kind) is Literal:
         return "choice"
-    if get_origin(plain) is tuple:
-        parts = get_args(plain)
+    if get_origin(kind) is tuple:
+        parts = get_args(kind)
         if set(parts) == {float}:
             return "numbers"
         if parts == (str, ...):
             return "texts"
         if parts == (Path, ...):
             return "files"
-    raise TypeError(f"{annotation}: say by kind=... which reader of config.values takes it")
+    raise TypeError(f"{annotation}: say by kind=... which of options.kinds it is")
 
 
 @cache
@@ -198,279 +233,6 @@ def declared(table: type) -> Mapping[str, Declared]:
             )
         )
     return {item.name: item for item in sorted(options, key=lambda item: not item.required)}
-
-
-def check(instance: Any, table: str) -> None:
-    """Hold the values of a dataclass against what its options declare and its fields annotate.
-
-    A text where a path is expected becomes a path, a list of texts or an array a tuple.
-
-    Parameters
-    ----------
-    instance : dataclass
-        Whose fields are looked at.
-    table : str
-        The table of the flight file that the fields are keys of.
-
-    Raises
-    ------
-    OptionError
-        Naming the first value that cannot be.
-    """
-    options = declared(instance.__class__)
-    for name, annotation in ((f.name, f.type) for f in fields(instance)):
-        value, key = getattr(instance, name), f"{table}.{name}".removeprefix(".")
-        if name not in options:
-            if problem := other_class(annotation, value):
-                raise OptionError(key, problem)
-            continue
-        item = options[name]
-        if value is None:
-            if not item.optional:
-                raise OptionError(key, "is None; give a value, or leave it out for the default")
-            continue
-        value = _usual_form(item, value)
-        object.__setattr__(instance, name, value)
-        if problem := _problem(item, value):
-            raise OptionError(key, problem, value)
-
-
-def _usual_form(item: Declared, value: Any) -> Any:
-    """A text as a path where one is expected, a list as a tuple, all else as it is."""
-    if _plain(item.type) is Path and isinstance(value, str | os.PathLike):
-        return Path(value)
-    if item.kind in _USUAL_FORMS:
-        return _USUAL_FORMS[item.kind](value)
-    if item.kind == "observations" and isinstance(value, str | os.PathLike):
-        return Path(value)
-    if item.kind == "observations" and isinstance(value, list | tuple):
-        return tuple(map(Path, value))
-    if item.kind in ("numbers", "place", "sigmas") and hasattr(value, "tolist"):
-        value = value.tolist()
-        return tuple(value) if isinstance(value, list) else value
-    if item.kind in _LISTS and isinstance(value, list | tuple):
-        return tuple(map(Path, value)) if item.kind == "files" else tuple(value)
-    return value
-
-
-def _class_names(annotation: Any) -> tuple[str, ...]:
-    """Names of the classes of an annotation, which may be a text; "None" for that of None."""
-    if isinstance(annotation, str):
-        return tuple(re.findall(r"\w+", annotation))
-    if get_origin(annotation) in (Union, UnionType):
-        return tuple(name for member in get_args(annotation) for name in _class_names(member))
-    return ("None" if annotation is NoneType else getattr(annotation, "__name__", ""),)
-
-
-def other_class(annotation: Any, value: Any) -> str:
-    """What is wrong with the class of a value, empty where it is one of the annotation."""
-    expected, own = _class_names(annotation), {base.__name__ for base in type(value).__mro__}
-    if (value is None and "None" in expected) or own & set(expected):
-        return ""
-    return f"is of type {type(value).__name__}; it must be {listed(expected)}"
-
-
-def _problem(item: Declared, value: Any) -> str:
-    """What is wrong with a value, empty where nothing is."""
-    if item.kind == "gm_sigma" and not isinstance(value, str):
-        return _out_of_range(item, value)
-    if item.choices and item.kind in ("choice", "whole", "gm_sigma"):
-        comparable = isinstance(value, str | Real)  # an array is not
-        if not comparable or value not in item.choices:
-            return f"must be {listed(item.choices)}"
-    return _CHECKS[item.kind](item, value) if item.kind in _CHECKS else ""
-
-
-def _out_of_range(item: Declared, value: Any) -> str:
-    if not is_number(value):
-        return "must be a number"
-    if item.kind == "whole" and value % 1 != 0:
-        return "must be a whole number"
-    low, high = item.option.low, item.option.high
-    if in_range(item, value):
-        return ""
-    return f"must be {low:g} to {high:g}" if high < math.inf else f"must be {low:g} or more"
-
-
-def _no_flag(item: Declared, value: Any) -> str:
-    return "" if isinstance(value, bool) else "must be true or false"
-
-
-def _no_sign(item: Declared, value: Any) -> str:
-    return "" if is_number(value) and abs(value) == 1.0 else "must be 1 or -1"
-
-
-def _no_letters(item: Declared, value: Any) -> str:
-    allowed = "".join(map(str, item.choices))
-    right = isinstance(value, str) and value and set(value) <= set(allowed)
-    return "" if right else f"must be letters of {allowed}"
-
-
-def _no_numbers(item: Declared, value: Any) -> str:
-    count = ("", "a number", "two numbers", "three numbers")[item.count]
-    positive = item.option.positive or item.kind == "sigmas"
-    if not are_numbers(value, item.count) or (positive and min(value) <= 0.0):
-        return f"must be {count} greater than zero" if positive else f"must be {count}"
-    return ""
-
-
-def _no_place(item: Declared, value: Any) -> str:
-    right = are_numbers(value, 3) and is_place(*value)
-    return "" if right else "must be latitude, longitude (deg), ellipsoidal height (m)"
-
-
-def _no_quality_sigmas(item: Declared, value: Any) -> str:
-    if problem := _no_mapping(item, value):
-        return problem
-    qualities = item.option.members() if item.option.members else ()
-    if odd := [name for name in value if name not in qualities]:
-        return f"{odd[0]!r} is no quality; {near(str(odd[0]), qualities)}"
-    wrong = [name for name in value if not are_numbers(value[name], 3) or min(value[name]) <= 0.0]
-    return f"{wrong[0]}: must be three numbers greater than zero" if wrong else ""
-
-
-def no_text(item: Declared, value: Any) -> str:
-    """What is wrong with a value that should be a text."""
-    return "" if isinstance(value, str) else "must be a text"
-
-
-def no_texts(item: Declared, value: Any) -> str:
-    """What is wrong with a value that should be a list of texts."""
-    if isinstance(value, str):
-        return f"must be a list; give [{value!r}]"
-    right = isinstance(value, tuple) and all(isinstance(word, str) for word in value)
-    return "" if right else "must be a list of texts"
-
-
-def _no_path(item: Declared, value: Any) -> str:
-    return other_class(Path, value) if _plain(item.type) is Path else ""  # or it is a record
-
-
-def _no_paths(item: Declared, value: Any) -> str:
-    return "" if isinstance(value, tuple) else "must be a list of files"
-
-
-def _no_observations(item: Declared, value: Any) -> str:
-    several = isinstance(value, tuple) and value and all(isinstance(one, Path) for one in value)
-    return "" if several else other_class(Path, value)
-
-
-def _no_event_numbers(item: Declared, value: Any) -> str:
-    right = isinstance(value, tuple) and all(is_number(k) and k >= 1 and k % 1 == 0 for k in value)
-    return "" if right else "must be a list of whole numbers from 1, as the events are counted"
-
-
-def _no_mapping(item: Declared, value: Any) -> str:
-    return "" if isinstance(value, Mapping) else "must be a mapping by name"
-
-
-def _no_columns(item: Declared, value: Any) -> str:
-    right = isinstance(value, list | tuple | Mapping)
-    return "" if right else "must be a list of names, or a mapping of the names in the file"
-
-
-def _no_names(item: Declared, value: Any) -> str:
-    if problem := no_texts(item, value):
-        return problem
-    check_names = tuple(map(str, item.choices))
-    odd = [name for name in value if name not in check_names]
-    return f"{odd[0]!r} is no check; {near(odd[0], check_names)}" if odd else ""
-
-
-def _no_tables(item: Declared, value: Any) -> str:
-    right = isinstance(value, tuple) and not any(other_class(item.type, one) for one in value)
-    return "" if right else f"must be a list of {_class_names(item.type)[-1]}"
-
-
-_LISTS = ("event_numbers", "files", "formats", "names", "tables", "texts")
-
-_CHECKS: dict[str, Callable[[Declared, Any], str]] = {
-    "air": _no_mapping,
-    "columns": _no_columns,
-    "covariance": lambda item, value: other_class(item.type, value),
-    "directory": _no_path,
-    "engine": no_text,
-    "event_numbers": _no_event_numbers,
-    "existing": _no_path,
-    "file_or_directory": _no_path,
-    "file": _no_path,
-    "files": _no_paths,
-    "flag": _no_flag,
-    "gnss_units": _no_mapping,
-    "images": _no_path,
-    "imu_units": _no_mapping,
-    "letters": _no_letters,
-    "name": no_text,
-    "names": _no_names,
-    "number": _out_of_range,
-    "observations": _no_observations,
-    "numbers": _no_numbers,
-    "place": _no_place,
-    "quality_sigmas": _no_quality_sigmas,
-    "rate": _out_of_range,
-    "rtklib": _no_mapping,
-    "sigmas": _no_numbers,
-    "sign": _no_sign,
-    "tables": _no_tables,
-    "text": no_text,
-    "texts": no_texts,
-    "whole": _out_of_range,
-}
-_USUAL_FORMS: dict[str, Callable[[Any], Any]] = {}
-
-
-def register(
-    kind: str,
-    problem: Callable[[Declared, Any], str],
-    usual_form: Callable[[Any], Any] | None = None,
-) -> None:
-    """Add a kind of option whose values only a wing above this module can judge.
-
-    Parameters
-    ----------
-    kind : str
-        Its name, as `Option.kind` has it.
-    problem : function
-        Of the option and a value: what is wrong with the value, empty where nothing is.
-    usual_form : function, optional
-        Of a value: the form in which the dataclass keeps it.
-    """
-    _CHECKS[kind] = problem
-    if usual_form is not None:
-        _USUAL_FORMS[kind] = usual_form
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a real number, true and false not among them."""
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
-def are_numbers(value: Any, count: int) -> bool:
-    """Whether a value is so many finite numbers."""
-    try:
-        parts = tuple(value)
-    except TypeError:
-        return False
-    return len(parts) == count and all(is_number(x) and math.isfinite(x) for x in parts)
-
-
-def in_range(item: Declared, value: float) -> bool:
-    """Whether a number is finite and lies within the option's range."""
-    return (
-        is_number(value) and math.isfinite(value) and item.option.low <= value <= item.option.high
-    )
-
-
-def is_place(lat_deg: float, lon_deg: float, height_m: float) -> bool:
-    """Whether there can be such a latitude, longitude and ellipsoidal height."""
-    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and -1000.0 <= height_m <= 10000.0
-
-
-def swapped(lat_deg: float, lon_deg: float) -> str:
-    """Advice for a latitude, longitude and height that cannot be a place."""
-    if abs(lat_deg) > 90.0 >= abs(lon_deg):
-        return "are latitude and longitude swapped?"
-    return "order and units are deg, deg, m"
 
 
 def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:

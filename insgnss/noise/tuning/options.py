@@ -5,9 +5,12 @@ library only, for the command line.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
-from ...base.errors import UsageError
+from ...base.errors import OptionError, UsageError
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
 
 Axes = Literal["separate", "joint"]
 Weights = Literal["auto", "full", "diagonal"]
@@ -18,11 +21,14 @@ FAMILY = (
     "QN+WN+3GM+RW",
 )
 """The models that compete where none is named."""
+_model, _reading = (partial(argument, group=group) for group in ("model", "reading"))
+_unit = partial(_reading, usual="by header", metavar="UNIT")
+_sum = partial(_model, metavar="SUM")
 
 
 @dataclass(frozen=True)
-class TuneOptions:
-    """How to read static recordings, and how to fit.
+class TuneOptions(Checked):
+    """How to read static recordings, and how to fit; `insgnss tune` has each as an argument.
 
     Parameters
     ----------
@@ -48,30 +54,84 @@ class TuneOptions:
     bridge_s : gaps up to this length are filled by straight lines, s.
     accept : names of checks that shall not stop.
     only : channels to tune, such as "gyro" or "gyro_z,accel"; None: those that the recordings have.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
     """
 
-    columns: tuple[str, ...] | Mapping[str, str] | None = None
-    gyro_unit: str | None = None
-    accel_unit: str | None = None
-    time_unit: str | None = None
-    quantity: str | None = None
-    rate_hz: float | None = None
-    variable: str | None = None
-    model: str | None = None
-    gyro_model: str | None = None
-    accel_model: str | None = None
-    axes: Axes = "separate"
-    levels: str | None = None
-    weights: Weights = "auto"
-    robust: bool | None = None
-    sampling: Sampling = "point"
-    bootstrap: int = 0
-    seed: int = 0
-    skip_s: float = 0.0
-    keep_s: float = float("inf")
-    bridge_s: float = 0.0
-    accept: tuple[str, ...] = ()
-    only: str | None = None
+    columns: tuple[str, ...] | Mapping[str, str] | None = _reading(
+        None, "tow,gx,gy,gz,ax,ay,az in their order, or tow=Time,gx=...", kind="columns"
+    )
+    gyro_unit: str | None = _unit(None, "rad/s, deg/s, deg/h or that of one count, '0.05 deg/s'")
+    accel_unit: str | None = _unit(None, "m/s^2, g, mg or that of one count, '3.33 mg'")
+    time_unit: str | None = _unit(None, "s, ms, us, ns, unix, unix_ms, ... of the column of time")
+    quantity: Literal["mean_rate", "increments", "instant_rate"] | None = _reading(
+        None, "what a sample is", usual="mean_rate"
+    )
+    rate_hz: float | None = _reading(
+        None,
+        "samples a second, where there is no column of time",
+        positive=True,
+        cli="--rate",
+        metavar="HZ",
+    )
+    variable: str | None = _reading(None, "the table inside a file that holds several")
+    model: str | None = _sum(
+        None,
+        "processes QN WN GM RW DR, such as WN+3GM, or several with commas to choose from",
+        usual=" ".join(FAMILY),
+    )
+    gyro_model: str | None = _sum(None, "of the gyroscopes, where it is another")
+    accel_model: str | None = _sum(None, "of the accelerometers, where it is another")
+    axes: Axes = argument("separate", "a model an axis, or one for the three", group="model")
+    levels: str | None = _model(
+        None, "scales to fit: 3-, 2-14, 1,2,5- (level j: differences of means of 2^(j-1) samples)"
+    )
+    weights: Weights = argument(
+        "auto", "efficient second step", usual="where the model fits", group="model"
+    )
+    robust: bool | None = _model(
+        None, "wavelet variances that disturbances do not move (default: where there are some)"
+    )
+    sampling: Sampling = argument("point", "what a sample is of the process", group="model")
+    bootstrap: int = _model(0, "replicates for the J test and, from 100, intervals", low=0)
+    seed: int = _model(0, "of the random numbers", low=0)
+    skip_s: float = _reading(
+        0.0,
+        "left out at the beginning, where the sensor warms up",
+        low=0.0,
+        cli="--skip",
+        metavar="MINUTES",
+        scale=60.0,
+    )
+    keep_s: float = _reading(
+        float("inf"),
+        "used from there on",
+        positive=True,
+        usual="all",
+        cli="--keep",
+        metavar="MINUTES",
+        scale=60.0,
+    )
+    bridge_s: float = _reading(
+        0.0, "fill gaps up to this length by straight lines", unit="s", low=0.0, cli="--bridge"
+    )
+    accept: tuple[str, ...] = _reading(
+        (), "name of a check that shall not stop", repeated=True, metavar="CHECK"
+    )
+    only: str | None = _reading(
+        None,
+        "tune these channels alone: gyro, accel, gyro_z, ... with commas between",
+        usual="those that the file has",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.bootstrap == 1:
+            problem = "give 2 replicates at least, some hundreds for intervals, or 0 for none"
+            raise OptionError("bootstrap", problem, self.bootstrap)
 
 
 def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:

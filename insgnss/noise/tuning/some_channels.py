@@ -139,7 +139,7 @@ def read_some(
     whole |= {name: columns[name] for name in ("tow",) if name in columns}
     units = _units(path, fields, options)
     names = {name: name for name in whole}
-    quantity: Quantity = options.quantity or "mean_rate"  # type: ignore[assignment]
+    quantity: Quantity = options.quantity or "mean_rate"
     imu = imu_of_content(path, whole, names, None, units, quantity, None, options.rate_hz)
     triads = np.hstack([imu.gyro, imu.accel])
     for k, present in enumerate(there):

@@ -12,7 +12,6 @@ BENDS = 24  # coefficients of (L.5)
 BEND_POSITION_M, BEND_ATTITUDE = 1.0, 0.02  # a-priori sigmas at the rim of the block
 LEAST_POSITION, LEAST_ATTITUDE = 1e-4, 1e-7  # of Q, m and rad: nobody's adjustment is better
 FIRST_POSITION, FIRST_ATTITUDE = 0.02, 1e-4  # of poses without covariance, m and rad
-SHARED_M, SHARED_RAD = 0.03, float(np.radians(0.01))  # of (L.6), where nothing is stated
 ALONG_VIEW = 10.0  # times as much: camera constant and height of a level block are one
 
 

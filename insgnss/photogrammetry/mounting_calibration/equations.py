@@ -38,7 +38,7 @@ Unless Q is that of all images together it is an unknown delta,
     dX = C delta_X,    dpsi = C delta_psi                                                      (L.6)
 
 with the mean covariance that images have by themselves, in camera axes, since their errors may be
-no other; `SHARED_M`, `SHARED_RAD` where none is stated. Of 12 self-calibrated blocks of 60 images,
+no other; `Assumptions.pose_sigma` where none is stated. Of 12 self-calibrated blocks of 60 images,
 20 mm a pixel, lever arms without it were 3 to 7 sigma off (rms), with it 0.4 to 1.1.
 """
 
@@ -61,13 +61,12 @@ from .block_errors import (
     BEND_ATTITUDE,
     BEND_POSITION_M,
     BENDS,
-    SHARED_M,
-    SHARED_RAD,
     bending,
     pose_covariances,
     propagated,
     shared_covariance,
 )
+from .options import Assumptions
 from .records import BlockPoses, FlightPoses, Rows
 
 TRANSLATION, TURN, SCALE = "shift", "turn of the block", "scale of the block"
@@ -83,34 +82,6 @@ SAME_LEVER_ARM = 1e-5  # m, of segments of one flight
 
 _Piece = tuple[Rows, Array, Array, Array, Array]
 """Rows, e, A, P of a flight line, and D G of (L.2), (m, 6, 6)."""
-
-
-@dataclass(frozen=True)
-class Assumptions:
-    """What is taken as known before.
-
-    Parameters
-    ----------
-    shift_sigma_m : float or None
-        Of a shift between both frames of a georeferenced block; None: not known at all.
-    imu_sigma_m : float
-        Of each component of the lever arm from projection centre to IMU.
-    lever_arm_sigma_m : float
-        Of each component of the lever arm from IMU to antenna, under which the flight was solved.
-    frame : str
-        "auto" and "similarity": a similarity, "auto" with a georeferenced block refused whose scale
-        is another; "shift": turn and scale of the block are those of the tangent plane.
-    camera_m, camera_rad : float
-        Of errors that all poses of a block without covariances have alike in camera axes (L.6);
-        ten times as much in viewing direction.
-    """
-
-    shift_sigma_m: float | None = None
-    imu_sigma_m: float = 0.3
-    lever_arm_sigma_m: float = 0.3
-    frame: str = "auto"
-    camera_m: float = SHARED_M
-    camera_rad: float = SHARED_RAD
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,6 @@ from ...records.block import Array
 from ...records.cameras.mounting import Mounting
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
-from .equations import Assumptions
 from .judgement import (
     USEFUL,
     Component,
@@ -38,6 +37,7 @@ from .judgement import (
     linear_functions,
     misread_boresight,
 )
+from .options import Assumptions
 from .plausibility import Path as FlownPath
 from .plausibility import gross_errors, refuse_frame, refuse_implausible
 from .records import BlockPoses, FlightPoses, Stated

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,53 +25,22 @@ from ..lever_arm.materialisation import (
     receiver_targets,
 )
 from .intersections import intersected
-from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
-from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
+from .options import MaterialiseOptions
+from .poses import CameraPoses, is_block, read_camera_poses
+from .products import (
+    CalibratedMounting,
+    Provenance,
+    of_lever_arm,
+    provenance,
+)
 from .readings import advice, named_reading, position_readings
 
 ANTENNA = "antenna"
-TARGET_M, ANTENNA_M = 2e-4, 5e-3  # where a table has no standard deviations
+ANTENNA_M = 5e-3  # where a table has no standard deviation of the phase centre
 RULER_M = 0.05
 LONGEST_M = 3.0  # of targets on a sensor from each other: others are in another unit
 CLOSE_M = 0.005  # targets that fit in another reading
 TIE_POINT = re.compile(r"T_*\d+")  # names that a reader of blocks gives to points without one
-
-
-@dataclass(frozen=True)
-class MaterialiseOptions:
-    """What the files of targets do not say.
-
-    Parameters
-    ----------
-    receiver : tuple of Path
-        Sessions of the receiver: its targets and, as `antenna`, its phase centre.
-    pose : Path or None
-        Pose of the camera's own image, in the axes of the targets on it.
-    image : str
-        Name of that image.
-    after : Path or None
-        A second block of the mounted sensors, after the flight.
-    antenna_name : str
-        Name of the phase centre in the sessions.
-    target_sigma_m : float
-        Of targets whose table has no standard deviations, m.
-    pose_sigma : PoseSigma
-        Of a pose without.
-    photo : Path or None
-        An image of the camera.
-    date : str
-        Of the data, ISO.
-    """
-
-    receiver: tuple[Path, ...]
-    pose: Path | None = None
-    image: str = ""
-    after: Path | None = None
-    antenna_name: str = ANTENNA
-    target_sigma_m: float = TARGET_M
-    pose_sigma: PoseSigma = field(default_factory=lambda: PoseSigma(3e-4, 0.05))
-    photo: Path | None = None
-    date: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +235,7 @@ def _own_pose(
             shown = f"{name!r}; {near(name, poses.images[:200])}"
         raise UsageError(f"{poses.path}: no pose of the camera's own image: {shown}")
     one = poses.taken(np.array([poses.images.index(name)]))
-    return (one.position[0], one.C[0]), one.with_sigma(options.pose_sigma)[0]
+    return (one.position[0], one.C[0]), one.with_sigma(options.sigma_of_poses)[0]
 
 
 def _estimated(

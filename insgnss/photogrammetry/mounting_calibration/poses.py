@@ -32,6 +32,7 @@ from ...io.formats.text.layout import decode, shown
 from ...records import Array
 from ...records.block import BrownCamera
 from ...records.rows import rows_of
+from .options import PlaceOptions, PoseSigma
 
 # formats without the rest of a block
 ONLY_POSES = (
@@ -39,26 +40,6 @@ ONLY_POSES = (
     *("metashape_opk_text", "metashape_reference"),
 )
 GEOCENTRIC_M = 6.0e6
-
-
-@dataclass(frozen=True)
-class PoseSigma:
-    """Standard deviations of poses whose file has none.
-
-    Parameters
-    ----------
-    position_m : float
-        Of each coordinate of a projection centre, m.
-    angle_deg : float
-        Of the attitude about each axis, deg.
-    """
-
-    position_m: float = 0.01
-    angle_deg: float = 0.01
-
-    def __str__(self) -> str:
-        """Return both in words."""
-        return f"{1e3 * self.position_m:g} mm and {self.angle_deg:g} deg"
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,22 +309,6 @@ class Positions:
     cov: Array | None
     plane: TangentPlane | None = None
     time: Array | None = None
-
-
-@dataclass(frozen=True)
-class PlaceOptions:
-    """How the positions of tables are to be understood.
-
-    Parameters
-    ----------
-    crs : str or None
-        Of tables that are neither geodetic nor in the frame of the poses.
-    geoid : Path or None
-        For heights above sea level.
-    """
-
-    crs: str | None = None
-    geoid: Path | None = None
 
 
 def read_positions(

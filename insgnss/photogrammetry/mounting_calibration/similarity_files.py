@@ -6,7 +6,7 @@ that exposures have the stamps of the antenna positions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +34,9 @@ from ..lever_arm.similarity import (
     similarity_lever_arm,
 )
 from .intersections import intersected, surveyed_points
+from .options import SimilarityOptions
 from .poses import (
     CameraPoses,
-    PlaceOptions,
-    PoseSigma,
     Positions,
     joined,
     read_camera_poses,
@@ -67,40 +66,6 @@ ALIKE = (
 OPTIMISTIC = 0.25  # variance factor below which standard deviations are a setting
 
 
-@dataclass(frozen=True)
-class SimilarityOptions:
-    """What the files of a flight do not say.
-
-    Parameters
-    ----------
-    pose_sigma : PoseSigma
-        Of poses whose file has no standard deviations.
-    antenna_sigma_m : tuple of float or None
-        Horizontal and vertical, in the place of what the table has.
-    ground : Path or None
-        Ground points.
-    points : Path or None
-        Image observations of ground points, where the poses' file has none.
-    camera : Path or None
-        camera.toml, where the poses' file has none.
-    places : PlaceOptions
-        CRS of antenna positions and ground points.
-    photo : Path or None
-        An image of the camera.
-    date : str
-        Of the data, ISO.
-    """
-
-    pose_sigma: PoseSigma = field(default_factory=PoseSigma)
-    antenna_sigma_m: tuple[float, float] | None = None
-    ground: Path | None = None
-    points: Path | None = None
-    camera: Path | None = None
-    places: PlaceOptions = field(default_factory=PlaceOptions)
-    photo: Path | None = None
-    date: str = ""
-
-
 def calibrate_similarity(
     cameras: Path, antenna: Path, options: SimilarityOptions
 ) -> CalibratedMounting:
@@ -128,7 +93,7 @@ def calibrate_similarity(
     """
     camera = read_camera_poses(cameras)
     plane = camera.plane
-    fixes = read_positions(antenna, options.places, plane)
+    fixes = read_positions(antenna, options, plane)
     rows, own, notes = joined(camera.images, fixes.names, cameras, antenna, 1)
     notes = (*camera.notes, *notes)
     camera, order = camera.taken(rows), own
@@ -138,8 +103,8 @@ def calibrate_similarity(
     first = similarity(camera.position, position)
     scale = 1.0 if first is None or not first.scale > 0.0 else first.scale
     if camera.cov is None:
-        notes += (f"{cameras.name} has no standard deviations: {options.pose_sigma}",)
-    pose_cov = camera.with_sigma(options.pose_sigma, scale)
+        notes += (f"{cameras.name} has no standard deviations: {options.sigma_of_poses}",)
+    pose_cov = camera.with_sigma(options.sigma_of_poses, scale)
     poses = FlightPoses(camera.position, camera.C, pose_cov, position, antenna_cov)
     ground = GroundPoints()
     if options.ground is not None:
@@ -184,7 +149,7 @@ def _ground(
     """Return ground points in both frames: surveyed, and intersected from their images."""
     path = options.ground
     assert path is not None
-    surveyed = surveyed_points(path, cameras, camera, options.places, plane)
+    surveyed = surveyed_points(path, cameras, camera, options, plane)
     block = camera.block
     if options.points is not None:
         block = read_measured_block(options.points)
@@ -210,7 +175,7 @@ def _ground(
             )
         model.append(point.position)
         # neighbouring poses have their error in common
-        model_cov.append(point.cov + (options.pose_sigma.position_m / scale) ** 2 * np.eye(3))
+        model_cov.append(point.cov + (options.sigma_of_poses.position_m / scale) ** 2 * np.eye(3))
         rows.append(row)
     if not rows:
         raise InputError.in_file(

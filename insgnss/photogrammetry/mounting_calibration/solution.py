@@ -33,10 +33,10 @@ from .equations import (
     SCALE,
     TRANSLATION,
     TURN,
-    Assumptions,
     Line,
     Model,
 )
+from .options import Assumptions
 from .records import BlockPoses, FlightPoses, Rows
 
 ITERATIONS, CONVERGED = 30, 1e-3

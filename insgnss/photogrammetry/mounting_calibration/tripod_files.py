@@ -1,7 +1,7 @@
 """`insgnss calibrate tripod`: poses of setups and pins of a tachymeter, as files."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,9 @@ from ...base.errors import DataError, InputError
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
+from .options import PlaceOptions, TripodOptions
 from .poses import (
     CameraPoses,
-    PlaceOptions,
-    PoseSigma,
     Positions,
     joined,
     read_camera_poses,
@@ -26,32 +25,6 @@ from .readings import advice, attitude_readings, named_reading, position_reading
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
 RULER_M = 0.05  # standard error of a lever arm measured by hand
-PIN_M = 0.001  # of a theodolite on a few metres, where the table has none
-
-
-@dataclass(frozen=True)
-class TripodOptions:
-    """How the files of setups are to be understood.
-
-    Parameters
-    ----------
-    pose_sigma : PoseSigma
-        Of poses whose file has no standard deviations.
-    pin_sigma_m : float
-        Of pins whose table has none, m.
-    places : PlaceOptions
-        CRS of the pins.
-    photo : Path or None
-        An image of the camera.
-    date : str
-        Of the data, ISO.
-    """
-
-    pose_sigma: PoseSigma = field(default_factory=PoseSigma)
-    pin_sigma_m: float = PIN_M
-    places: PlaceOptions = field(default_factory=PlaceOptions)
-    photo: Path | None = None
-    date: str = ""
 
 
 def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> CalibratedMounting:
@@ -76,7 +49,7 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
     InputError
         A file is wrong, or both do not belong together.
     """
-    camera, pin = _in_one_frame(read_camera_poses(poses), pins, options.places)
+    camera, pin = _in_one_frame(read_camera_poses(poses), pins, options)
     first, second, notes = joined(camera.images, pin.names, poses, pins, 1)
     notes = (*camera.notes, *notes)
     camera = camera.taken(first)
@@ -85,11 +58,11 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
         pin_cov = np.broadcast_to(options.pin_sigma_m**2 * np.eye(3), (len(pin.names), 3, 3))
         notes += (f"{pins.name} has no standard deviations: {1e3 * options.pin_sigma_m:g} mm",)
     if camera.cov is None:
-        notes += (f"{poses.name} has no standard deviations: {options.pose_sigma}",)
+        notes += (f"{poses.name} has no standard deviations: {options.sigma_of_poses}",)
     setups = TripodSetups(
         camera.position,
         camera.C,
-        camera.with_sigma(options.pose_sigma),
+        camera.with_sigma(options.sigma_of_poses),
         pin.position[second],
         pin_cov[second],
     )

@@ -2,26 +2,28 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from ...base.errors import UsageError, near
+from ...base.errors import UsageError
 from ...flight.config.block_file import VehicleTable
-from ..targets.codes import Ring
-from ..targets.signals import Signal, cross, disc, picture, quadrants
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
 
-KINDS = ("quadrants", "disc", "cross", "ring", "picture")
+if TYPE_CHECKING:
+    from ..targets.codes import Ring
+    from ..targets.signals import Signal
+
 DIRECTORY = "targets"
 
 
 @dataclass(frozen=True)
-class Target:
+class Target(Checked):
     """What the targets on the ground look like.
 
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        What it shows.
     size_m : float
         Side of a quadrant pattern or of what a picture shows, diameter of a disc and of the disc
         of a ring-coded target, length of a cross's bars, m.
@@ -46,24 +48,45 @@ class Target:
         A kind that is none, or a picture without its kind.
     """
 
-    kind: str = "quadrants"
-    size_m: float = 0.3
-    arm_m: float | None = None
-    dark: bool = False
-    around: float | None = None
-    bits: int = 12
-    ring: tuple[float, float] = (2.0, 3.0)
-    picture: Path | None = None
-    number: int | None = None
+    kind: Literal["quadrants", "disc", "cross", "ring", "picture"] = argument(
+        "quadrants", "kind of target", cli="--signal"
+    )
+    size_m: float = argument(
+        0.3,
+        "side of a quadrant pattern or of the picture, diameter of a disc (of a ring: the disc in "
+        "its middle), length of a cross's bars",
+        unit="m",
+        positive=True,
+        cli="--size",
+    )
+    arm_m: float | None = argument(
+        None, "width of a cross's bars", unit="m", positive=True, usual="size / 6", cli="--arm"
+    )
+    dark: bool = argument(False, "disc, cross or ring are darker than their ground")
+    around: float | None = argument(
+        None,
+        "diameter of the even ground about a disc, in its own",
+        positive=True,
+        usual="1.6",
+        metavar="N",
+    )
+    bits: int = argument(12, "segments of a ring")
+    ring: tuple[float, float] = argument(
+        (2.0, 3.0),
+        "diameters of a ring, in diameters of its disc",
+        positive=True,
+        metavar="INNER OUTER",
+    )
+    picture: Path | None = argument(None, "image of a target, north up, square")
+    number: int | None = argument(None, "of --vehicle: what the ring of its target says")
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise UsageError(f"targets: --signal {self.kind!r}; {near(self.kind, KINDS)}")
+        super().__post_init__()
         if (self.kind == "picture") != (self.picture is not None):
             raise UsageError("targets: --picture FILE belongs to --signal picture; give both")
 
     @property
-    def signal(self) -> Signal:
+    def signal(self) -> "Signal":
         """The target in its plane.
 
         Raises
@@ -71,18 +94,21 @@ class Target:
         InputError
             A size that cannot be, or a picture that shows nothing.
         """
+        from ..targets.signals import cross, disc, picture, quadrants
+        from .photographs import read_grey
+
         if self.kind == "quadrants":
             return quadrants(self.size_m)
         if self.kind == "cross":
             return cross(self.size_m, self.arm_m or self.size_m / 6.0, not self.dark)
-        if self.kind == "picture":
-            return picture(_grey(self.picture), self.size_m)
+        if self.picture is not None:
+            return picture(read_grey(self.picture), self.size_m)
         # even ground ends a little before the ring does
         usual = 1.6 if self.kind == "disc" else 0.95 * self.ring[0]
         return disc(self.size_m, self.around or usual, not self.dark)
 
     @property
-    def code(self) -> Ring | None:
+    def code(self) -> "Ring | None":
         """The ring, None of targets without code.
 
         Raises
@@ -90,11 +116,13 @@ class Target:
         InputError
             A ring that cannot be.
         """
+        from ..targets.codes import Ring
+
         return Ring(self.size_m, self.bits, *self.ring) if self.kind == "ring" else None
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(Checked):
     """Files of a flight and what the targets look like.
 
     Parameters
@@ -123,18 +151,36 @@ class Request:
         A file that is not there.
     """
 
-    eo: Path
-    ground: Path
-    camera: Path
-    images: Path | None = None
-    crs: str | None = None
-    geoid: Path | None = None
+    eo: Path = argument(..., "eo.json of a processed flight", cli="EO")
+    ground: Path = argument(
+        ...,
+        "ground points: a table, or a program's file; with --vehicle where the vehicle was",
+        cli="GROUND",
+    )
+    camera: Path = argument(..., "camera.toml", cli="CAMERA")
+    images: Path | None = argument(None, "of measure: directory of the photographs", cli="IMAGES")
+    crs: str | None = argument(
+        None,
+        "of the ground points, such as EPSG:2056+5728",
+        usual="the tangent plane of EO",
+        metavar="CRS",
+    )
+    geoid: Path | None = argument(
+        None, "grid of geoid heights, for heights above it", metavar="GRID"
+    )
     target: Target = field(default_factory=Target)
-    search_px: float = 0.0
-    whole: bool = False
+    search_px: float = argument(
+        0.0,
+        "standard deviation added to both coordinates of a prediction",
+        unit="px",
+        low=0.0,
+        high=1000.0,
+    )
+    whole: bool = argument(False, "predict: list points that are not seen, too")
     vehicle: VehicleTable | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         named: dict[str, Path | None] = {"EO": self.eo, "GROUND": self.ground}
         named |= {
             "CAMERA": self.camera,
@@ -145,17 +191,8 @@ class Request:
         for name, path in named.items():
             if path is not None and not path.exists():
                 raise UsageError(f"targets: {name} {path} does not exist; check the path")
-        if not 0.0 <= self.search_px <= 1000.0:
-            raise UsageError(f"targets: --search-px {self.search_px:g}; 0 to 1000 px")
         if self.vehicle is not None and self.target.kind == "ring" and self.target.number is None:
             raise UsageError(
                 "targets: --number is missing: what the ring of the vehicle's target says; names of"
                 " its points are those of images"
             )
-
-
-def _grey(path: Path | None) -> np.ndarray:
-    from .photographs import read_grey
-
-    assert path is not None
-    return read_grey(path)

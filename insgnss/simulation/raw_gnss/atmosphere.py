@@ -39,8 +39,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...base.errors import UsageError
 from ...base.units import STANDARD_GRAVITY as GRAVITY
+from ...io.options.kinds import check
+from ...io.options.schema import option
 
 Array = NDArray[np.float64]
 
@@ -68,20 +69,14 @@ class Weather:
     The pressure is that there, not reduced to sea level; the humidity is 0 to 1.
     """
 
-    pressure_hpa: float = 957.0
-    temperature_c: float = 18.0
-    humidity: float = 0.6
+    pressure_hpa: float = option(
+        957.0, "pressure, not reduced to sea level", unit="hPa", low=300.0, high=1100.0
+    )
+    temperature_c: float = option(18.0, "temperature", unit="C", low=-60.0, high=60.0)
+    humidity: float = option(0.6, "relative humidity", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("pressure_hpa", 300.0, 1100.0),
-            ("temperature_c", -60.0, 60.0),
-            ("humidity", 0.0, 1.0),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise UsageError(
-                    f"weather: {name} {getattr(self, name):g} is outside {low:g} to {high:g}"
-                )
+        check(self, "weather")
 
     @property
     def vapour_pressure_hpa(self) -> float:

@@ -21,7 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import UsageError
+from ...base.errors import OptionError
+from ...io.options.kinds import check
+from ...io.options.schema import option
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...noise.processes.realisation import simulate_noise
 
@@ -48,31 +50,22 @@ class Tracking:
     outage_s : shortest and longest loss of a satellite.
     """
 
-    slips_per_hour: float = 4.0
-    reported_share: float = 0.8
-    outages_per_hour: float = 2.0
-    outage_s: tuple[float, float] = (1.0, 8.0)
-    turn_factor: float = 5.0
-    turn_bank_deg: float = 15.0
+    slips_per_hour: float = option(4.0, "cycle slips of a satellite an hour", low=0.0)
+    reported_share: float = option(
+        0.8, "share of the slips that the receiver reports", low=0.0, high=1.0
+    )
+    outages_per_hour: float = option(2.0, "losses of a satellite an hour", low=0.0)
+    outage_s: tuple[float, float] = option(
+        (1.0, 8.0), "shortest and longest loss of a satellite", unit="s", positive=True
+    )
+    turn_factor: float = option(5.0, "factor of both rates in a bank", low=0.0)
+    turn_bank_deg: float = option(15.0, "bank beyond which it acts", unit="deg", low=0.0)
 
     def __post_init__(self) -> None:
-        for name in (
-            "slips_per_hour",
-            "reported_share",
-            "outages_per_hour",
-            "turn_factor",
-            "turn_bank_deg",
-        ):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise UsageError(
-                    f"tracking: {name} {getattr(self, name):g}; it must be finite and not negative"
-                )
-        if self.reported_share > 1.0 or not 0.0 < self.outage_s[0] <= self.outage_s[1] < np.inf:
-            given = f"reported_share {self.reported_share:g}, outage_s {self.outage_s}"
-            raise UsageError(
-                f"tracking: {given}; the share lies between 0 and 1, outages last from a shorter to"
-                " a longer time"
-            )
+        check(self, "tracking")
+        if self.outage_s[0] > self.outage_s[1]:
+            problem = "must be the shorter and the longer time of an outage"
+            raise OptionError("tracking.outage_s", problem, self.outage_s)
 
     def times(self, share: float) -> "Tracking":
         """The same with both rates multiplied by `share`."""

@@ -23,7 +23,7 @@ on all satellites, but a bank of 30 degrees would move the apparent antenna by a
 the roll axis.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ from ...base.advance import share
 from ...base.errors import UsageError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...gnss.rinex.navigation_message import Navigation
+from ...io.options.kinds import check
+from ...io.options.schema import option
 from ...records import CameraEvents
 from ..flights import Flight
 from ..sensors import Rig, antenna_states
@@ -88,63 +90,49 @@ class RawGnssOptions:
     tracking : of the rover; base_share of its rates for the base.
     """
 
-    rate_hz: float = 10.0
-    base_rate_hz: float = 1.0
-    systems: str = "GR"
-    base_offset_m: tuple[float, float, float] = (1200.0, -900.0, 6.0)
-    elevation_mask_deg: float = 7.0
-    antenna_mask_deg: float = -10.0
-    code_sigma_m: float = 0.15
-    phase_sigma_m: float = 0.0015
-    code_multipath_m: float = 0.15
-    phase_multipath_m: float = 0.0012
-    multipath_s: float = 20.0
-    doppler_sigma_ms: float = 0.02
-    iono_vertical_m: float = 2.5
-    iono_rate_ms: float = 1e-4
-    iono_gradient: float = 1.5e-6
-    iono_wave_m: float = 0.01
+    rate_hz: float = option(10.0, "epochs of the rover a second", unit="Hz", positive=True)
+    base_rate_hz: float = option(1.0, "epochs of the base a second", unit="Hz", positive=True)
+    systems: str = option("GR", "GPS G and GLONASS R", kind="letters", choices=("G", "R"))
+    base_offset_m: tuple[float, float, float] = option(
+        (1200.0, -900.0, 6.0), "the base from the origin, north, east, up", unit="m"
+    )
+    elevation_mask_deg: float = option(7.0, "lowest elevation", unit="deg", low=3.0, high=60.0)
+    antenna_mask_deg: float = option(-10.0, "lowest angle to the plane of the antenna", unit="deg")
+    code_sigma_m: float = option(0.15, "white noise of codes at zenith", unit="m", low=0.0)
+    phase_sigma_m: float = option(0.0015, "white noise of phases at zenith", unit="m", low=0.0)
+    code_multipath_m: float = option(0.15, "multipath of codes at zenith", unit="m", low=0.0)
+    phase_multipath_m: float = option(0.0012, "multipath of phases at zenith", unit="m", low=0.0)
+    multipath_s: float = option(20.0, "correlation time of multipath", unit="s", positive=True)
+    doppler_sigma_ms: float = option(0.02, "white noise of Doppler", unit="m/s", low=0.0)
+    iono_vertical_m: float = option(2.5, "vertical ionospheric delay on L1", unit="m", low=0.0)
+    iono_rate_ms: float = option(1e-4, "its rate", unit="m/s")
+    iono_gradient: float = option(1.5e-6, "its gradient, m/m")
+    iono_wave_m: float = option(0.01, "amplitude of a travelling wave", unit="m", low=0.0)
     weather: Weather = field(default_factory=Weather)
-    clock_offset_s: float = 1e-4
-    clock_drift: float = 3e-8
-    clock_jump_s: float = 0.0
-    hardware_bias_m: float = 3.0
-    glonass_code_bias_m: float = 0.3
-    glonass_phase_bias_m: float = 0.001
-    broadcast_error_m: float = 1.0
+    clock_offset_s: float = option(1e-4, "largest offset of a receiver clock", unit="s", low=0.0)
+    clock_drift: float = option(3e-8, "standard deviation of its drift", low=0.0)
+    clock_jump_s: float = option(0.0, "size of its jumps, 0: none", unit="s", low=0.0)
+    hardware_bias_m: float = option(3.0, "standard deviation of hardware biases", unit="m", low=0.0)
+    glonass_code_bias_m: float = option(
+        0.3, "the same of a GLONASS frequency number", unit="m", low=0.0
+    )
+    glonass_phase_bias_m: float = option(0.001, "rover against base, times the number", unit="m")
+    broadcast_error_m: float = option(
+        1.0, "standard deviation of orbits and clocks, each axis", unit="m", low=0.0
+    )
     tracking: Tracking = field(default_factory=Tracking)
-    base_share: float = 0.1
+    base_share: float = option(
+        0.1, "share of the rover's tracking rates at the base", low=0.0, high=1.0
+    )
 
     def __post_init__(self) -> None:
-        signed = ("antenna_mask_deg", "iono_rate_ms", "iono_gradient", "glonass_phase_bias_m")
-        for name in (f.name for f in fields(self) if isinstance(f.default, float)):
-            if not np.isfinite(getattr(self, name)) or (
-                name not in signed and getattr(self, name) < 0.0
-            ):
-                raise UsageError(
-                    f"raw GNSS: {name} {getattr(self, name):g}; it must be"
-                    f" finite{'' if name in signed else ', not negative'}"
-                )
-        for name in ("rate_hz", "base_rate_hz", "multipath_s"):
-            if not getattr(self, name) > 0.0:
-                raise UsageError(f"raw GNSS: {name} {getattr(self, name):g}; it must be positive")
-        if not self.systems or set(self.systems) - set("GR"):
-            raise UsageError(
-                f"raw GNSS: systems {self.systems!r}; they are of G (GPS) and R (GLONASS)"
-            )
+        check(self, "raw_gnss")
         if abs(self.iono_gradient) * SHELL_REACH_M > self.iono_vertical_m:
             excess = (
                 f"iono_gradient {self.iono_gradient:g} takes more than iono_vertical_m"
                 f" {self.iono_vertical_m:g} over {SHELL_REACH_M:g} m"
             )
             raise UsageError(f"raw GNSS: {excess}; no delay can be negative")
-        if not 3.0 <= self.elevation_mask_deg < 60.0:
-            raise UsageError(
-                f"raw GNSS: elevation_mask_deg {self.elevation_mask_deg:g}; it lies between 3"
-                " and 60"
-            )
-        if not self.base_share <= 1.0:
-            raise UsageError(f"raw GNSS: base_share {self.base_share:g}; it lies between 0 and 1")
 
 
 @dataclass(frozen=True, eq=False)

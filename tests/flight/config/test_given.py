@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError, OptionError, UsageError
+from insgnss.flight.config.block_tables.vehicle import VehicleTable
 from insgnss.flight.config.filter_options import FilterOptions, InitialAttitude
 from insgnss.flight.config.flight_file import Output, TangentPlane
 from insgnss.flight.config.gnss_options import GnssInput
@@ -16,6 +17,7 @@ from insgnss.io.options.schema import declared
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 IMU, GNSS = {"file": Path("imu.csv")}, {"file": Path("gnss.txt")}
+TARGET = {"file": Path("eo.json"), "sizes": Path("sizes.csv"), "size_m": 1.0}
 LEVEL = {"roll_deg": 0.0, "pitch_deg": 0.0, "heading_deg": 10.0}
 
 
@@ -72,12 +74,12 @@ WRONG = [
     (
         GnssInput,
         GNSS | {"quality_sigma_m": {"flaot": (1, 1, 1)}},
-        r"gnss\.quality_sigma_m .*did you mean 'float'",
+        r"gnss\.quality_sigma_m: .*did you mean 'float'",
     ),
     (
         GnssInput,
         GNSS | {"quality_sigma_m": {"float": (1, 0, 1)}},
-        r"gnss\.quality_sigma_m .*float: must be three",
+        r"gnss\.quality_sigma_m\.float = .*: must be three",
     ),
     (
         GnssInput,
@@ -112,12 +114,18 @@ WRONG = [
     (ImuInput, IMU | {"further": ({},)}, r"imu\.further .*must be a list of ImuInput"),
     (GnssInput, GNSS | {"gate_sigma": None}, r"gnss\.gate_sigma: is None; give a value"),
     (GnssInput, GNSS | {"quality_sigma_m": 5}, r"gnss\.quality_sigma_m = 5: must be a mapping"),
-    (GnssInput, GNSS | {"covariance": {}}, r"gnss\.covariance .*must be CovarianceModel"),
+    (GnssInput, GNSS | {"covariance": {}}, r"gnss\.covariance: .*must be CovarianceModel"),
     (
         CameraInput,
         {"events": None, "match": {"images": "x"}},
         r"camera\.match: is of type dict; it must be ImageMatch",
     ),
+    (
+        VehicleTable,
+        TARGET | {"sizes": None, "size_m": -1.0},
+        r"vehicle\.size_m = -1\.0: must be greater than zero",
+    ),
+    (VehicleTable, TARGET | {"target_m": (467.0, 0, 0)}, r"vehicle\.target_m .*is 467 m long"),
     (
         InitialAttitude,
         LEVEL | {"pitch_deg": 91.0},
@@ -158,7 +166,7 @@ def test_a_value_that_cannot_be_is_refused_at_construction(table, values, messag
         ({"gnss__sigma_m": (-1.0, 1.0, 1.0)}, r"gnss\.sigma_m"),
         ({"gps_week": -1}, r"^gps_week = -1: must be 0 to 9999"),
         ({"start_tow": -5.0}, r"^start_tow = -5\.0: must be 0 or more"),
-        ({"accept": ("moton",)}, r"^accept .*'moton' is no check"),
+        ({"accept": ("moton",)}, r"^accept .*'moton' is unknown; did you mean 'motion'"),
         ({"accept": "motion"}, r"^accept = 'motion': must be a list; give \['motion'\]"),
         (
             {"filter__wheels": True},

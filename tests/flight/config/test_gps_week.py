@@ -35,5 +35,6 @@ def test_every_week_below_the_rollover_is_refused_in_a_flight_file(week, tmp_pat
     files = 'imu = { file = "imu.csv" }\ngnss = { file = "imu.csv" }\n'
     path.write_text(f"gps_week = {week}\n{files}")
     dates = "1999-08-22 or 2019-04-07" if week == 0 else "2019-03-31 or 2038-11-14"
-    with pytest.raises(InputError, match=f"flight.toml:1: gps_week: .* to {week} .{dates}"):
+    refusal = f"flight.toml:1: gps_week = {week}: .* to {week} .{dates}"
+    with pytest.raises(InputError, match=refusal):
         load_flight(path)

@@ -1,7 +1,8 @@
 """The schema of the options: what is declared once is what reader, page, help and messages say."""
 
 import argparse
-from dataclasses import dataclass
+import importlib
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -9,14 +10,16 @@ import render_options
 
 from insgnss.base.errors import OptionError
 from insgnss.base.wording import spoken_as
+from insgnss.cli import build_parser
+from insgnss.cli.adjust import block_of
 from insgnss.flight.config.block_file import BLOCK_TABLES
 from insgnss.flight.config.command_line import add_options, given_of, names_of
 from insgnss.flight.config.flight_file import TABLES
-from insgnss.flight.config.kinds import PLAIN
-from insgnss.flight.config.load import known_keys, load_flight
-from insgnss.flight.config.values import READERS
+from insgnss.flight.config.load import load_flight
+from insgnss.flight.config.values import READERS, known_keys
 from insgnss.gnss.ppk_options import EngineSettings
-from insgnss.io.options.schema import check, declared, option, options_of
+from insgnss.io.options.kinds import KINDS, check
+from insgnss.io.options.schema import declared, option, options_of
 
 SPECS = Path(__file__).parents[3] / "data_specs"
 PAGE, BLOCK_PAGE = SPECS / "flight_file.md", SPECS / "block_file.md"
@@ -24,6 +27,7 @@ READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
 RAW = READY.replace(
     'file = "gnss.txt"', 'rover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]'
 )
+VERBS = ("compare", "tune", "calibrate.mounting", "calibrate.tripod")
 ALL = [
     (f"{file}{name}", item, options_of(name, tables[name]))
     for file, tables in (("", TABLES), ("block:", BLOCK_TABLES))
@@ -69,7 +73,7 @@ def test_every_option_is_whole(table):
     """Oracle: the house rule: a meaning, a reader, a range the default lies in, no name twice."""
     for item, others in ((item, others) for name, item, others in ALL if name == table):
         assert len(item.option.meaning) > 5, item.name
-        assert item.kind in READERS or item.kind == "tables", item.name
+        assert item.kind in KINDS, item.name
         assert item.option.low < item.option.high, item.name
         if item.kind in ("number", "whole") and isinstance(item.default, int | float):
             assert item.option.low <= item.default <= item.option.high, item.name
@@ -80,10 +84,13 @@ def test_every_option_is_whole(table):
         assert render_options.default_words(item), item.name
 
 
-def test_every_reader_is_used():
-    """Oracle: the declarations."""
-    assert set(READERS) == {item.kind for _, item, _ in ALL} - {"tables"}
-    assert set(PLAIN) < set(READERS)
+def test_every_kind_is_used():
+    """Oracle: the declarations, those of the verbs among them."""
+    verbs = [importlib.import_module(f"insgnss.cli.{name}") for name in VERBS]
+    records = [kind for module in verbs for kind in vars(module).values() if is_dataclass(kind)]
+    of_verbs = {item.kind for kind in records for item in declared(kind).values()}
+    assert set(KINDS) == {item.kind for _, item, _ in ALL} | of_verbs
+    assert set(READERS) < set(KINDS)
 
 
 def test_a_type_without_a_reader_is_refused():
@@ -186,7 +193,20 @@ def test_values_in_range_pass():
 
 def test_unknown_keys_find_their_way():
     """Oracle: the tables by eye: sub-tables are known."""
-    keys = known_keys()
+    keys = known_keys(TABLES)
     assert {"imu.units", "imu.further.units", "gnss.covariance.scale"} <= set(keys)
     assert "lever_m" not in keys["imu"]
     assert "further" not in keys["imu.further"]
+
+
+def test_every_option_of_a_block_reaches_it(tmp_path):
+    """Oracle: the words of the command line; --pose-covariance was lost beside an eo.json."""
+    (tmp_path / "eo.json").write_text("{}")
+    (tmp_path / "points.csv").write_text("x")
+    words = (
+        f"adjust {tmp_path}/eo.json --images {tmp_path}/points.csv --pose-covariance --mode direct"
+    )
+    block = block_of(build_parser().parse_args(words.split()))
+    assert block.output.pose_covariance
+    assert block.output.directory == tmp_path / "adjusted"
+    assert block.adjustment.mode == "direct"

@@ -28,11 +28,11 @@ def eo(tmp_path: Path) -> Path:
     [
         (
             ["generic_ascii", "--set", "decimals_m=abc"],
-            "generic_ascii: decimals_m 'abc' is no whole number, such as 3",
+            "generic_ascii: decimals_m = 'abc': must be a whole number",
         ),
         (
             ["generic_ascii", "--set", "decimals_m=2.5"],
-            "generic_ascii: decimals_m '2.5' is no whole number",
+            "generic_ascii: decimals_m = '2.5': must be a whole number",
         ),
         (
             ["generic_ascii", "--set", "decimals_m=-3"],
@@ -48,23 +48,26 @@ def eo(tmp_path: Path) -> Path:
         ),
         (
             ["inpho_prj", "--set", "focal_mm=abc", "--set", "ground_m=500"],
-            "inpho_prj: focal_mm 'abc' is no finite number",
+            "inpho_prj: focal_mm = 'abc': must be a number",
         ),
         (
             ["inpho_prj", "--set", "focal_mm=nan", "--set", "ground_m=500"],
-            "inpho_prj: focal_mm 'nan' is no finite number",
+            "inpho_prj: focal_mm = 'nan': must be a number",
         ),
         (
             ["inpho_prj", "--set", "focal_mm=35", "--set", "ground_m=inf"],
-            "inpho_prj: ground_m 'inf' is no finite number",
+            "inpho_prj: ground_m = 'inf': must be a number",
         ),
-        (["tum", "--set", "time=noon"], "tum: time 'noon' is unknown; it is one of tow, unix"),
-        (["g2o", "--set", "max_gap_s=x"], "g2o: max_gap_s 'x' is no finite number"),
+        (["tum", "--set", "time=noon"], "tum: time = 'noon': must be tow or unix"),
+        (["g2o", "--set", "max_gap_s=x"], "g2o: max_gap_s = 'x': must be a number"),
         (
             ["relative", "--set", "noise=navchip", "--set", "gap_s=x"],
-            "relative: gap_s 'x' is no finite number",
+            "relative: gap_s = 'x': must be a number",
         ),
-        (["image_tags", "--set", "rtk_flag=fix"], "image_tags: rtk_flag 'fix' is no whole number"),
+        (
+            ["image_tags", "--set", "rtk_flag=fix"],
+            "image_tags: rtk_flag = 'fix': must be a whole number",
+        ),
         (["inpho_prj"], "such as --set focal_mm=35 --set ground_m=500"),
         (["colmap"], "--set camera='PINHOLE 5120 3840 5607 5607 2560 1920'"),
         (["opf", "--set", CAMERA, "--crs", "EPSG:32632"], "--set pixel_size_um=3.76"),

@@ -138,7 +138,7 @@ def test_a_flight_file_names_further_cameras(data_set) -> None:
     ("table", "message"),
     [
         ('prefix = "b"\ncolumns = ["tow"]\n', "columns: is of camera.further.events"),
-        ('name = "a b"\n', "name: is no name of letters"),
+        ('name = "a b"\n', "name = 'a b': is no name of letters"),
         ('name = "camera_1"\n', "camera_1 names two cameras"),
         ("mounting = { imu_m = [0, 0, 0], from_camera_m = [0, 0, 0] }\n", "keep one of them"),
         ("mounting = { antenna_m = [0, 0, 0] }\n", "antenna_m: unknown key"),

@@ -186,7 +186,9 @@ def test_keys_of_ours_in_a_shared_file_are_shown(sent: Path) -> None:
     text = file.read_text().replace('axes = "forward right down"\n', "")
     file.write_text('include = "../wing.toml"\n' + text)
     (sent.parent / "wing.toml").write_text('[imu]\naxes = "forward right downn"\n')
-    assert "wing.toml:2: imu.axes: 'downn' is no direction" in said(lambda: load_flight(file))
+    assert "wing.toml:2: imu.axes = 'forward right downn': 'downn' is no direction" in said(
+        lambda: load_flight(file)
+    )
 
 
 def test_a_season_trusts_the_directory_of_each_flight(sent: Path) -> None:

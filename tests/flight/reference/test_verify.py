@@ -133,8 +133,8 @@ def test_what_does_not_agree_is_exit_code_4_with_the_table(flight_file, monkeypa
 @pytest.mark.parametrize(
     ("argv", "code", "says"),
     [
-        (["--start", "nan"], 2, "no time of week"),
-        (["--minutes", "0"], 2, "not greater than zero"),
+        (["--start", "nan"], 2, "--start nan: must be a number"),
+        (["--minutes", "0"], 2, "--minutes 0.0: must be greater than zero"),
         (["--start", "1"], 4, "heading not observable"),
         (["--start", "600000"], 3, "do not overlap"),
     ],

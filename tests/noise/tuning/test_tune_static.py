@@ -218,8 +218,8 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, "--flight", "flight.toml"], "both static recordings"),
         ([rest, *UNITS, "--model", "", *out], "a model without a name"),
         ([rest, *UNITS, "--gyro-model", "WN,", *out], "a process is missing"),
-        ([rest, *UNITS, "--columns", "", *out], "--columns ''"),
-        ([rest, *UNITS, "--skip", "-1", *out], "'-1' is no number from 0"),
+        ([rest, *UNITS, "--columns", "", *out], "argument --columns: '': give names in the order"),
+        ([rest, *UNITS, "--skip", "-1", *out], "argument --skip: '-1' must be 0 or more"),
         ([rest, *UNITS, "--out", "/proc/x.toml"], "/proc/x.toml: cannot be written"),
         ([rest, *UNITS, "--parameters", "gyro.white_noise"], "--parameters belongs to --flight"),
         (
@@ -255,7 +255,7 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
             "nothing says the unit that the gyro variances are of; give --gyro-unit, such as rad/s",
         ),
         ([rest, *UNITS, "--bootstrap", "1", *out], "give 2 replicates at least"),
-        ([rest, *UNITS, "--seed", "-1", *out], "give a whole number from 0"),
+        ([rest, *UNITS, "--seed", "-1", *out], "--seed -1: must be 0 or more"),
         ([rest, *UNITS, "--accept", "colour", "--model", "WN", *out], "no such check"),
     ):
         code, line = refusal(capsys, *argv)

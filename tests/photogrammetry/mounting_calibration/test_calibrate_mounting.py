@@ -29,8 +29,8 @@ from insgnss.photogrammetry.block_adjustment.aerial.control import Control, cont
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.solve import set_up
 from insgnss.photogrammetry.mounting_calibration.block_poses import block_poses
-from insgnss.photogrammetry.mounting_calibration.equations import Assumptions
 from insgnss.photogrammetry.mounting_calibration.in_flight import calibrate_mounting
+from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.records import BlockPoses, FlightPoses
 from insgnss.photogrammetry.mounting_calibration.solution import solve
 from insgnss.report.charts.files import charts_of
@@ -195,7 +195,10 @@ def test_orientations_of_micmac_come_back(tmp_path) -> None:
     [
         (["none.csv"], "does not exist"),
         (["poses.csv", "--frame", "similarity", "--shift-sigma", "1"], "leave --frame similarity"),
-        (["poses.csv", "--lever-arm-sigma", "-1"], "between 0.0001 and 10"),
+        (
+            ["poses.csv", "--lever-arm-sigma", "-1"],
+            "--lever-arm-sigma -1.0: must be 0.0001 to 10 m",
+        ),
     ],
 )
 def test_wrong_use_is_one_line(words, said, tmp_path, capsys) -> None:

@@ -8,7 +8,7 @@ from posed_flights import PLAIN, Posed, only, posed
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_vector
-from insgnss.photogrammetry.mounting_calibration.equations import Assumptions
+from insgnss.photogrammetry.mounting_calibration.options import Assumptions
 from insgnss.photogrammetry.mounting_calibration.plausibility import (
     Path,
     gross_errors,

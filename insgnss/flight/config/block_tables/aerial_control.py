@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Literal
 
 from ....base.errors import OptionError
-from ....io.options.schema import Triple, check, option
+from ....io.options.kinds import check
+from ....io.options.schema import Triple, option
 
 ControlKind = Literal["Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp"]
 CONTROLS = ("Ap/Aa", "Ap/Ra", "Rp/Ra", "Ap", "Rp")
@@ -90,7 +91,6 @@ class AerialControlTable:
         low=0.0,
         high=180.0,
         cli="--boresight-sigma",
-        metavar="DEG",
     )
     lever_arm_sigma_m: Triple | None = option(
         None,
@@ -107,7 +107,6 @@ class AerialControlTable:
         low=0.0,
         high=10.0,
         cli="--delay-sigma",
-        metavar="S",
     )
     shift_sigma_m: Triple | None = option(
         None,

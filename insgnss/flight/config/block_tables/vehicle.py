@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....base.errors import OptionError
-from ....io.options.schema import Triple, check, option
+from ....io.options.kinds import check
+from ....io.options.schema import Triple, option
 
 if TYPE_CHECKING:
     from ....base.tables import Columns
@@ -21,7 +22,6 @@ class VehicleTable:
         "as its events (its camera is the target), `trajectory.csv` of one, or a table of "
         "positions of the target (target_positions.md)",
         cli="--vehicle",
-        metavar="FILE",
         cli_meaning="trajectory.csv, eo.json or table of target positions of a vehicle",
     )
     target: str = option(
@@ -36,6 +36,7 @@ class VehicleTable:
         unit="m",
         kind="lever",
         usual="zero of eo.json and of a table",
+        needs=("file",),
     )
     target_sigma_m: Triple | None = option(
         None,
@@ -43,6 +44,7 @@ class VehicleTable:
         unit="m",
         kind="sigmas",
         usual="it is as stated",
+        needs=("file",),
     )
     time_offset_s: float = option(
         0.0, "seconds that are added to the stamps of the vehicle", unit="s", low=-1e6, high=1e6
@@ -62,6 +64,7 @@ class VehicleTable:
         unit="m",
         kind="sigmas",
         usual="none",
+        needs=("file",),
     )
     correlated_share: float = option(
         0.75,
@@ -86,9 +89,15 @@ class VehicleTable:
         "apparent sizes of the target (target_sizes.md), with size_m",
         kind="existing",
         form="file",
+        needs=("file", "size_m"),
     )
     size_m: float | None = option(
-        None, "diameter of the target", unit="m", positive=True, usual="not known"
+        None,
+        "diameter of the target",
+        unit="m",
+        positive=True,
+        usual="not known",
+        needs=("sizes",),
     )
     size_sigma_m: float = option(
         0.0,
@@ -101,25 +110,12 @@ class VehicleTable:
     crs: str | None = option(
         None, "of a table: its CRS, as ground.crs", usual="the tangent plane of the images"
     )
-    geoid: Path | None = option(None, "of a table: as ground.geoid")
+    geoid: Path | None = option(None, "of a table: as ground.geoid", needs=("crs",))
     columns: "Columns" = option(
         None, "of a table, as images.columns", kind="columns", usual="by header or order"
     )
 
     def __post_init__(self) -> None:
         check(self, "vehicle")
-        if (self.sizes is None) != (self.size_m is None):
-            missing, other = ("size_m", "sizes") if self.size_m is None else ("sizes", "size_m")
-            raise OptionError(
-                f"vehicle.{other}", f"has no meaning without vehicle.{missing}; give both"
-            )
-        if self.geoid is not None and self.crs is None:
-            raise OptionError("vehicle.geoid", "has no meaning without vehicle.crs; give both")
         if not self.target.strip():
             raise OptionError("vehicle.target", "is empty; give a prefix, such as K_, or a name")
-        if self.file is None:
-            for name in ("target_m", "target_sigma_m", "shift_sigma_m", "sizes"):
-                if getattr(self, name) is not None:
-                    raise OptionError(
-                        f"vehicle.{name}", "has no meaning without vehicle.file; give both"
-                    )

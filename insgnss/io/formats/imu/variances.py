@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from ....base.errors import InputError, UsageError
 from ....base.files import lines_of
 from ....base.received.nesting import parse_json
-from ....base.tables import is_number
-from ....base.units import LARGEST
+from ....base.units import LARGEST, is_number
 from ....records import WaveletVariance, chi_square_interval
 from ..text.columns import TableSpec
 from ..text.layout import decode, is_comment, shown

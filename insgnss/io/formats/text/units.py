@@ -108,6 +108,15 @@ def unit_factor(text: str, kind: str) -> float:
     return number * factor
 
 
+def is_unit(text: str, kind: str) -> bool:
+    """Return whether `text` is a unit of this kind, with or without a number before it."""
+    try:
+        unit_factor(text, kind)
+    except UsageError:
+        return False
+    return True
+
+
 def usual_unit(text: str, kind: str) -> str:
     """Return the unit `text` as `UNITS` spells it.
 

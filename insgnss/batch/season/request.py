@@ -1,0 +1,65 @@
+"""What `insgnss batch` is asked for; standard library only, for the command line."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...io.options.kinds import Checked
+from ...io.options.schema import argument
+
+
+@dataclass(frozen=True)
+class SeasonRequest(Checked):
+    """What is asked of a season.
+
+    Parameters
+    ----------
+    sources : tuple of str
+        Directories, patterns, flight files, tables of flights.
+    out : Path or None
+        Directory of table and page; None: the one directory that was named, else the working one.
+    workers : int or None
+        Most of these processes; None: one a processor, as far as memory allows.
+    scheduler : str or None
+        Address of a Dask scheduler; None: processes of this machine.
+    again : bool
+        Whether flights are processed although their products are in force.
+    force : bool
+        Whether results of other measurements, and a page of others, are overwritten.
+    parquet : bool
+        Whether season.parquet is written as well.
+    """
+
+    sources: tuple[str, ...] = argument(
+        ...,
+        "directories, below which every flight.toml counts; patterns in quotation marks; flight "
+        "files; tables of flights: CSV with a column flight and, if wanted, name and out",
+        cli="FLIGHTS",
+    )
+    out: Path | None = argument(
+        None,
+        "where season.csv and index.html go (default: the directory that is named alone, else the "
+        "working one); products go where each flight file says, or the column out of a table, below"
+        " the table or below DIR",
+        metavar="DIR",
+    )
+    workers: int | None = argument(
+        None, "most flights side by side", low=1, usual="one a processor, as far as memory allows"
+    )
+    scheduler: str | None = argument(
+        None,
+        "address of a Dask scheduler, tcp://HOST:8786, in place of this machine (needs Dask)",
+        metavar="ADDRESS",
+    )
+    again: bool = argument(False, "process flights whose products are in force as well")
+    force: bool = argument(
+        False, "overwrite results of other measurements, and a page or table of others"
+    )
+    parquet: bool = argument(False, "write season.parquet as well (needs pyarrow)")
+
+    @property
+    def directory(self) -> Path:
+        """Where table and page go."""
+        if self.out is not None:
+            return self.out
+        one = Path(self.sources[0]) if len(self.sources) == 1 else Path(".")
+        return one if one.is_dir() else Path(".")
