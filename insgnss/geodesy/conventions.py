@@ -151,7 +151,9 @@ def lengths(quantity: str, units: Sequence[str] = tuple(LENGTHS)) -> Iterator[Co
 
 
 def angles(
-    read_as: AngleSet, sets: Mapping[str, AngleSet], units: bool = True
+    read_as: AngleSet,
+    sets: Mapping[str, AngleSet],
+    units: Sequence[str] = ("degrees", "radians", "gon"),
 ) -> Iterator[Convention]:
     """Return angles of another order, sign, unit or set; the changes make rotations of angles.
 
@@ -161,8 +163,8 @@ def angles(
         As which they were read.
     sets : mapping of AngleSet
         That they may be of.
-    units : bool
-        Whether other units are looked for.
+    units : sequence of str
+        As which they may have been read; none where no other unit is looked for.
 
     Returns
     -------
@@ -175,9 +177,10 @@ def angles(
     ):
         for one in others:
             yield Convention(one.words, _after(one.change, read_as.rotation), name)
-    for (unit, other), factor in ANGLES.items() if units else ():
-        words = f"angles in {unit} that were read as {other}"
-        yield Convention(words, _after(_times(factor), read_as.rotation), f"{unit} for {other}")
+    for (unit, other), factor in ANGLES.items():
+        if other in units:
+            words = f"angles in {unit} that were read as {other}"
+            yield Convention(words, _after(_times(factor), read_as.rotation), f"{unit} for {other}")
     for other_set in sets.values():
         if other_set is read_as:
             continue

@@ -99,6 +99,26 @@ class Explanation(Generic[Data]):
         return ", or ".join(dict.fromkeys(words(c) for c in (self.best, *self.alike)))
 
 
+def readings_of(data: Mapping[str, Data]) -> list[Candidate[Data]]:
+    """Return candidates of data that were read otherwise already.
+
+    Parameters
+    ----------
+    data : mapping
+        By what is the case if it is right.
+
+    Returns
+    -------
+    list of Candidate
+        One of each.
+    """
+
+    def constant(value: Data) -> Callable[[Data], Data]:
+        return lambda _: value
+
+    return [Candidate(statement, constant(value)) for statement, value in data.items()]
+
+
 def explain(
     given: Data,
     candidates: Iterable[Candidate[Data]],

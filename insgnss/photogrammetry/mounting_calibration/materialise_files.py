@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
+from ...geodesy.explain import explain
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
@@ -31,7 +32,7 @@ from ..lever_arm.materialisation import (
 )
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
 from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
-from .readings import advice, named_reading, position_readings
+from .readings import advice, of_positions, suspected
 
 ANTENNA = "antenna"
 TARGET_M, ANTENNA_M = 2e-4, 5e-3  # where a table has no standard deviations
@@ -336,9 +337,10 @@ def _estimated(
         def misfit(position: Array) -> float:
             return float(np.sqrt((fitted(position).residual_m ** 2).mean()))
 
-        readings = {k: v for k, v in position_readings(whole).items() if "metres" not in k}
-        words = named_reading(np.inf, readings, misfit, CLOSE_M)
-        other = advice((f"of {block.path.name} {words}",)) if words else ""
+        candidates = suspected(
+            block.path.name, of_positions(units=False), lambda X, change: change(X)
+        )
+        other = advice(explain(whole, candidates, misfit, CLOSE_M))
         raise InputError(f"{block.path}: {refusal}{other}") from None
 
 
