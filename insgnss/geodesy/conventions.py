@@ -84,6 +84,11 @@ CAMERA_SETS = {
     "pok": AngleSet(("phi", "omega", "kappa"), pok_from_rotation, rotation_from_pok),
     "ypr": AngleSet(("yaw", "pitch", "roll"), ypr_from_rotation, rotation_from_ypr),
 }
+CAMERA_SETS["kpo"] = AngleSet(  # omega, phi, kappa composed in the reverse order
+    ("kappa", "phi", "omega"),
+    lambda R: rpy_from_rotation(R)[:, ::-1],
+    lambda x: rotation_from_rpy(x[:, ::-1]),
+)
 BODY_SETS = {"rpy": AngleSet(("roll", "pitch", "heading"), rpy_from_rotation, rotation_from_rpy)}
 
 
