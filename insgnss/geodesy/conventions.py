@@ -21,6 +21,7 @@ from .rotation import (
     rotation_from_rpy,
     rotation_from_ypr,
     rpy_from_rotation,
+    vector_from_rotation,
     ypr_from_rotation,
 )
 
@@ -210,6 +211,32 @@ def _times(factors: float | Sequence[float]) -> Change:
 
 def _after(first: Change, second: Change) -> Change:
     return lambda x: second(first(x))
+
+
+def turned_by(Q: Array, names: Sequence[str]) -> str:
+    """Say by which right angles axes are turned.
+
+    Parameters
+    ----------
+    Q : ndarray, (3, 3)
+        The rotation.
+    names : sequence of str
+        Of the axes.
+
+    Returns
+    -------
+    str
+        Such as "+90 deg about up".
+    """
+    v = vector_from_rotation(Q)
+    angle = float(np.degrees(np.linalg.norm(v)))
+    axis = np.round(v / np.abs(v).max(), 6)
+    parts = [
+        f"{'minus ' if x < 0.0 else ''}{name}" for name, x in zip(names, axis, strict=True) if x
+    ]
+    if len(parts) > 1:
+        return f"{angle:.0f} deg about the middle of {' and '.join(parts)}"
+    return f"{angle * axis.sum():+.0f} deg about {names[int(np.abs(axis).argmax())]}"
 
 
 def orders(n: int) -> Iterator[tuple[int | None, Rows, Rows]]:

@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.conventions import CAMERA_SETS, JUDGED_ROWS, angles, orders
+from ...geodesy.conventions import CAMERA_SETS, JUDGED_ROWS, angles, orders, turned_by
 from ...geodesy.explain import Candidate
 from ...geodesy.rotation import (
     CV_RUB,
     right_angle_rotations,
     rotation_from_vector,
-    vector_from_rotation,
 )
 from ...records.block import INTERIOR, Array, BrownCamera
 from ..adjust.start import directions, intersected
@@ -26,6 +25,7 @@ from .inputs import Inputs
 FEWEST_RAYS = 60
 MOST_RAYS = 500
 STEPS, FEW_STEPS, LONGEST_STEP = 10, 3, 0.2
+OWN_AXES = ("its x axis", "its y axis", "its z axis")
 FAR_OFF = 1e6  # pixels, of a point behind its camera
 Rows = NDArray[np.int64]
 
@@ -242,19 +242,8 @@ def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
         " images as the camera took them"
     )
     for R in right_angle_rotations()[1:].swapaxes(1, 2):
-        text = f"the camera were turned by {_turn_words(R)}"
+        text = f"the camera were turned by {turned_by(R, OWN_AXES)}"
         yield _read(text, remedy, few, replace(few, C=few.C @ R))
-
-
-def _turn_words(R: Array) -> str:
-    turn = vector_from_rotation(R)
-    angle = float(np.degrees(np.linalg.norm(turn)))
-    axis = turn / np.linalg.norm(turn)
-    k = int(np.argmax(np.abs(axis)))
-    if abs(axis[k]) > 0.99:
-        return f"{angle * np.sign(axis[k]):+.0f} deg about its {'xyz'[k]} axis"
-    words = " ".join(f"{x:+.2f}" for x in axis)
-    return f"{angle:.0f} deg about the axis {words} of its own"
 
 
 def _other_attitudes(few: Reading) -> Iterator[Candidate[Reading]]:

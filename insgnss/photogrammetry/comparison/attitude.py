@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geodesy.conventions import BODY_SETS, CAMERA_SETS, angles
+from ...geodesy.conventions import BODY_SETS, CAMERA_SETS, angles, turned_by
 from ...geodesy.explain import Candidate
 from ...geodesy.rotation import (
     CV_RUB,
@@ -41,7 +41,12 @@ Change = Callable[[Array], Array]
 
 LEAST_RAD = float(np.radians(0.003))  # rms below which nobody asks why
 SMALL_RAD = float(np.radians(10.0))  # a greater constant turn is none of a bore-sight or of a grid
-ENU_AXES = ("east", "north", "up")
+UNTURNED = np.eye(3)
+ENU = ("east", "north", "up")
+TURNED_AXES = {
+    "camera": ("right", "down", "its viewing direction"),
+    "body": ("forward", "right", "down (yaw)"),
+}
 
 
 def attitude(matched: Matched) -> tuple[Finding, Matched] | None:
@@ -64,12 +69,12 @@ def _candidates(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield from _constant(a, b)
 
 
-def _on_rotation(change: Change) -> Callable[[Poses, Poses], Poses]:
-    """The change of C_Ex as what is taken off; the file's angles do not hold after it."""
+def _turned(left: Array, right: Array) -> Callable[[Poses, Poses], Poses]:
+    """What takes off turns of the frame and of its own axes; the file's angles go with them."""
 
     def turned(_: Poses, b: Poses) -> Poses:
         assert b.C_Ex is not None
-        return replace(b, C_Ex=change(b.C_Ex), angles=None)
+        return replace(b, C_Ex=left @ b.C_Ex @ right, angles=None)
 
     return turned
 
@@ -77,16 +82,14 @@ def _on_rotation(change: Change) -> Callable[[Poses, Poses], Poses]:
 def _axes(b: Poses) -> Iterator[Candidate[Matched]]:
     """(A.1) to (A.3)."""
     for Q in right_angle_rotations()[1:]:
-        yield taken_off(*_of_own_axes(Q, b.x), _on_rotation(_right(Q.T)))
-        yield taken_off(*_of_the_frame(Q), _on_rotation(_left(Q.T)))
+        yield taken_off(*_of_own_axes(Q, b.x), _turned(UNTURNED, Q.T))
+        yield taken_off(*_of_the_frame(Q), _turned(Q.T, UNTURNED))
     words = (
         "b is of north-east-down and forward-right-down where a is of east-north-up and"
         " right-forward-up"
     )
-    yield taken_off("frame and body axes", words, _on_rotation(lambda C: NED_ENU @ C @ NED_ENU))
-    yield taken_off(
-        "inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(np.eye(3))
-    )
+    yield taken_off("frame and body axes", words, _turned(NED_ENU, NED_ENU))
+    yield taken_off("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(UNTURNED))
     if b.x == "camera":
         words = "b has the transposed matrix, frame to camera with axes right, up, back"
         yield taken_off("inverse", words, _transposed(CV_RUB))
@@ -105,73 +108,24 @@ def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
     return transposed
 
 
-def _right(Q: Array) -> Change:
-    return lambda C: C @ Q
-
-
-def _left(Q: Array) -> Change:
-    return lambda C: Q @ C
-
-
 def _of_own_axes(Q: Array, x: str) -> tuple[str, str]:
     """Name and statement of (A.1)."""
-    v = vector_from_rotation(Q)
-    if np.abs(v[:2]).max() < 1e-9:
-        degrees = round(float(np.degrees(v[2])))
-        if x == "camera":
-            return (
-                "yaw turned",
-                (
-                    f"camera of b turned by {degrees:+d} deg about its viewing direction (yaw; top"
-                    " of the image for the nose?)"
-                ),
-            )
-        return "yaw turned", f"body of b turned by {degrees:+d} deg about down (yaw)"
     if x == "camera" and np.array_equal(Q, CV_RUB):
-        return (
-            "camera axes",
-            (
-                "camera axes of b are right, up, back where those of a are right, down, viewing"
-                " direction"
-            ),
-        )
-    return (
-        f"axes of the {x}",
-        f"{x} of b turned by {_by(Q, CAMERA_AXES if x == 'camera' else BODY_AXES)}",
-    )
+        words = "are right, up, back where those of a are right, down, viewing direction"
+        return "camera axes", f"camera axes of b {words}"
+    words = f"{x} of b turned by {turned_by(Q, TURNED_AXES[x])}"
+    if Q[2, 2] < 1.0:
+        return f"axes of the {x}", words
+    return "yaw turned", words + (" (yaw; top of the image for the nose?)" if x == "camera" else "")
 
 
 def _of_the_frame(Q: Array) -> tuple[str, str]:
     """Name and statement of (A.2)."""
-    v = vector_from_rotation(Q)
-    if np.abs(v[:2]).max() < 1e-9:
-        return (
-            "yaw turned",
-            (
-                f"yaw of b, clockwise from north, is {round(-float(np.degrees(v[2]))):+d} deg off"
-                " that of a"
-            ),
-        )
+    if Q[2, 2] == 1.0:
+        yaw = round(-float(np.degrees(vector_from_rotation(Q)[2])))
+        return "yaw turned", f"yaw of b, clockwise from north, is {yaw:+d} deg off that of a"
     note = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
-    return "axes of the frame", f"attitude of b in a frame turned by {_by(Q, ENU_AXES)}{note}"
-
-
-def _by(Q: Array, names: tuple[str, str, str]) -> str:
-    """A rotation in words."""
-    v = vector_from_rotation(Q)
-    angle = float(np.linalg.norm(v))
-    axis = v / angle
-    strongest = int(np.argmax(np.abs(axis)))
-    if abs(axis[strongest]) > 0.999:
-        return (
-            f"{round(np.degrees(angle) * np.sign(axis[strongest])):+d} deg about {names[strongest]}"
-        )
-    parts = " and ".join(
-        f"{'minus ' if value < 0 else ''}{name}"
-        for name, value in zip(names, axis, strict=True)
-        if abs(value) > 0.1
-    )
-    return f"{round(np.degrees(angle))} deg about the middle of {parts}"
+    return "axes of the frame", f"attitude of b in a frame turned by {turned_by(Q, ENU)}{note}"
 
 
 def _angles(b: Poses) -> Iterator[Candidate[Matched]]:
@@ -228,7 +182,7 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield taken_off(
         "north",
         words,
-        _on_rotation(_left(rotation_from_vector(np.array([0.0, 0.0, -up])))),
+        _turned(rotation_from_vector(np.array([0.0, 0.0, -up])), UNTURNED),
         1,
         {"up_rad": up},
     )
@@ -236,12 +190,12 @@ def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     words, values = _turn_words(
         Q, CAMERA_AXES if b.x == "camera" else BODY_AXES, f"bore-sight or mounting of the {b.x}"
     )
-    yield taken_off("boresight", words, _on_rotation(_right(Q.T)), 3, values)
+    yield taken_off("boresight", words, _turned(UNTURNED, Q.T), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
     words, values = _turn_words(
-        Q, ENU_AXES, "other axes of the frame, another origin of a tangent plane"
+        Q, ENU, "other axes of the frame, another origin of a tangent plane"
     )
-    yield taken_off("turn of the frame", words, _on_rotation(_left(Q.T)), 3, values)
+    yield taken_off("turn of the frame", words, _turned(Q.T, UNTURNED), 3, values)
 
 
 def _turn_words(
