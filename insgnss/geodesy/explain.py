@@ -173,3 +173,31 @@ def explain(
         and other + floor <= APART * (left + floor)
     }
     return Explanation(best, best.read(given), before, left, tuple(alike.values()))
+
+
+def best_shift(
+    misfit: Callable[[float], float], reach: float, *steps: float
+) -> tuple[float, float] | None:
+    """Return the shift with the least misfit, such as of two clocks, and that misfit.
+
+    Parameters
+    ----------
+    misfit : callable
+        Of a shift; infinite where it cannot be judged.
+    reach : float
+        Longest shift that is looked for.
+    *steps : float
+        Of the shifts up to `reach`, and of finer ones, five on either side of the best so far.
+
+    Returns
+    -------
+    tuple of float, or None
+        None where no shift can be judged.
+    """
+    best, least = 0.0, np.inf
+    for number, step in enumerate(steps):
+        count = round(reach / step) if number == 0 else 5
+        shifts = best + step * np.arange(-count, count + 1)
+        sizes = [misfit(float(shift)) for shift in shifts]
+        best, least = float(shifts[np.argmin(sizes)]), min(sizes)
+    return (best, least) if np.isfinite(least) else None

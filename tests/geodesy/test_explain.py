@@ -17,7 +17,7 @@ from insgnss.geodesy.conventions import (
     reversed_signs,
     time_scale,
 )
-from insgnss.geodesy.explain import Candidate, explain
+from insgnss.geodesy.explain import Candidate, best_shift, explain
 from insgnss.geodesy.rotation import vector_from_rotation
 
 SIGMA = 0.02  # of the noise, in m and rad
@@ -179,3 +179,11 @@ def test_time_scales_are_named(seconds, words) -> None:
     """Oracle: by hand; other offsets are two clocks that disagree."""
     assert time_scale(seconds) == words
     assert [time_scale(s) for s in (0.0, 1.3, 17.5, 19.5, 100.0)] == [""] * 5
+
+
+def test_a_shift_is_searched_in_finer_steps() -> None:
+    """Oracle: the minimum of a parabola; nothing where no shift can be judged."""
+    shift, left = best_shift(lambda s: (s - 12.34) ** 2 + 1.0, 30.0, 1.0, 0.1, 0.01)
+    assert shift == pytest.approx(12.34, abs=1e-9)
+    assert left == pytest.approx(1.0)
+    assert best_shift(lambda s: np.inf, 30.0, 1.0) is None

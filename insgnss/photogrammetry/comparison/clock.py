@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import DataError
 from ...geodesy.conventions import time_scale
-from ...geodesy.explain import EXPLAINS
+from ...geodesy.explain import EXPLAINS, best_shift
 from .hypotheses import LEAST_POSES, rms
 from .matching import Matched, covered, interpolated, match, times
 from .poses import Poses
@@ -65,14 +65,10 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
 
     The match with it taken off comes with it; None where no shift explains them.
     """
-    scored = [
-        (score, shift)
-        for shift in range(-WIDEST_S, WIDEST_S + 1)
-        if (score := _spread(a, b, float(shift))) is not None
-    ]
-    if not scored:
+    searched = best_shift(lambda shift: _spread(a, b, shift), WIDEST_S, 1.0)
+    if searched is None:
         return None
-    best = float(min(scored)[1])
+    best = searched[0]
     for _ in range(ROUNDS):
         step = _step(a, b, best)
         best += step
@@ -81,9 +77,11 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     if abs(best) < LEAST_S:
         return None
     before, after = _spread(a, b, 0.0), _spread(a, b, best)
-    if after is None:
+    if not np.isfinite(after):
         return None
-    if before is None:  # too few meet without it: by how much they would be apart on the way
+    if not np.isfinite(
+        before
+    ):  # too few meet without it: by how much they would be apart on the way
         before = abs(best) * _speed(a, b, best)
     if before < LEAST_M or after > EXPLAINS * before:
         return None
@@ -103,14 +101,14 @@ def leap_words(late_s: float) -> str:
     return f" ({scale})" if scale else ""
 
 
-def _spread(a: Poses, b: Poses, shift: float) -> float | None:
+def _spread(a: Poses, b: Poses, shift: float) -> float:
     """rms, m, of what s and l of (T.1) leave of the horizontal differences.
 
-    `shift` is added to b's stamps. The result is None where too few meet.
+    `shift` is added to b's stamps. It is infinite where too few meet.
     """
     matched = _sampled(a, b, shift)
     if matched is None:
-        return None
+        return np.inf
     d, beside = _equations(*matched)
     left = d - beside @ np.linalg.lstsq(beside, d, rcond=None)[0]
     return float(np.sqrt(2.0 * np.mean(left**2)))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...geodesy.conventions import Change, orders, time_scale
-from ...geodesy.explain import Candidate, explain
+from ...geodesy.explain import Candidate, best_shift, explain
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity
 from ...records.block import Array
@@ -30,7 +30,7 @@ from .solution import SCALE, Solved
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
 HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
 HOPELESS_SIGMAS = 6.0
-FARTHEST_S, STEP_S = 60.0, 0.1
+FARTHEST_S, LEAST_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
 FEWEST = 4
 GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
 GROSS_SHARE = 0.05
@@ -210,23 +210,21 @@ def _joined(one: Rows, other: Rows) -> Callable[[Pairs], Pairs]:
 
 def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pairs]]:
     """Return the exposures at other times, the best of them."""
-    best: tuple[float, float] | None = None
     n = time.size
     some = np.unique(np.linspace(0, n - 1, min(n, 60)).astype(np.int64))
-    for offset_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S, STEP_S):
-        pose = path.at(time[some] + offset_s)
-        if pose is None or abs(offset_s) < 0.5:
-            continue
-        left = misfit(pairs[0][some], pairs[1][some], *pose).size
-        if best is None or left < best[0]:
-            best = (left, float(offset_s))
-    pose = None if best is None else path.at(time + best[1])
+
+    def apart(offset_s: float) -> float:
+        pose = path.at(time[some] + offset_s) if abs(offset_s) >= LEAST_S else None
+        return np.inf if pose is None else misfit(pairs[0][some], pairs[1][some], *pose).size
+
+    best = best_shift(apart, FARTHEST_S, STEP_S)
+    pose = None if best is None else path.at(time + best[0])
     if best is None or pose is None:
         return
     X_o, C_o = pose
-    scale = time_scale(best[1])
+    scale = time_scale(best[0])
     yield Candidate(
-        f"the exposures are at {best[1]:+.1f} s: their stamps are off by so much, "
+        f"the exposures are at {best[0]:+.1f} s: their stamps are off by so much, "
         + (f"{scale}; give events in GPS time" if scale else "or give camera.time_offset_s"),
         lambda d: (d[0], d[1], X_o, C_o),
     )

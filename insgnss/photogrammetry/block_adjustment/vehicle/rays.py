@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import DataError
 from ....geodesy.conventions import time_scale
-from ....geodesy.explain import Candidate, explain
+from ....geodesy.explain import Candidate, best_shift, explain
 from ....records.block import Array, ImageBlock
 from ....records.cameras.camera import rays_of
 from ...adjust.unknowns import Unknowns
@@ -28,6 +28,7 @@ Rows = NDArray[np.int64]
 LEAST_M, SIGMAS = 1.5, 5.0
 FEWEST = 4
 RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
+FINER_S = (0.1, 0.02, 0.005)  # steps in which a time is searched: a vehicle moves centimetres
 FLOOR_M = 0.3  # what rays of right poses leave of a place on the ground
 OTHER_SIZE = 0.2
 """Of a size: heights above ground are known better than that before any adjustment."""
@@ -172,15 +173,7 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
             return np.inf
         return _middle((met - moved.position_m)[within, :2])
 
-    steps = np.arange(-range_s, range_s + STEP_S, STEP_S)
-    sizes = np.array([apart(float(s)) for s in steps])
-    best = float(steps[int(np.argmin(sizes))])
-    for width in (0.1, 0.02, 0.005):
-        finer = best + width * np.arange(-5, 6)
-        values = [apart(float(s)) for s in finer]
-        best = float(finer[int(np.argmin(values))])
-    off_m = apart(best)
-    return (best, off_m) if np.isfinite(off_m) else None
+    return best_shift(apart, range_s, STEP_S, *FINER_S)
 
 
 def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:
