@@ -20,5 +20,7 @@ Where to look
     leap seconds and weeks: `gpstime.py`
     the similarity of two frames in closed form, as calibrations of lever arms need it:
         `similarity.py`
+    in which conventions files of the same data differ: `conventions.py`; which of them explains a
+        misfit, with the one pair of limits for all wings: `explain.py`
     the height that belongs to an air pressure: `atmosphere.py`
 """

@@ -93,7 +93,7 @@ def _misreadings(gnss: GnssFixes, pairs: Pairs) -> Iterator[Candidate[Motion]]:
     exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
     radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
 
-    def at(lat: Array, lon: Array) -> Callable[[Motion], Motion]:
+    def placed(lat: Array, lon: Array) -> Callable[[Motion], Motion]:
         return lambda motion: (_displaced(replace(gnss, lat=lat, lon=lon), pairs), motion[1])
 
     def moving(factor: float) -> Callable[[Motion], Motion]:
@@ -109,7 +109,7 @@ def _misreadings(gnss: GnssFixes, pairs: Pairs) -> Iterator[Candidate[Motion]]:
         ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
     ):
         if np.abs(lat).max() <= 0.5 * np.pi and np.abs(lon).max() <= 2.0 * np.pi:
-            yield Candidate(advice, at(lat, lon))
+            yield Candidate(advice, placed(lat, lon))
     for unit, factor in VELOCITY_UNITS.items():
         advice = f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}'
         yield Candidate(advice, moving(factor))

@@ -91,16 +91,20 @@ def worse_than_stated(inputs: Inputs) -> str:
         The end of a sentence; empty where they do not, or there is little to go by.
     """
     few = None if inputs.eo is None else some_rays(as_given(inputs))
-    if few is None or few.image.size < FEWEST_RAYS:
+    if inputs.eo is None or few is None or few.image.size < FEWEST_RAYS:
         return ""
+    points = intersected(few.position, few.C, few.xy, few.image, few.point, few.point.max() + 1)
+    depth = np.nanmedian(np.linalg.norm(points[few.point] - few.position[few.image], axis=1))
+    variance = np.diagonal(inputs.eo.cov[inputs.eo_row[few.image]], axis1=1, axis2=2)
+    angle = variance[:, 3:].sum(axis=1) + variance[:, :3].sum(axis=1) / depth**2
+    sigma = float(np.median(few.f * np.sqrt(angle)))
     stated = float(np.median(inputs.block.observations.sigma_px[few.row]))
-    sigma = float(np.median(_sigma_px(inputs, few)))
     apart, _ = few.fitted()
-    if apart < max(WORSE * stated, FEW_SIGMAS * sigma):
+    if not apart >= max(WORSE * stated, FEW_SIGMAS * sigma):
         return ""
     return (
         f"; rays of a point pass {apart:.1f} px from each other, where image observations are"
-        f" stated good to {stated:.2g} px and attitudes to {sigma:.2g} px: correct them, or state"
+        f" stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
         " what they are good to (images.sigma_px)"
     )
 

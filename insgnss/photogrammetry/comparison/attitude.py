@@ -1,6 +1,6 @@
 r"""What may lie between attitudes.
 
-Each hypothesis is taken off b, and judged by the angle that remains to a.
+Each candidate is taken off b, and judged by the angle that remains to a.
 
     axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
     axes of the frame             Q^T C_b        likewise; both, where both differ         (A.2)

@@ -65,10 +65,10 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
 
     The match with it taken off comes with it; None where no shift explains them.
     """
-    searched = best_shift(lambda shift: _spread(a, b, shift), WIDEST_S, 1.0)
-    if searched is None:
+    least = best_shift(lambda shift: _spread(a, b, shift), WIDEST_S, 1.0)
+    if least is None:
         return None
-    best = searched[0]
+    best = least[0]
     for _ in range(ROUNDS):
         step = _step(a, b, best)
         best += step

@@ -1,6 +1,6 @@
 r"""What may lie between positions.
 
-There are hypotheses on the horizontal and on the height, each taken off b.
+There are candidates for the horizontal and for the height, each taken off b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 
