@@ -7,16 +7,18 @@ rows, and the one that makes displacements and velocities equal is named:
     off = median |displacement / time - velocity| / median |velocity|                         (R.11)
 
 over the faster half of the rows. As read, right columns leave the noise of the fixes, some percent
-of a drone's speed. A misreading is named where it explains what the columns as read do not, else
-the check abstains: velocities that are wrong in themselves contradict positions that are right.
+of a drone's speed. A misreading is named where it explains what the columns as read do not
+(`insgnss/geodesy/explain.py`), else the check abstains: velocities that are wrong in themselves
+contradict positions that are right.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.explain import Candidate, explain
 from ...records import Array, Check, GnssFixes
 from ...records.observations import UNKNOWN_MPS
 from ..prepare.fix_path import north_east
@@ -25,27 +27,14 @@ NAME = "GNSS velocity"
 SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
 LEAST_ROWS, LEAST_MPS = 30, 1.0
 CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
-AGREE, EXPLAINS, BETTER = (
-    0.25,
-    0.2,
-    0.4,
-)  # (R.11): as read in order, a misreading that explains, and of that as read at most
+AGREE, GOOD = 0.25, 0.2  # largest (R.11) of columns as read that are right, and of a misreading
 REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
-ALIKE = 0.1  # within which two misreadings explain the same
 DEG = np.pi / 180.0
 VELOCITY_UNITS = {"km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "cm/s": 1e-2, "mm/s": 1e-3}
 
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
-
-
-@dataclass(frozen=True, eq=False)
-class Misreading:
-    """Fixes as they would be, and what to do if that is right."""
-
-    advice: str
-    displaced: Array
-    moving: Array
+Motion = tuple[Array, Array]  # displacements by time, and mean velocities, m/s
 
 
 def check_velocity(gnss: GnssFixes) -> Check:
@@ -75,9 +64,15 @@ def check_velocity(gnss: GnssFixes) -> Check:
     off = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off:.0%} off the velocities in the median"
     if off > AGREE:
-        close = _explaining(gnss, pairs, mean, rows, off)
-        if close:
-            return Check(NAME, finding, expected, "contradiction", f"{' or '.join(close)}")
+        explanation = explain(
+            (moved, mean),
+            _misreadings(gnss, pairs),
+            lambda motion: _off(motion[0][rows, :2], motion[1][rows, :2]),
+            GOOD,
+            AGREE,
+        )
+        if explanation is not None:
+            return Check(NAME, finding, expected, "contradiction", explanation.clauses())
         advice = "one of them is wrong: check gnss.columns and their units, or leave velocities out"
         return Check(NAME, finding, expected, "note", advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
@@ -93,49 +88,33 @@ def check_velocity(gnss: GnssFixes) -> Check:
     return Check(NAME, finding, expected)
 
 
-def _explaining(gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: float) -> list[str]:
-    """What to do by the misreadings that explain the difference: the best, and its equals."""
-    trials = [
-        (_off(m.displaced[rows, :2], m.moving[rows, :2]), m.advice)
-        for m in _misreadings(gnss, pairs, mean)
-    ]
-    least = min(value for value, _ in trials)
-    if least > min(EXPLAINS, BETTER * off):
-        return []
-    return [advice for value, advice in trials if value < least + ALIKE]
-
-
-def _misreadings(gnss: GnssFixes, pairs: Pairs, mean: Array) -> Iterator[Misreading]:
-    """What files are known for, applied to the fixes."""
+def _misreadings(gnss: GnssFixes, pairs: Pairs) -> Iterator[Candidate[Motion]]:
+    """What files are known for; the statements say what to do."""
     exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
     radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
-    places = [
+
+    def placed(lat: Array, lon: Array) -> Callable[[Motion], Motion]:
+        return lambda motion: (_displaced(replace(gnss, lat=lat, lon=lon), pairs), motion[1])
+
+    def moving(factor: float) -> Callable[[Motion], Motion]:
+        return lambda motion: (motion[0], factor * motion[1])
+
+    degrees = 'latitude and longitude are in degrees: set gnss.units = { angle = "deg" }'
+    for advice, lat, lon in (
         (exchange, gnss.lon, gnss.lat),
         (radians, gnss.lat / DEG, gnss.lon / DEG),
         (f"{radians}; and {exchange}", gnss.lon / DEG, gnss.lat / DEG),
-        (
-            'latitude and longitude are in degrees: set gnss.units = { angle = "deg" }',
-            gnss.lat * DEG,
-            gnss.lon * DEG,
-        ),
+        (degrees, gnss.lat * DEG, gnss.lon * DEG),
         ("the sign of the latitude is wrong", -gnss.lat, gnss.lon),
         ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
-    ]
-    for advice, lat, lon in places:
+    ):
         if np.abs(lat).max() <= 0.5 * np.pi and np.abs(lon).max() <= 2.0 * np.pi:
-            yield Misreading(advice, _displaced(replace(gnss, lat=lat, lon=lon), pairs), mean)
-    moved = _displaced(gnss, pairs)
+            yield Candidate(advice, placed(lat, lon))
     for unit, factor in VELOCITY_UNITS.items():
-        yield Misreading(
-            f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}',
-            moved,
-            factor * mean,
-        )
-    yield Misreading(
-        "vn and ve are exchanged: exchange their names in gnss.columns",
-        moved,
-        mean[:, [1, 0, 2]],
-    )
+        advice = f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}'
+        yield Candidate(advice, moving(factor))
+    advice = "vn and ve are exchanged: exchange their names in gnss.columns"
+    yield Candidate(advice, lambda motion: (motion[0], motion[1][:, [1, 0, 2]]))
 
 
 def _pairs(time: Array) -> Pairs | None:

@@ -3,9 +3,9 @@
 Rays of a point meet to some pixels where image observations, camera and orientation belong to each
 other, whatever is left of the bore-sight, which is fitted first. Where they do not meet at all, the
 block is read as somebody may have written it: other pixel axes, other camera axes, images numbered
-by one more, another camera. One reading that makes the rays meet five times better names what is
-wrong. Of a block whose rays meet, the images that alone do not are named, and the ground points
-that lie elsewhere than the images see them. Where there is little to go by nothing is said.
+by one more, another camera. What then makes the rays meet (`insgnss/geodesy/explain.py`) is named.
+Of a block whose rays meet, the images that alone do not are named, and the ground points that lie
+elsewhere than the images see them. Where there is little to go by nothing is said.
 """
 
 from dataclasses import replace
@@ -14,6 +14,9 @@ from itertools import combinations
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.units import FOOT_M
+from ...geodesy.conventions import Convention, exchanged, lengths, reversed_signs
+from ...geodesy.explain import EXPLAINS, Candidate, explain
 from ...geodesy.rotation import rotation_from_vector
 from ...records.block import Array
 from ..adjust.start import intersected
@@ -33,10 +36,10 @@ FEWEST_IMAGES, FEWEST_OF_IMAGE = 3, 8
 APART = 0.02  # of the longer side: rays that are farther apart than this do not meet
 DOUBTFUL = 0.008  # the same, where another reading makes them meet
 SIGMAS, FEW_SIGMAS = 5.0, 2.0  # of the attitudes, where they are that poor
-BETTER = 5.0
 MOST_IMAGES = 6
-FOOT_M = 0.3048
-ALIKE, OFF_M = 0.2, 5.0
+WORSE = 10.0  # misclosure of rays over the stated sigma of pixels, from which that is doubted
+OFF_M = 5.0  # least distance of ground points that is asked about
+PIXEL = 0.1  # what image observations of a right block leave
 
 
 def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
@@ -64,14 +67,46 @@ def refuse_implausible(inputs: Inputs, failed: bool = False) -> None:
     size = max(max(camera.width, camera.height) for camera in inputs.block.cameras)
     apart, turn = few.fitted()
     sigma = float(np.median(_sigma_px(inputs, whole)))
-    if failed:
-        _refuse_readings(inputs, whole, apart, np.inf)
-    elif apart > max(DOUBTFUL * size, FEW_SIGMAS * sigma):
-        _refuse_readings(inputs, whole, apart, max(APART * size, SIGMAS * sigma))
+    doubtful = max(DOUBTFUL * size, FEW_SIGMAS * sigma)
+    if failed or apart > doubtful:
+        limit = np.inf if failed else max(APART * size, SIGMAS * sigma)
+        _refuse_readings(inputs, few, apart, (doubtful, limit))
     whole = replace(whole, C=whole.C @ rotation_from_vector(turn))
     _refuse_images(inputs, whole, apart, 0.0 if failed else APART * size)
     _refuse_ground(inputs, whole, apart)
     _refuse_vehicle(inputs, turn)
+
+
+def worse_than_stated(inputs: Inputs) -> str:
+    """Say of a block that cannot be adjusted that rays miss each other by far more than stated.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The block.
+
+    Returns
+    -------
+    str
+        The end of a sentence; empty where they do not, or there is little to go by.
+    """
+    few = None if inputs.eo is None else some_rays(as_given(inputs))
+    if inputs.eo is None or few is None or few.image.size < FEWEST_RAYS:
+        return ""
+    points = intersected(few.position, few.C, few.xy, few.image, few.point, few.point.max() + 1)
+    depth = np.nanmedian(np.linalg.norm(points[few.point] - few.position[few.image], axis=1))
+    variance = np.diagonal(inputs.eo.cov[inputs.eo_row[few.image]], axis1=1, axis2=2)
+    angle = variance[:, 3:].sum(axis=1) + variance[:, :3].sum(axis=1) / depth**2
+    sigma = float(np.median(few.f * np.sqrt(angle)))
+    stated = float(np.median(inputs.block.observations.sigma_px[few.row]))
+    apart, _ = few.fitted()
+    if not apart >= max(WORSE * stated, FEW_SIGMAS * sigma):
+        return ""
+    return (
+        f"; rays of a point pass {apart:.1f} px from each other, where image observations are"
+        f" stated good to {stated:.2g} px and poses to {sigma:.2g} px: correct them, or state"
+        " what they are good to (images.sigma_px)"
+    )
 
 
 def _refuse_vehicle(inputs: Inputs, turn: Array) -> None:
@@ -100,33 +135,32 @@ def _sigma_px(inputs: Inputs, whole: Reading) -> Array:
     return sigma
 
 
-def _refuse_readings(inputs: Inputs, whole: Reading, apart: float, limit: float) -> None:
-    """Refuse a block whose rays do not meet; name the reading with which they do."""
-    best: tuple[float, Reading, Array] | None = None
-    for reading in readings(inputs, whole):
-        few = some_rays(reading)
-        if few.image.size < FEWEST_RAYS:
-            continue
-        fits, change = few.fitted(apart)
-        if best is None or fits < best[0]:
-            best = fits, reading, change
-    start = f"image observations do not fit the aerial control: rays of a point pass {apart:.0f} px"
+def _refuse_readings(
+    inputs: Inputs, few: Reading, apart: float, limits: tuple[float, float]
+) -> None:
+    """Refuse a block whose rays do not meet; name the reading with which they do.
+
+    limits : distances, pixels, of rays that nobody doubts, and beyond which they do not meet.
+    """
+
+    def misfit(reading: Reading) -> float:
+        return np.inf if reading.image.size < FEWEST_RAYS else reading.fitted(apart)[0]
+
+    def words(one: Candidate[Reading]) -> str:
+        return f"{one.statement.format(one.read(few).fitted()[1][-1])}: {one.remedy}"
+
+    start = f"rays of a point pass {apart:.0f} px from each other"
     if apart >= FAR_OFF:
-        start = (
-            "image observations do not fit the aerial control: rays of a point do not meet before"
-            " the cameras,"
-        )
-    if best is not None and best[0] < min(apart / BETTER, limit):
-        text = best[1].text.format(best[2][-1])
+        start = "rays of a point do not meet before the cameras"
+    start = f"image observations do not fit the aerial control: {start}"
+    explanation = explain(few, readings(inputs, few), misfit, limits[0], PIXEL)
+    if explanation is not None:
         raise DataError(
-            f"{start} from each other, and {best[0]:.1f} px as if {text}; {best[1].remedy}"
-            if apart < FAR_OFF
-            else f"{start} and meet to {best[0]:.1f} px as if {text}; {best[1].remedy}"
+            f"{start}, and {explanation.left:.1f} px as if {explanation.clauses(words)}"
         )
-    if apart > limit:
-        middle = "from each other, and" if apart < FAR_OFF else "and"
+    if apart > limits[1]:
         raise DataError(
-            f"{start} {middle} none of mirrored or exchanged pixel axes, turned images or camera"
+            f"{start}, and none of mirrored or exchanged pixel axes, turned images or camera"
             " axes, images in another order, a delay, a principal point from the middle fits;"
             f" {inputs.file.aerial_control.file} is of another flight, its angles were in other"
             " units (degrees for radians), or names of images or points are others"
@@ -170,15 +204,19 @@ def _refuse_images(inputs: Inputs, whole: Reading, apart: float, least: float) -
         + f" ({apart:.1f} px in the others)"
     )
     if len(some) == 2:
-        exchanged = np.arange(n)
-        exchanged[some] = some[::-1]
-        other = replace(whole, position=whole.position[exchanged], C=whole.C[exchanged])
-        off = np.linalg.norm(other.residuals(), axis=1)
-        mine = np.isin(other.image, some)
-        if np.median(off[mine]) < limit[some].min() / BETTER:
+        rows = np.arange(n)
+        rows[some] = some[::-1]
+
+        def median(reading: Reading) -> float:
+            off = np.linalg.norm(reading.residuals(), axis=1)
+            return float(np.median(off[np.isin(reading.image, some)]))
+
+        other = Candidate[Reading]("", lambda r: replace(r, position=r.position[rows], C=r.C[rows]))
+        explanation = explain(whole, [other], median, float(limit[some].min()))
+        if explanation is not None:
             raise DataError(
-                f"{text}, and {np.median(off[mine]):.1f} px when they are exchanged; exchange"
-                " their names"
+                f"{text}, and {explanation.left:.1f} px when they are exchanged; exchange their"
+                " names"
             )
     skip = ", ".join(f'"{names[i]}"' for i in some)
     raise DataError(
@@ -209,35 +247,33 @@ def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
     if size <= limit:
         _refuse_exchanged(names, given, X, limit)
         return
-    spread = float(np.median(np.linalg.norm(off - middle, axis=1)))
     start = (
         f"ground points do not fit aerial control and images: {names[0]} lies"
         f" {', '.join(f'{x:+.1f}' for x in off[0])} m (east, north, up) from where images see it"
     )
-    best: tuple[float, str] | None = None
-    for text, other in (
-        ("easting and northing were exchanged: exchange them", given[:, [1, 0, 2]]),
-        ("all coordinates were in feet: give metres", given * FOOT_M),
-        ("heights were in feet: give metres", given * [1.0, 1.0, FOOT_M]),
-        ("heights counted downwards: change their sign", given * [1.0, 1.0, -1.0]),
-        ("eastings had the other sign", given * [-1.0, 1.0, 1.0]),
-        ("northings had the other sign", given * [1.0, -1.0, 1.0]),
-    ):
-        fits = float(np.median(np.linalg.norm(other - X, axis=1)))
-        if best is None or fits < best[0]:
-            best = fits, text
-    if best is not None and best[0] < max(limit, size / (2 * BETTER)):
-        raise DataError(f"{start}, and {best[0]:.1f} m as if {best[1]}")
-    if spread < max(limit, ALIKE * size):
-        constant = _camera_constant(inputs, whole, apart, height / (height - middle[2]))
-        if constant is not None:
-            if all("f" in camera.free for camera in block.cameras):
-                return
-            raise DataError(
-                f"the camera constant does not fit: with {constant:.0f} px instead of"
-                f" {block.cameras[0].of('f'):.0f} rays and ground points meet; correct f, or"
-                ' estimate it (camera.free = ["f", ...])'
-            )
+
+    def misfit(position: Array) -> float:
+        return float(np.median(np.linalg.norm(position - X, axis=1)))
+
+    axes = ("easting", "northing", "height")
+    others = [
+        *exchanged(axes[:2]),
+        *lengths("coordinates", ("feet",)),
+        Convention("heights in feet", lambda x: x * [1.0, 1.0, FOOT_M]),
+        *reversed_signs(axes, most=1),
+    ]
+    shift = Candidate[Array]("a shift", lambda x: x - middle, parameters=3)
+    candidates = [shift, *(Candidate(f"they had {one.words}", one.change) for one in others)]
+    explanation = explain(given, candidates, misfit)
+    if explanation is None:
+        raise DataError(
+            f"{start}, {size:.0f} m in the middle, and none of exchanged or mirrored axes, feet, a"
+            " shift fits; check ground.crs and the names of the points"
+        )
+    if explanation.best is not shift:
+        raise DataError(f"{start}, and {explanation.left:.1f} m as if {explanation.clauses()}")
+    constant = _camera_constant(inputs, whole, apart, height / (height - middle[2]))
+    if constant is None:
         why = (
             "heights above the ellipsoid and above sea level (geoid) are mixed, or the base had"
             " another height"
@@ -247,10 +283,12 @@ def _refuse_ground(inputs: Inputs, whole: Reading, apart: float) -> None:
         raise DataError(
             f"{start}, and all of them alike, by {', '.join(f'{x:+.1f}' for x in middle)} m; {why}"
         )
-    raise DataError(
-        f"{start}, {size:.0f} m in the middle, and none of exchanged or mirrored axes, feet, a"
-        " shift fits; check ground.crs and the names of the points"
-    )
+    if not all("f" in camera.free for camera in block.cameras):
+        raise DataError(
+            f"the camera constant does not fit: with {constant:.0f} px instead of"
+            f" {block.cameras[0].of('f'):.0f} rays and ground points meet; correct f, or"
+            ' estimate it (camera.free = ["f", ...])'
+        )
 
 
 def _refuse_exchanged(names: list[str], given: Array, X: Array, limit: float) -> None:
@@ -275,4 +313,4 @@ def _camera_constant(
     cameras = tuple(with_values(c, f=c.of("f") / times_too_large) for c in block.cameras)
     other = as_given(replace(inputs, block=replace(block, cameras=cameras)))
     fits, _ = some_rays(other).fitted()
-    return cameras[0].of("f") if fits < 0.5 * apart else None
+    return cameras[0].of("f") if fits < EXPLAINS * apart else None

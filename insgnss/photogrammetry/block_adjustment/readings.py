@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.conventions import CAMERA_SETS, JUDGED_ROWS, angles, orders, turned_by
+from ...geodesy.explain import Candidate
 from ...geodesy.rotation import (
     CV_RUB,
-    opk_from_rotation,
     right_angle_rotations,
-    rotation_from_opk,
     rotation_from_vector,
-    rpy_from_rotation,
-    vector_from_rotation,
 )
 from ...records.block import INTERIOR, Array, BrownCamera
 from ...records.rows import rows_of
@@ -28,6 +26,7 @@ from .inputs import Inputs
 FEWEST_RAYS = 60
 MOST_RAYS = 500
 STEPS, FEW_STEPS, LONGEST_STEP = 10, 3, 0.2
+OWN_AXES = ("its x axis", "its y axis", "its z axis")
 FAR_OFF = 1e6  # pixels, of a point behind its camera
 Rows = NDArray[np.int64]
 
@@ -38,10 +37,6 @@ class Reading:
 
     Parameters
     ----------
-    text : str
-        What it says of the files, after "as if".
-    remedy : str
-        What to do where it fits.
     position, C : ndarray
         (n, 3) and (n, 3, 3) poses of the images.
     xy : ndarray
@@ -50,24 +45,30 @@ class Reading:
         (k,) image and object point of each ray.
     f : ndarray
         (k,) camera constants, pixels.
+    row : ndarray of int
+        (k,) rows of the image observations.
     velocity, rate : ndarray, optional
         (n, 3) of the images, m/s and rad/s, where a delay of the exposures is fitted as well.
     """
 
-    text: str
-    remedy: str
     position: Array
     C: Array
     xy: Array
     image: Rows
     point: Rows
     f: Array
+    row: Rows
     velocity: Array | None = None
     rate: Array | None = None
 
     def rows(self, keep: NDArray[np.bool_] | Rows) -> "Reading":
         """Return some of its rays."""
-        return replace(self, **rows_of(self, keep, ("xy", "image", "point", "f")))
+        return replace(self, **rows_of(self, keep, ("xy", "image", "point", "f", "row")))
+
+    def crossing(self, keep: NDArray[np.bool_]) -> "Reading":
+        """Return some of its rays, of points that two of them see."""
+        some = self.rows(keep)
+        return some.rows(np.bincount(some.point)[some.point] >= 2)
 
     def moved(self, change: Array) -> tuple[Array, Array]:
         """Return the poses with a bore-sight (3,), rad, and behind it perhaps a delay, s."""
@@ -159,8 +160,9 @@ def as_given(inputs: Inputs) -> Reading:
     count = np.bincount(seen.point[keep], minlength=len(block.points))
     keep &= count[seen.point] >= 2
     f = np.array([camera.of("f") for camera in block.cameras])[block.camera[seen.image]]
-    given = Reading("", "", block.position_m, block.C_mc, xy, seen.image, seen.point, f)
-    return given.rows(keep)
+    rows = np.arange(keep.size)
+    whole = Reading(block.position_m, block.C_mc, xy, seen.image, seen.point, f, rows)
+    return whole.rows(keep)
 
 
 def some_rays(reading: Reading) -> Reading:
@@ -186,86 +188,79 @@ def some_rays(reading: Reading) -> Reading:
     return reading.rows(np.isin(reading.point, points))
 
 
-def readings(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+def readings(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     """Return how somebody may have written a block.
 
     Parameters
     ----------
     inputs : Inputs
         The block.
-    whole : Reading
+    few : Reading
         As it is given.
 
     Yields
     ------
-    Reading
-        The block read in another way.
+    Candidate
+        Its statement follows "as if"; of a delay, "{:+.2f}" stands for it.
     """
-    yield from _other_stamps(inputs, whole)
-    yield from _other_numbers(inputs, whole)
-    yield from _other_axes(whole)
-    yield from _other_attitudes(whole)
-    yield from _other_cameras(inputs, whole)
+    yield from _other_stamps(inputs, few)
+    yield from _other_numbers(inputs, few)
+    yield from _other_axes(few)
+    yield from _other_attitudes(few)
+    yield from _other_cameras(inputs, few)
 
 
-def _other_axes(whole: Reading) -> Iterator[Reading]:
+def _read(
+    text: str, remedy: str, few: Reading, other: Reading, keep: NDArray[np.bool_] | None = None
+) -> Candidate[Reading]:
+    """Return a candidate; `keep`: the rays that it has, where those are not all."""
+    if keep is None or keep.all():
+        return Candidate(text, lambda _: other, remedy=remedy)
+    here, same = other.crossing(keep), few.crossing(keep)
+    return Candidate(text, lambda _: here, remedy=remedy, same=lambda _: same)
+
+
+def _other_axes(few: Reading) -> Iterator[Candidate[Reading]]:
     """Pixel axes and camera axes: the 48 signed permutations of the axes of a ray."""
-    pixels: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[str, str]] = {
-        ((0, 1), (1, -1)): ("y counted upwards from the lower edge", "mirror y: height - y"),
-        ((0, 1), (-1, 1)): ("x counted from the right edge", "mirror x: width - x"),
-        ((1, 0), (1, 1)): ("columns x and y were exchanged", "exchange them"),
-        ((1, 0), (-1, -1)): ("x and y were exchanged and count backwards", "write x right, y down"),
-    }
-    for (order, sign), (text, remedy) in pixels.items():
-        xy = whole.xy[:, order] * np.array(sign)
-        yield replace(
-            whole, text=text, remedy=f"{remedy} (x right, y down from the upper left corner)", xy=xy
-        )
+    corner = "(x right, y down from the upper left corner)"
+    for order, sign, text, remedy in (
+        ([0, 1], (1, -1), "y counted upwards from the lower edge", "mirror y: height - y"),
+        ([0, 1], (-1, 1), "x counted from the right edge", "mirror x: width - x"),
+        ([1, 0], (1, 1), "columns x and y were exchanged", "exchange them"),
+        ([1, 0], (-1, -1), "x and y were exchanged and count backwards", "write x right, y down"),
+    ):
+        other = replace(few, xy=few.xy[:, order] * np.array(sign))
+        yield _read(text, f"{remedy} {corner}", few, other)
+    remedy = (
+        "correct camera_from_body or bore-sight of the flight file and process again, or turn the"
+        " images as the camera took them"
+    )
     for R in right_angle_rotations()[1:].swapaxes(1, 2):
-        words = _turn_words(R)
-        yield replace(
-            whole,
-            text=f"the camera were turned by {words}",
-            remedy="correct camera_from_body or bore-sight of the flight file and process"
-            " again, or turn the images as the camera took them",
-            C=whole.C @ R,
-        )
+        text = f"the camera were turned by {turned_by(R, OWN_AXES)}"
+        yield _read(text, remedy, few, replace(few, C=few.C @ R))
 
 
-def _turn_words(R: Array) -> str:
-    turn = vector_from_rotation(R)
-    angle = float(np.degrees(np.linalg.norm(turn)))
-    axis = turn / np.linalg.norm(turn)
-    k = int(np.argmax(np.abs(axis)))
-    if abs(axis[k]) > 0.99:
-        return f"{angle * np.sign(axis[k]):+.0f} deg about its {'xyz'[k]} axis"
-    words = " ".join(f"{x:+.2f}" for x in axis)
-    return f"{angle:.0f} deg about the axis {words} of its own"
-
-
-def _other_attitudes(whole: Reading) -> Iterator[Reading]:
+def _other_attitudes(few: Reading) -> Iterator[Candidate[Reading]]:
     """Attitudes that were composed in another way."""
     remedy = "write the attitudes of eo.json as its conventions say (data_specs/eo_json.md)"
-    yield replace(
-        whole,
-        text="the matrices of the attitudes were transposed",
-        remedy=remedy,
-        C=np.ascontiguousarray(whole.C.swapaxes(1, 2)),
-    )
-    good = np.isfinite(whole.C).all(axis=(1, 2))
-    R = whole.C[good] @ CV_RUB
-    opk = opk_from_rotation(R)
-    for text, angles in (
-        ("omega, phi, kappa were composed in the reverse order", rpy_from_rotation(R)),
-        ("omega and phi had the other sign", opk * [-1.0, -1.0, 1.0]),
-        ("kappa had the other sign", opk * [1.0, 1.0, -1.0]),
-    ):
-        C = whole.C.copy()
-        C[good] = rotation_from_opk(angles) @ CV_RUB.T
-        yield replace(whole, text=text, remedy=remedy, C=C)
+    good = np.isfinite(few.C).all(axis=(1, 2))
+    R = few.C[good] @ CV_RUB
+
+    def turned(text: str, changed: Array) -> Candidate[Reading]:
+        C = few.C.copy()
+        C[good] = changed
+        return _read(text, remedy, few, replace(few, C=C))
+
+    transposed = np.ascontiguousarray(few.C[good].swapaxes(1, 2))
+    yield turned("the matrices of the attitudes were transposed", transposed)
+    opk, reverse = CAMERA_SETS["opk"], CAMERA_SETS["kpo"]
+    for read_as, sets in ((opk, CAMERA_SETS), (reverse, {"opk": opk})):
+        for one in angles(read_as, sets, units=()):
+            text = f"the attitudes had {one.words}"
+            yield turned(text, one.change(read_as.take(R)) @ CV_RUB.T)
 
 
-def _other_stamps(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+def _other_stamps(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     """Exposures that lag behind their stamps."""
     eo = inputs.eo
     if eo is None or eo.velocity_mps is None or eo.rate_radps is None:
@@ -274,51 +269,46 @@ def _other_stamps(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
     velocity, rate = np.zeros((2, own.size, 3))
     velocity[own] = eo.velocity_mps[inputs.eo_row[own]]
     rate[own] = eo.rate_radps[inputs.eo_row[own]]
-    yield replace(
-        whole,
-        text="the exposures had a delay of {:+.2f} s behind their stamps",
-        remedy="correct the stamps or camera.time_offset_s of the flight file and process again",
-        velocity=velocity,
-        rate=rate,
+    yield _read(
+        "the exposures had a delay of {:+.2f} s behind their stamps",
+        "correct the stamps or camera.time_offset_s of the flight file and process again",
+        few,
+        replace(few, velocity=velocity, rate=rate),
     )
 
 
-def _other_numbers(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+def _other_numbers(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     """Images that have the observations of a neighbour, or are numbered backwards."""
-    eo = inputs.eo
-    assert eo is not None
     order = np.argsort(inputs.eo_row, kind="stable")
     order = order[inputs.eo_row[order] >= 0]
     names = inputs.block.images
     remedy = "correct the names of the images or the stamps of the exposures"
-    n = order.size
-    for k in (1, -1, 2, -2, 3, -3):
-        if abs(k) >= n:
+    for k, one, other in orders(order.size):
+        images, source = order[one], order[other]
+        position, C = few.position.copy(), few.C.copy()
+        position[images], C[images] = few.position[source], few.C[source]
+        text = f"images were numbered in the reverse order, {names[order[0]]} the last"
+        if k is not None:
+            middle = one.size // 2
+            text = (
+                f"each image had the pose of another: {names[images[middle]]} that of"
+                f" {names[source[middle]]} ({k:+d} in the order of time)"
+            )
+        keep = np.isin(few.image, images)
+        if keep.mean() < JUDGED_ROWS:
             continue
-        source = np.clip(np.arange(n) + k, 0, n - 1)
-        inside = (np.arange(n) + k >= 0) & (np.arange(n) + k < n)
-        position, C = whole.position.copy(), whole.C.copy()
-        position[order], C[order] = whole.position[order[source]], whole.C[order[source]]
-        keep = np.isin(whole.image, order[inside])
-        first, second = order[n // 2], order[source[n // 2]]
-        text = (
-            f"each image had the pose of another: {names[first]} that of {names[second]}"
-            f" ({k:+d} in the order of time)"
-        )
-        yield replace(whole, text=text, remedy=remedy, position=position, C=C).rows(keep)
-    position, C = whole.position.copy(), whole.C.copy()
-    position[order], C[order] = whole.position[order[::-1]], whole.C[order[::-1]]
-    text = f"images were numbered in the reverse order, {names[order[0]]} the last"
-    yield replace(whole, text=text, remedy=remedy, position=position, C=C)
+        yield _read(text, remedy, few, replace(few, position=position, C=C), keep)
 
 
-def _other_cameras(inputs: Inputs, whole: Reading) -> Iterator[Reading]:
+def _other_cameras(inputs: Inputs, few: Reading) -> Iterator[Candidate[Reading]]:
     """A principal point that counts from the middle of the image, a camera of another format."""
     block = inputs.block
 
-    def read(text: str, remedy: str, cameras: list[BrownCamera]) -> Reading:
-        other = replace(inputs, block=replace(block, cameras=tuple(cameras)))
-        return replace(as_given(other), text=text, remedy=remedy)
+    def read(text: str, remedy: str, cameras: list[BrownCamera]) -> Candidate[Reading]:
+        xy = directions(replace(block, cameras=tuple(cameras)))[few.row]
+        f = np.array([camera.of("f") for camera in cameras])[block.camera[few.image]]
+        keep = np.asarray(np.isfinite(xy).all(axis=1))
+        return _read(text, remedy, few, replace(few, xy=xy, f=f), keep)
 
     middle = [
         with_values(c, cx=c.of("cx") + c.width / 2, cy=c.of("cy") + c.height / 2)

@@ -13,7 +13,7 @@ from ...flight.config.block_file import BlockFile
 from .figures import figures_of
 from .inputs import Inputs, inputs_of
 from .judgement import Judgement, advice, judged, shown
-from .plausibility import refuse_implausible
+from .plausibility import refuse_implausible, worse_than_stated
 from .products import DOCUMENT, written
 from .solve import Solved, solved
 from .trials import converging
@@ -166,7 +166,7 @@ def _explained(failure: DataError, inputs: Inputs, progress: Callable[[str], Non
     except DataError as named:
         return named
     if inputs.eo is None or (trial := converging(inputs, progress)) is None:
-        return failure
+        return DataError(f"{failure}{worse_than_stated(inputs)}")
     return DataError(
         f"the adjustment does not converge as the block file has it, and does with {trial.name}"
         f" estimated, {shown(trial)}: {advice(trial)}, or correct it in the flight file"

@@ -1,6 +1,6 @@
 r"""What may lie between attitudes.
 
-Each hypothesis is taken off b, and judged by the angle that remains to a.
+Each candidate is taken off b, and judged by the angle that remains to a.
 
     axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
     axes of the frame             Q^T C_b        likewise; both, where both differ         (A.2)
@@ -15,29 +15,23 @@ come after one without, such as grid north after a quarter turn.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from itertools import permutations, product
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.conventions import BODY_SETS, CAMERA_SETS, angles, turned_by
+from ...geodesy.explain import Candidate
 from ...geodesy.rotation import (
     CV_RUB,
     NED_ENU,
     nearest_rotation,
-    opk_from_rotation,
-    pok_from_rotation,
     right_angle_rotations,
-    rotation_from_opk,
-    rotation_from_pok,
-    rotation_from_rpy,
     rotation_from_vector,
-    rotation_from_ypr,
-    rpy_from_rotation,
     vector_from_rotation,
-    ypr_from_rotation,
 )
-from .hypotheses import Trial, explain
+from .hypotheses import recognised, taken_off
+from .matching import Matched
 from .poses import Poses
 from .position import BODY_AXES, CAMERA_AXES
 from .result import Finding
@@ -47,37 +41,19 @@ Change = Callable[[Array], Array]
 
 LEAST_RAD = float(np.radians(0.003))  # rms below which nobody asks why
 SMALL_RAD = float(np.radians(10.0))  # a greater constant turn is none of a bore-sight or of a grid
-ENU_AXES = ("east", "north", "up")
-
-
-@dataclass(frozen=True)
-class _Set:
-    """An angle set: the names of its angles, how a rotation gives them, and how they give it."""
-
-    names: tuple[str, str, str]
-    take: Change
-    rotation: Change
-
-
-CAMERA_SETS = {
-    "opk": _Set(("omega", "phi", "kappa"), opk_from_rotation, rotation_from_opk),
-    "pok": _Set(("phi", "omega", "kappa"), pok_from_rotation, rotation_from_pok),
-    "ypr": _Set(("yaw", "pitch", "roll"), ypr_from_rotation, rotation_from_ypr),
+UNTURNED = np.eye(3)
+ENU = ("east", "north", "up")
+TURNED_AXES = {
+    "camera": ("right", "down", "its viewing direction"),
+    "body": ("forward", "right", "down (yaw)"),
 }
-BODY_SETS = {"rpy": _Set(("roll", "pitch", "heading"), rpy_from_rotation, rotation_from_rpy)}
-UNITS = (
-    ("radians for degrees", "angles of b are in radians and were read as degrees", 180.0 / np.pi),
-    ("degrees for radians", "angles of b are in degrees and were read as radians", np.pi / 180.0),
-    ("gon for degrees", "angles of b are in gon and were read as degrees", 0.9),
-    ("degrees for gon", "angles of b are in degrees and were read as gon", 1.0 / 0.9),
-)
 
 
-def attitude(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
-    """What explains the differences in attitude, and b with it taken off."""
-    if a.C_Ex is None or b.C_Ex is None:
+def attitude(matched: Matched) -> tuple[Finding, Matched] | None:
+    """What explains the differences in attitude, and the match with it taken off b."""
+    if matched.a.C_Ex is None or matched.b.C_Ex is None:
         return None
-    return explain("attitude", a, b, turn_between, _trials, LEAST_RAD)
+    return recognised("attitude", matched, turn_between, _candidates, LEAST_RAD)
 
 
 def turn_between(a: Poses, b: Poses) -> Array:
@@ -87,180 +63,87 @@ def turn_between(a: Poses, b: Poses) -> Array:
     return vector_from_rotation(b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2))
 
 
-def _trials(a: Poses, b: Poses) -> Iterator[Trial]:
+def _candidates(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     yield from _axes(b)
     yield from _angles(b)
     yield from _constant(a, b)
 
 
-def _on_rotation(change: Change) -> Callable[[Poses, Poses], Poses]:
-    """The change of C_Ex as what is taken off; the file's angles do not hold after it."""
+def _turned(left: Array, right: Array) -> Callable[[Poses, Poses], Poses]:
+    """What takes off turns of the frame and of its own axes; the file's angles go with them."""
 
-    def taken_off(_: Poses, b: Poses) -> Poses:
+    def turned(_: Poses, b: Poses) -> Poses:
         assert b.C_Ex is not None
-        return replace(b, C_Ex=change(b.C_Ex), angles=None)
+        return replace(b, C_Ex=left @ b.C_Ex @ right, angles=None)
 
-    return taken_off
+    return turned
 
 
-def _axes(b: Poses) -> Iterator[Trial]:
+def _axes(b: Poses) -> Iterator[Candidate[Matched]]:
     """(A.1) to (A.3)."""
     for Q in right_angle_rotations()[1:]:
-        yield Trial(*_of_own_axes(Q, b.x), _on_rotation(_right(Q.T)))
-        yield Trial(*_of_the_frame(Q), _on_rotation(_left(Q.T)))
+        yield taken_off(*_of_own_axes(Q, b.x), _turned(UNTURNED, Q.T))
+        yield taken_off(*_of_the_frame(Q), _turned(Q.T, UNTURNED))
     words = (
         "b is of north-east-down and forward-right-down where a is of east-north-up and"
         " right-forward-up"
     )
-    yield Trial("frame and body axes", words, _on_rotation(lambda C: NED_ENU @ C @ NED_ENU))
-    yield Trial("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(np.eye(3)))
+    yield taken_off("frame and body axes", words, _turned(NED_ENU, NED_ENU))
+    yield taken_off("inverse", f"b has the inverse rotation, frame to {b.x}", _transposed(UNTURNED))
     if b.x == "camera":
         words = "b has the transposed matrix, frame to camera with axes right, up, back"
-        yield Trial("inverse", words, _transposed(CV_RUB))
+        yield taken_off("inverse", words, _transposed(CV_RUB))
 
 
 def _transposed(X: Array) -> Callable[[Poses, Poses], Poses]:
     """Return what takes off the transposition of a file's matrix R = C_fE C_b X (A.3)."""
 
-    def taken_off(_: Poses, b: Poses) -> Poses:
+    def transposed(_: Poses, b: Poses) -> Poses:
         assert b.C_Ex is not None
         C_fE = np.eye(3) if b.C_fE is None else b.C_fE
         R = C_fE @ b.C_Ex @ X
         C = np.swapaxes(C_fE, -1, -2) @ np.swapaxes(R, 1, 2) @ X
         return replace(b, C_Ex=C, angles=None)
 
-    return taken_off
-
-
-def _right(Q: Array) -> Change:
-    return lambda C: C @ Q
-
-
-def _left(Q: Array) -> Change:
-    return lambda C: Q @ C
+    return transposed
 
 
 def _of_own_axes(Q: Array, x: str) -> tuple[str, str]:
     """Name and statement of (A.1)."""
-    v = vector_from_rotation(Q)
-    if np.abs(v[:2]).max() < 1e-9:
-        degrees = round(float(np.degrees(v[2])))
-        if x == "camera":
-            return (
-                "yaw turned",
-                (
-                    f"camera of b turned by {degrees:+d} deg about its viewing direction (yaw; top"
-                    " of the image for the nose?)"
-                ),
-            )
-        return "yaw turned", f"body of b turned by {degrees:+d} deg about down (yaw)"
     if x == "camera" and np.array_equal(Q, CV_RUB):
-        return (
-            "camera axes",
-            (
-                "camera axes of b are right, up, back where those of a are right, down, viewing"
-                " direction"
-            ),
-        )
-    return (
-        f"axes of the {x}",
-        f"{x} of b turned by {_by(Q, CAMERA_AXES if x == 'camera' else BODY_AXES)}",
-    )
+        words = "are right, up, back where those of a are right, down, viewing direction"
+        return "camera axes", f"camera axes of b {words}"
+    words = f"{x} of b turned by {turned_by(Q, TURNED_AXES[x])}"
+    if Q[2, 2] < 1.0:
+        return f"axes of the {x}", words
+    return "yaw turned", words + (" (yaw; top of the image for the nose?)" if x == "camera" else "")
 
 
 def _of_the_frame(Q: Array) -> tuple[str, str]:
     """Name and statement of (A.2)."""
-    v = vector_from_rotation(Q)
-    if np.abs(v[:2]).max() < 1e-9:
-        return (
-            "yaw turned",
-            (
-                f"yaw of b, clockwise from north, is {round(-float(np.degrees(v[2]))):+d} deg off"
-                " that of a"
-            ),
-        )
+    if Q[2, 2] == 1.0:
+        yaw = round(-float(np.degrees(vector_from_rotation(Q)[2])))
+        return "yaw turned", f"yaw of b, clockwise from north, is {yaw:+d} deg off that of a"
     note = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
-    return "axes of the frame", f"attitude of b in a frame turned by {_by(Q, ENU_AXES)}{note}"
+    return "axes of the frame", f"attitude of b in a frame turned by {turned_by(Q, ENU)}{note}"
 
 
-def _by(Q: Array, names: tuple[str, str, str]) -> str:
-    """A rotation in words."""
-    v = vector_from_rotation(Q)
-    angle = float(np.linalg.norm(v))
-    axis = v / angle
-    strongest = int(np.argmax(np.abs(axis)))
-    if abs(axis[strongest]) > 0.999:
-        return (
-            f"{round(np.degrees(angle) * np.sign(axis[strongest])):+d} deg about {names[strongest]}"
-        )
-    parts = " and ".join(
-        f"{'minus ' if value < 0 else ''}{name}"
-        for name, value in zip(names, axis, strict=True)
-        if abs(value) > 0.1
-    )
-    return f"{round(np.degrees(angle))} deg about the middle of {parts}"
-
-
-def _angles(b: Poses) -> Iterator[Trial]:
+def _angles(b: Poses) -> Iterator[Candidate[Matched]]:
     """(A.4)."""
     sets = CAMERA_SETS if b.x == "camera" else BODY_SETS
-    own = {b.angle_set: sets[b.angle_set]} if b.angle_set in sets else sets
-    for set_name, read_as in own.items():
-        for name, words, change in _changes(read_as.names):
-            yield Trial(name, words, _on_angles(read_as.take, read_as.rotation, change))
-        for other_name, other in sets.items():
-            if other_name != set_name:
-                for order in permutations(range(3)):
-                    angle_names = " ".join(other.names[order.index(k)] for k in range(3))
-                    words = f"angles of b, read as {' '.join(read_as.names)}, are {angle_names}"
-                    if angle_names.split() == list(read_as.names):
-                        words = (
-                            f"angles of b are of rotations in the order {' '.join(other.names)}"
-                            f" ({other.names[0]} primary), read as {' '.join(read_as.names)}"
-                        )
-                    yield Trial(
-                        "angle set",
-                        words,
-                        _on_angles(read_as.take, other.rotation, _reordered(order)),
-                    )
+    for read_as in [sets[b.angle_set]] if b.angle_set in sets else sets.values():
+        for one in angles(read_as, sets):
+            yield taken_off(one.name, f"b has {one.words}", _on_angles(read_as.take, one.change))
 
 
-def _changes(names: tuple[str, str, str]) -> Iterator[tuple[str, str, Change]]:
-    """Angles in another order, with other signs, or in another unit.
+def _on_angles(take: Change, rotation: Change) -> Callable[[Poses, Poses], Poses]:
+    """Make the rotations anew of the angles (n, 3), rad, of the file, else of the rotations."""
 
-    Each is name, statement, and change of (n, 3).
-    """
-    for order in list(permutations(range(3)))[1:]:
-        moved = [names[k] for k in range(3) if order[k] != k]
-        exchange = (
-            f"{moved[0]} and {moved[1]} exchanged"
-            if len(moved) == 2
-            else f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
-        )
-        yield "angles exchanged", f"b has {exchange}", _reordered(order)
-    for signs in list(product((1.0, -1.0), repeat=3))[1:]:
-        which = " and ".join(name for name, sign in zip(names, signs, strict=True) if sign < 0.0)
-        yield "sign of angles", f"b has {which} with the other sign", _times(np.array(signs))
-    for name, words, factor in UNITS:
-        yield name, words, _times(np.full(3, factor))
+    def turned(_: Poses, b: Poses) -> Poses:
+        x = b.angles if b.angles is not None else take(_of_the_angles(b))
+        return replace(b, C_Ex=_from_the_angles(b, rotation(x)), angles=None)
 
-
-def _reordered(order: tuple[int, ...]) -> Change:
-    return lambda angles: angles[:, list(order)]
-
-
-def _times(factors: Array) -> Change:
-    return lambda angles: angles * factors
-
-
-def _on_angles(take: Change, rotation: Change, change: Change) -> Callable[[Poses, Poses], Poses]:
-    """Apply a change to the angles (n, 3), rad, of the file, else of the rotation."""
-
-    def taken_off(_: Poses, b: Poses) -> Poses:
-        angles = b.angles if b.angles is not None else take(_of_the_angles(b))
-        return replace(b, C_Ex=_from_the_angles(b, rotation(change(angles))), angles=None)
-
-    return taken_off
+    return turned
 
 
 def _of_the_angles(b: Poses) -> Array:
@@ -283,7 +166,7 @@ def _from_the_angles(b: Poses, R: Array) -> Array:
     return np.asarray(C if b.C_fE is None else np.swapaxes(b.C_fE, 1, 2) @ C)
 
 
-def _constant(a: Poses, b: Poses) -> Iterator[Trial]:
+def _constant(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     """(A.5)."""
     assert a.C_Ex is not None
     assert b.C_Ex is not None
@@ -296,10 +179,10 @@ def _constant(a: Poses, b: Poses) -> Iterator[Trial]:
         f"attitude of b turned by {turn} about up (grid, true or magnetic north; meridian"
         " convergence)"
     )
-    yield Trial(
+    yield taken_off(
         "north",
         words,
-        _on_rotation(_left(rotation_from_vector(np.array([0.0, 0.0, -up])))),
+        _turned(rotation_from_vector(np.array([0.0, 0.0, -up])), UNTURNED),
         1,
         {"up_rad": up},
     )
@@ -307,12 +190,12 @@ def _constant(a: Poses, b: Poses) -> Iterator[Trial]:
     words, values = _turn_words(
         Q, CAMERA_AXES if b.x == "camera" else BODY_AXES, f"bore-sight or mounting of the {b.x}"
     )
-    yield Trial("boresight", words, _on_rotation(_right(Q.T)), 3, values)
+    yield taken_off("boresight", words, _turned(UNTURNED, Q.T), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
     words, values = _turn_words(
-        Q, ENU_AXES, "other axes of the frame, another origin of a tangent plane"
+        Q, ENU, "other axes of the frame, another origin of a tangent plane"
     )
-    yield Trial("turn of the frame", words, _on_rotation(_left(Q.T)), 3, values)
+    yield taken_off("turn of the frame", words, _turned(Q.T, UNTURNED), 3, values)
 
 
 def _turn_words(

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import DataError
-from ...geodesy.gpstime import LEAP_DAYS
-from .hypotheses import ENOUGH, LEAST_POSES, rms
+from ...geodesy.conventions import time_scale
+from ...geodesy.explain import EXPLAINS, best_shift
+from .hypotheses import LEAST_POSES, rms
 from .matching import Matched, covered, interpolated, match, times
 from .poses import Poses
 from .position import difference, velocity_of
@@ -32,7 +33,7 @@ MOST_POSES = 500  # that the search looks at
 LEAST_S = 5e-4
 LEAST_M = 1e-3  # of what a shift and a lever arm leave; below it nobody asks why
 ROUNDS = 8
-LEAP_S, OLDEST_LEAP = 0.05, 13  # s; leap seconds of 1999, when flights of today's kind began
+LEAP_S = 0.05  # what the motion leaves uncertain of whole leap seconds
 LEAST_SHARE = 0.5  # of the poses that must have a partner at a shift
 
 
@@ -49,9 +50,9 @@ def by_names(matched: Matched) -> Finding | None:
         float(np.sqrt(np.mean(offset**2))),
         float(np.sqrt(np.mean((offset - usual) ** 2))),
     )
-    explained = 1.0 - (after / before) ** 2
-    if explained < ENOUGH:
+    if after > EXPLAINS * before:
         return None
+    explained = 1.0 - (after / before) ** 2
     words = (
         f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a"
         f" for the same images{leap_words(usual)}"
@@ -64,14 +65,10 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
 
     The match with it taken off comes with it; None where no shift explains them.
     """
-    scored = [
-        (score, shift)
-        for shift in range(-WIDEST_S, WIDEST_S + 1)
-        if (score := _spread(a, b, float(shift))) is not None
-    ]
-    if not scored:
+    least = best_shift(lambda shift: _spread(a, b, shift), WIDEST_S, 1.0)
+    if least is None:
         return None
-    best = float(min(scored)[1])
+    best = least[0]
     for _ in range(ROUNDS):
         step = _step(a, b, best)
         best += step
@@ -80,11 +77,13 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     if abs(best) < LEAST_S:
         return None
     before, after = _spread(a, b, 0.0), _spread(a, b, best)
-    if after is None:
+    if not np.isfinite(after):
         return None
-    if before is None:  # too few meet without it: by how much they would be apart on the way
+    if not np.isfinite(
+        before
+    ):  # too few meet without it: by how much they would be apart on the way
         before = abs(best) * _speed(a, b, best)
-    if before < LEAST_M or 1.0 - (after / before) ** 2 < ENOUGH:
+    if before < LEAST_M or after > EXPLAINS * before:
         return None
     words = (
         f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
@@ -96,23 +95,20 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
 
 def leap_words(late_s: float) -> str:
     """What it means that stamps of b are late by so many seconds."""
-    whole = round(abs(late_s))
-    if abs(abs(late_s) - whole) > LEAP_S or not OLDEST_LEAP <= whole <= len(LEAP_DAYS):
-        return ""
-    return (
-        f" ({whole} s are leap seconds:"
-        f" {'UTC where a has GPST' if late_s < 0 else 'GPST where a has UTC'})"
-    )
+    scale = time_scale(late_s, LEAP_S)
+    if "leap seconds between" in scale:
+        scale += f": {'UTC where a has GPST' if late_s < 0 else 'GPST where a has UTC'}"
+    return f" ({scale})" if scale else ""
 
 
-def _spread(a: Poses, b: Poses, shift: float) -> float | None:
+def _spread(a: Poses, b: Poses, shift: float) -> float:
     """rms, m, of what s and l of (T.1) leave of the horizontal differences.
 
-    `shift` is added to b's stamps. The result is None where too few meet.
+    `shift` is added to b's stamps. It is infinite where too few meet.
     """
     matched = _sampled(a, b, shift)
     if matched is None:
-        return None
+        return np.inf
     d, beside = _equations(*matched)
     left = d - beside @ np.linalg.lstsq(beside, d, rcond=None)[0]
     return float(np.sqrt(2.0 * np.mean(left**2)))

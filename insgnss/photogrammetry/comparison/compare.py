@@ -3,7 +3,7 @@
 It reads, matches, takes the differences, takes off what is recognised, and reports what remains.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
 from .poses import NoOriginError, Poses
-from .position import difference, heights_first, horizontal, vertical
+from .position import SHIFT_M, difference, heights_first, horizontal, vertical
 from .reading import read_poses
 from .result import Comparison, Component, Finding
 
@@ -158,9 +158,9 @@ def compare_poses(
         first.left_b,
         components(first.a, first.b),
         tuple(findings),
-        components(matched.a, settled) if findings else (),
+        components(settled.a, settled.b) if findings else (),
         matched.of_time,
-        (*notes, *more, *_notes(a, b, first)),
+        (*notes, *more, *_notes(a, b, first), *_frame_note(settled)),
     )
 
 
@@ -198,25 +198,22 @@ def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matche
     return (matched, []) if recognised is None else (recognised[1], [recognised[0]])
 
 
-def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
-    """b with everything taken off that is recognised, and what that was."""
-    a, b = matched.a, matched.b
+def _explained(matched: Matched) -> tuple[Matched, list[Finding]]:
+    """The match with everything taken off b that is recognised, and what that was."""
     findings: list[Finding] = []
-    tests: list[Callable[[Poses, Poses], tuple[Finding, Poses] | None]] = [
-        lambda p, q: horizontal(p, q, matched.how == "image"),
-        vertical,
-        attitude,
-    ]
-    if heights_first(a, b):
-        tests[:2] = tests[1::-1]
-    for test in tests:
+    aspects = [horizontal, vertical, attitude]
+    if heights_first(matched.a, matched.b):
+        aspects[:2] = aspects[1::-1]
+    for aspect in aspects:
+        if aspect is vertical and _frame_note(matched):
+            continue  # the curvature of the Earth is in these heights
         for _ in range(ROUNDS):
-            recognised = test(a, b)
-            if recognised is None:
+            explained = aspect(matched)
+            if explained is None:
                 break
-            findings.append(recognised[0])
-            b = recognised[1]
-    return b, findings
+            findings.append(explained[0])
+            matched = explained[1]
+    return matched, findings
 
 
 def components(a: Poses, b: Poses) -> tuple[Component, ...]:
@@ -247,6 +244,18 @@ def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
     if not given:
         return None
     return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
+
+
+def _frame_note(matched: Matched) -> tuple[str, ...]:
+    """What no convention explains: positions of another frame than they were read in."""
+    apart = float(np.median(np.linalg.norm(difference(matched.a, matched.b), axis=1)))
+    if apart <= SHIFT_M:
+        return ()
+    return (
+        f"positions lie {1e-3 * apart:.0f} km apart, which no datum or base station explains: a"
+        " file was read in another frame than its own; give its CRS (--crs) or its format"
+        " (--format-a, --format-b)",
+    )
 
 
 def _notes(a: Poses, b: Poses, matched: Matched) -> tuple[str, ...]:

@@ -1,49 +1,26 @@
-"""How a hypothesis is judged.
+"""What explains the differences of a part: candidates are taken off b, and judged by what remains.
 
-It is taken off b, and what remains of the differences says how much of them it explains.
-
-Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is
-taken off all. Of those that explain `ENOUGH` of the squares the one that leaves least is stated,
-where each parameter that was fitted must pay for itself by a quarter of what is left and of what
-the digits of files leave; others that leave hardly more with no more parameters are stated too.
+They are judged on at most `MOST` poses spread over all (`insgnss/geodesy/explain.py`), and the
+one that is chosen is taken off all.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geodesy.explain import Candidate, Explanation, explain
+from .matching import Matched
 from .poses import Poses
 from .result import Aspect, Finding
 
 Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
-ENOUGH = 0.9  # share of the sum of squares
-AS_GOOD = 1.3  # ratio of what two hypotheses leave, below which both are stated
-SIMPLER = 1.25  # by which a hypothesis must leave less for each parameter more
 MOST = 2000
 LEAST_POSES = 5
-NOTHING = 1e-9  # m or rad; below it all is left alike
-DIGITS = {
-    "m": 1e-4,
-    "rad": 2e-8,
-}  # rms that the printed digits of two files leave; less of it is no reason for another parameter
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A hypothesis: b with it taken off, as a function of (a, b).
-
-    How many parameters were fitted to these poses, and their values.
-    """
-
-    name: str
-    statement: str
-    taken_off: Callable[[Poses, Poses], Poses]
-    parameters: int = 0
-    values: dict[str, float] = field(default_factory=dict)
+DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave
 
 
 def rms(d: Array) -> float:
@@ -51,57 +28,57 @@ def rms(d: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) if len(d) else 0.0
 
 
-def explain(
+def taken_off(
+    name: str,
+    statement: str,
+    change: Callable[[Poses, Poses], Poses],
+    parameters: int = 0,
+    values: Mapping[str, float] | None = None,
+    size: float = 0.0,
+) -> Candidate[Matched]:
+    """Return a candidate that replaces b by a function of (a, b); see `Candidate`."""
+
+    def read(m: Matched) -> Matched:
+        return replace(m, b=change(m.a, m.b))
+
+    return Candidate(statement, read, name, parameters=parameters, values=values or {}, size=size)
+
+
+def finding(
+    explanation: Explanation[Matched], aspect: Aspect, before: float, after: float, unit: str = "m"
+) -> Finding:
+    """Return what is said of an explanation that leaves `after` of `before`."""
+    explained = 1.0 - (after / before) ** 2
+    alike = tuple(c.statement for c in explanation.alike)
+    best, values = explanation.best, dict(explanation.best.values)
+    return Finding(best.name, best.statement, aspect, before, after, explained, values, alike, unit)
+
+
+def recognised(
     aspect: Aspect,
-    a: Poses,
-    b: Poses,
+    matched: Matched,
     measure: Measure,
-    trials: Callable[[Poses, Poses], Iterable[Trial]],
+    candidates: Callable[[Poses, Poses], Iterable[Candidate[Matched]]],
     least: float,
-) -> tuple[Finding, Poses] | None:
-    """The hypothesis that explains the differences, and b with it taken off; None where none does.
+) -> tuple[Finding, Matched] | None:
+    """What explains the differences, and the match with it taken off b; None where nothing does.
 
     Parameters
     ----------
     measure : differences (n, k) of a part.
-    trials : hypotheses for some poses.
+    candidates : for some poses.
     least : rms below which nobody asks why.
     """
-    if a.n < LEAST_POSES or rms(measure(a, b)) <= least:
+    n, unit = matched.a.n, "rad" if aspect == "attitude" else "m"
+
+    def misfit(m: Matched) -> float:
+        return rms(measure(m.a, m.b))
+
+    if n < LEAST_POSES or (before := misfit(matched)) <= least:
         return None
-    rows = np.unique(np.linspace(0, a.n - 1, min(a.n, MOST)).astype(np.int64))
-    some_a, some_b = a.taken(rows), b.taken(rows)
-    before = rms(measure(some_a, some_b))
-    judged = [
-        (rms(measure(some_a, trial.taken_off(some_a, some_b))), trial)
-        for trial in trials(some_a, some_b)
-    ]
-    good = [(left, trial) for left, trial in judged if left**2 <= (1.0 - ENOUGH) * before**2]
-    if not good:
+    some = matched.taken(np.unique(np.linspace(0, n - 1, min(n, MOST)).astype(np.int64)))
+    explanation = explain(some, candidates(some.a, some.b), misfit, floor=DIGITS[unit])
+    if explanation is None:
         return None
-    unit = "rad" if aspect == "attitude" else "m"
-    left, best = min(
-        good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0])
-    )
-    rivals = [
-        t
-        for other, t in good
-        if t is not best and other <= AS_GOOD * left + NOTHING and t.parameters <= best.parameters
-    ]
-    moved = best.taken_off(a, b)
-    before, left = rms(measure(a, b)), rms(measure(a, moved))
-    beside = tuple(dict.fromkeys(t.statement for t in rivals if t.statement != best.statement))
-    return (
-        Finding(
-            best.name,
-            best.statement,
-            aspect,
-            before,
-            left,
-            1.0 - (left / before) ** 2,
-            best.values,
-            beside,
-            unit,
-        ),
-        moved,
-    )
+    again = explanation.best.read(matched)
+    return finding(explanation, aspect, before, misfit(again), unit), again

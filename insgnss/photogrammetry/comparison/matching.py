@@ -47,6 +47,18 @@ class Matched:
     left_b: int
     of_time: Array | None = None
 
+    def taken(self, rows: NDArray[np.int64]) -> "Matched":
+        """Only these rows; the others count as without partner."""
+        beside = self.a.n - rows.size
+        return Matched(
+            self.a.taken(rows),
+            self.b.taken(rows),
+            self.how,
+            self.left_a + beside,
+            self.left_b + beside,
+            None if self.of_time is None else self.of_time[rows],
+        )
+
 
 def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
     """`a` and `b`, row by row; with `shift_s` added to the times of b.

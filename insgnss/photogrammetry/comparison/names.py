@@ -7,9 +7,8 @@ With the images in the order of their times, of the file or of their names, and 
     name i has the pose of image i + k, k = -5 ... 5            d_i = p_b(i) - p_a(i + k)      (N.1)
     name i has the pose of image n - 1 - i                      the order reversed             (N.2)
 
-The spread of d about its mean judges them, so that a shift or a geoid beside it does not hide it.
-It is stated where it takes off enough and leaves less than half of what any hypothesis on the
-positions of the names as they are leaves.
+The spread of d about its mean judges them, so that a shift or a geoid beside it does not hide it,
+together with whatever else explains the horizontal with the names as they are.
 """
 
 from collections.abc import Iterator
@@ -18,18 +17,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .hypotheses import DIGITS, ENOUGH, LEAST_POSES, rms
+from ...geodesy.conventions import orders
+from ...geodesy.explain import Candidate, explain
+from .hypotheses import DIGITS, LEAST_POSES, finding, rms
 from .matching import Matched
 from .poses import Poses
-from .position import difference, horizontal
+from .position import difference, horizontal_and_time
 from .result import Finding
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-FARTHEST = 5  # images by which names may be off
 LEAST_M = 0.1  # spread below which positions do not distinguish images
-BETTER = 0.5  # what must be left of what another hypothesis leaves
+NAMES = "names"
 
 
 def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
@@ -38,61 +37,45 @@ def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
     The result is None where that of the files is as good.
     """
     a, b = matched.a, matched.b
-    if matched.how != "image" or a.n < LEAST_POSES:
+    if matched.how != "image" or a.n < LEAST_POSES or _spread(matched) < LEAST_M:
         return None
-    before = _spread(a, b)
-    if before < LEAST_M:
+    candidates = [*_orders(a), *horizontal_and_time(a, b)]
+    explanation = explain(matched, candidates, _spread, floor=DIGITS["m"])
+    if explanation is None or explanation.best.name != NAMES:
         return None
-    judged = [
-        (_spread(a.taken(of_a), b.taken(of_b)), words, k, of_a, of_b)
-        for words, k, of_a, of_b in _orders(a)
-    ]
-    after, words, k, of_a, of_b = min(judged, key=lambda trial: trial[0])
-    if after**2 > (1.0 - ENOUGH) * before**2 or _otherwise(a, b, before) * BETTER < after:
-        return None
-    time = None if matched.of_time is None else matched.of_time[of_a]
-    unpaired = a.n - of_a.size
-    named = replace(b.taken(of_b), images=a.taken(of_a).images)
-    again = Matched(
-        a.taken(of_a), named, "image", matched.left_a + unpaired, matched.left_b + unpaired, time
-    )
-    values = {} if k is None else {"images": float(k)}
-    return (
-        Finding("names", words, "position", before, after, 1.0 - (after / before) ** 2, values),
-        again,
-    )
+    return finding(explanation, "position", explanation.before, explanation.left), explanation.data
 
 
-def _spread(a: Poses, b: Poses) -> float:
+def _spread(matched: Matched) -> float:
     """rms, m, of the differences in position about their mean."""
-    d = difference(a, b)
+    d = difference(matched.a, matched.b)
     return rms(d - d.mean(axis=0))
 
 
-def _otherwise(a: Poses, b: Poses, before: float) -> float:
-    """rms, m, that the hypotheses on the horizontal leave with the names as they are."""
-    explained = horizontal(a, b, True)
-    return before if explained is None else _spread(a, explained[1]) + DIGITS["m"]
-
-
-def _orders(a: Poses) -> Iterator[tuple[str, int | None, Rows, Rows]]:
-    """(N.1) and (N.2): statement, k, rows of a and of b that belong together."""
-    orders = {", in the order of the file": np.arange(a.n)}
+def _orders(a: Poses) -> Iterator[Candidate[Matched]]:
+    """(N.1) and (N.2)."""
+    sorted_by = {", in the order of the file": np.arange(a.n)}
     if a.time is not None:
-        orders = {", in the order of time": np.argsort(a.time, kind="stable"), **orders}
-    orders[", in the order of names"] = np.array(sorted(range(a.n), key=lambda row: a.images[row]))
-    for which, order in orders.items():
-        for k in range(-FARTHEST, FARTHEST + 1):
-            if k == 0 or a.n - abs(k) < LEAST_POSES:
-                continue
-            by = "one" if abs(k) == 1 else f"{abs(k)}"
+        sorted_by = {", in the order of time": np.argsort(a.time, kind="stable"), **sorted_by}
+    sorted_by[", in the order of names"] = np.array(sorted(range(a.n), key=lambda k: a.images[k]))
+    for which, order in sorted_by.items():
+        for k, of_b, of_a in orders(a.n):
+            by = "one" if k is not None and abs(k) == 1 else f"{abs(k or 0)}"
             words = (
-                f"image names of b are off by {by}: each name has the pose of the image {by}"
+                "image names of b are in reversed order: the first name has the pose of the last"
+                f" image{which}"
+                if k is None
+                else f"image names of b are off by {by}: each name has the pose of the image {by}"
                 f" {'after' if k > 0 else 'before'} it{which}"
             )
-            yield words, k, order[max(0, k) : a.n + min(0, k)], order[max(0, -k) : a.n - max(0, k)]
-        words = (
-            "image names of b are in reversed order: the first name has the pose of the last"
-            f" image{which}"
-        )
-        yield words, None, order[::-1], order
+            yield _joined(words, order[of_a], order[of_b], {} if k is None else {"images": k})
+
+
+def _joined(words: str, of_a: Rows, of_b: Rows, values: dict[str, float]) -> Candidate[Matched]:
+    """Rows of a with the poses that b has in other rows."""
+
+    def read(m: Matched) -> Matched:
+        one, other = m.taken(of_a), m.taken(of_b)
+        return replace(one, b=replace(other.b, images=one.a.images))
+
+    return Candidate(words, read, NAMES, same=lambda m: m.taken(of_b), values=values)

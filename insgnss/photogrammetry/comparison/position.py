@@ -1,6 +1,6 @@
 r"""What may lie between positions.
 
-There are hypotheses on the horizontal and on the height, each taken off b.
+There are candidates for the horizontal and for the height, each taken off b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 
@@ -8,7 +8,7 @@ With d = b - a (n, 3), east, north, up at a's points:
     lever arm     C_Ex l, l by least squares of all three     antenna, IMU, camera for each other
     time          v dt, dt by least squares along the way     trigger delay (matched by name)
     turn, scale   about the block's centre, least squares     grid for true north, grid scale
-    exchange      b made anew of other coordinates            axes, signs, lat for lon, feet
+    exchange      b made anew of other coordinates            axes, signs, lat for lon, units
 
 A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
 explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
@@ -29,18 +29,26 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...base.units import FOOT_M
+from ...geodesy.conventions import exchanged, lengths, reversed_signs
+from ...geodesy.explain import APART, EXPLAINS, Candidate
 from ...geodesy.frames import ecef_to_geodetic
-from ...records.framed import PROJECTED, TANGENT
-from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
+from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from .hypotheses import DIGITS, recognised, rms, taken_off
+from .matching import Matched
 from .poses import CoordinateFrame, Poses
 from .result import Finding
 
 Array = NDArray[np.float64]
+Change = Callable[[Array], Array]
 
 LEAST_M = 0.005  # rms below which nobody asks why
 GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
+SHIFT_M = 2e4  # longest shift: datums lie within 1 km, base stations of drones within this
+HEIGHT_M = 5e3  # longest shift of heights: those above the place of take-off lack its height
+SCALE = 0.01  # largest scale of a grid: the widest zones and the highest plateaus have 0.2 %
+WAY_S = 30.0  # longest time along the way, over which no velocity is constant
 # what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
 SEPARATE_M = 0.02
 SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
@@ -62,15 +70,12 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
     return b.moved(*ecef_to_geodetic(b.ecef - np.einsum("nij,nj->ni", a.C_eE, by)))
 
 
-def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
-    """What explains the horizontal differences, and b with it taken off.
-
-    Parameters
-    ----------
-    of_time : whether time is to be tried.
-    """
-    trials = _horizontal_and_time if of_time else _horizontal
-    return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
+def horizontal(matched: Matched) -> tuple[Finding, Matched] | None:
+    """What explains the horizontal differences, and the match with it taken off b."""
+    candidates = horizontal_and_time if matched.how == "image" else _horizontal
+    return recognised(
+        "horizontal", matched, lambda x, y: difference(x, y)[:, :2], candidates, LEAST_M
+    )
 
 
 def heights_first(a: Poses, b: Poses) -> bool:
@@ -82,12 +87,16 @@ def heights_first(a: Poses, b: Poses) -> bool:
     return b.projection is not None and float(np.abs(b.height - a.height).min()) > GEOID_M[1]
 
 
-def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
-    """What explains the differences in height, and b with it taken off."""
-    return explain("height", a, b, lambda x, y: (y.height - x.height)[:, None], _vertical, LEAST_M)
+def vertical(matched: Matched) -> tuple[Finding, Matched] | None:
+    """What explains the differences in height, and the match with it taken off b."""
+
+    def up(x: Poses, y: Poses) -> Array:
+        return (y.height - x.height)[:, None]
+
+    return recognised("height", matched, up, _vertical, LEAST_M)
 
 
-def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
+def _horizontal(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     d = difference(a, b)
     yield from _exchanges(a, b)
     yield from _shift(a, b, d)
@@ -95,19 +104,20 @@ def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
     yield from _of_block(a, d[:, :2])
 
 
-def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
+def horizontal_and_time(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
+    """Candidates for the horizontal of images that were matched by name."""
     yield from _horizontal(a, b)
     yield from _along_the_way(a, b, difference(a, b)[:, :2])
 
 
-def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     """The same in the axes of each point, and the same in ECEF.
 
     With the heights where those are shifted too.
     """
     mean, up = d.mean(axis=0), d[:, 2]
     also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
-        LEAST_M, np.sqrt(1.0 - ENOUGH) * rms(up[:, None])
+        LEAST_M, EXPLAINS * rms(up[:, None])
     )
     kept = 0.0 if also_up else float(mean[2])
     by, vector = mean - [0.0, 0.0, kept], (b.ecef - a.ecef).mean(axis=0)
@@ -122,17 +132,16 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         lat, lon, height = ecef_to_geodetic(q.ecef - vector)
         return q.moved(lat, lon, height + kept)
 
-    yield Trial("shift", words, lambda x, y: without(x, y, np.tile(by, (x.n, 1))), 2, values)
-    yield Trial("shift", words, off_ecef, 2, values)
+    size = float(np.linalg.norm(by)) / SHIFT_M
+    for off in (lambda x, y: without(x, y, np.tile(by, (x.n, 1))), off_ecef):
+        yield taken_off("shift", words, off, 2, values, size)
 
 
-def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     """In the axes of a's camera or body, or of b's where a has no attitude."""
     if (axes := _axes_of(a, b)) is None:
         return
     lever, whole, doubtful = _lever(axes, d)
-    if np.linalg.norm(lever) > LEVER_M:
-        return
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_AXES if x == "camera" else BODY_AXES
     components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
@@ -142,18 +151,13 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     )
     words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
 
-    def taken_off(p: Poses, q: Poses) -> Poses:
+    def change(p: Poses, q: Poses) -> Poses:
         turned = _axes_of(p, q)
         assert turned is not None
         return without(p, q, (turned @ lever) * [1.0, 1.0, 1.0 if whole else 0.0])
 
-    yield Trial(
-        "lever arm",
-        words,
-        taken_off,
-        3,
-        {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)},
-    )
+    values = {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)}
+    yield taken_off("lever arm", words, change, 3, values, float(np.linalg.norm(lever)) / LEVER_M)
 
 
 def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
@@ -173,11 +177,11 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
         for rcond in (None, SMALLEST_SINGULAR)
     )
     reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
-    least = SIMPLER * left(across, plan)
+    least = APART * left(across, plan)
     separable = left(joint[:3], up=joint[3]) <= reach
     if (
         np.linalg.norm(alone) <= LEVER_M
-        and left(alone) <= SIMPLER * left(joint[:3], up=joint[3])
+        and left(alone) <= APART * left(joint[:3], up=joint[3])
         and left(alone, plan) <= least
     ):
         return alone, True, not separable
@@ -194,7 +198,7 @@ def _axes_of(a: Poses, b: Poses) -> Array | None:
     return a.C_Ex if a.C_Ex is not None else b.C_Ex
 
 
-def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
+def _of_block(a: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     """Turn and scale about the block's centre, beside its shift."""
     centre, C_Ee = a.ecef.mean(axis=0), a.C_eE.mean(axis=0).T
     mean = d.mean(axis=0)
@@ -210,23 +214,26 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
         return
     angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), from_centre(a)))
 
-    def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
+    def by(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
         return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
 
-    least = max(LEAST_M, OF_SHIFT * float(np.linalg.norm(mean))) / np.sqrt(size / a.n)
+    shift = float(np.linalg.norm(mean))
+    least, beside = max(LEAST_M, OF_SHIFT * shift) / np.sqrt(size / a.n), shift / SHIFT_M
     if abs(angle) >= max(SMALLEST, least):
         words = (
             f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
         )
-        yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
+        values = {"up_rad": angle}
+        yield taken_off("turn of the block", words, by(across, angle), 3, values, beside)
     if abs(scale) >= max(SMALLEST, least):
         words = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
-        yield Trial("scale", words, taken_off(from_centre, scale), 3, {"scale": scale})
+        values, beyond = {"scale": scale}, max(beside, abs(scale) / SCALE)
+        yield taken_off("scale", words, by(from_centre, scale), 3, values, beyond)
 
 
-def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Candidate[Matched]]:
     """An offset of time between images that were matched by name."""
     v = velocity_of(a, b)
     if v is None or not (speed := float(np.sum(v[:, :2] ** 2))) > 0.0:
@@ -237,12 +244,12 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         " way (trigger delay, clock)"
     )
 
-    def taken_off(p: Poses, q: Poses) -> Poses:
+    def change(p: Poses, q: Poses) -> Poses:
         way = velocity_of(p, q)
         assert way is not None
         return without(p, q, dt * way)
 
-    yield Trial("time along the way", words, taken_off, 1, {"seconds": dt})
+    yield taken_off("time along the way", words, change, 1, {"seconds": dt}, dt / WAY_S)
 
 
 def velocity_of(a: Poses, b: Poses) -> Array | None:
@@ -258,21 +265,32 @@ def velocity_of(a: Poses, b: Poses) -> Array | None:
     return np.asarray(np.einsum("nji,nj->ni", a.C_eE, np.gradient(a.ecef, a.time, axis=0)))
 
 
-def _exchanges(a: Poses, b: Poses) -> Iterator[Trial]:
-    """Coordinates of b in another order or with other signs."""
+def _exchanges(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
+    """Coordinates of b in another order, with other signs, in another unit."""
     if np.abs(b.lon).max() <= 0.5 * np.pi:
         words = "b has latitude and longitude exchanged"
-        yield Trial("latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height))
+        yield taken_off(
+            "latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height)
+        )
     if b.local is None or (b.plane is None and b.projection is None):
         return
-    for name, words, order, signs in (
-        ("east for north", "b has east and north exchanged", [1, 0, 2], [1.0, 1.0, 1.0]),
-        ("east reversed", "b counts east westwards", [0, 1, 2], [-1.0, 1.0, 1.0]),
-        ("north reversed", "b counts north southwards", [0, 1, 2], [1.0, -1.0, 1.0]),
-        ("both reversed", "b has east and north reversed", [0, 1, 2], [-1.0, -1.0, 1.0]),
+    for one in (
+        *exchanged(("east", "north")),
+        *reversed_signs(("east", "north", "")),
+        *lengths("coordinates", ("feet",)),
     ):
-        if b.projection is None or _nearer(a, b, b.local[:, order] * signs):
-            yield Trial(name, words, _reordered(order, np.array(signs)))
+        if b.projection is None or _nearer(a, b, one.change(b.local)):
+            yield taken_off(one.name, f"b has {one.words}", _read_anew(one.change))
+    for words, order in (("longitude and latitude", [0, 1]), ("latitude and longitude", [1, 0])):
+        degrees = b.local[:, order]
+        if b.projection is None and (np.abs(degrees).max(axis=0) <= [180.0, 90.0]).all():
+            words = f"b has {words} in degrees that were read as metres; name their CRS (--crs)"
+            yield taken_off("degrees for metres", words, _read_anew(_radians(order), GEOGRAPHIC))
+
+
+def _radians(order: list[int]) -> Change:
+    """Longitude, latitude, height of columns in degrees, in this order."""
+    return lambda x: np.column_stack([np.radians(x[:, order]), x[:, 2]])
 
 
 def _nearer(a: Poses, b: Poses, local: Array) -> bool:
@@ -290,49 +308,52 @@ def _nearer(a: Poses, b: Poses, local: Array) -> bool:
     return other < off
 
 
-def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
-    """Other local coordinates."""
+def _read_anew(change: Change, kind: str | None = None) -> Callable[[Poses, Poses], Poses]:
+    """Other coordinates of the frame, or of one of another kind.
 
-    def taken_off(_: Poses, q: Poses) -> Poses:
+    Attitudes stay what they were in the frame's axes.
+    """
+
+    def read(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
-        return _resolved(q, q.local[:, order] * signs)
+        local = change(q.local)
+        own = PROJECTED if q.projection is not None else TANGENT
+        frame = CoordinateFrame(kind or own, q.plane, q.projection)
+        lat, lon, h, C_fE = frame.resolved(local, q.source)
+        moved = replace(q.moved(lat, lon, h), local=local)
+        if q.C_fE is None:  # attitudes of true north
+            return moved
+        C_Ex = None if q.C_Ex is None else np.swapaxes(C_fE, 1, 2) @ q.C_fE @ q.C_Ex
+        return replace(moved, C_Ex=C_Ex, C_fE=C_fE)
 
-    return taken_off
-
-
-def _resolved(q: Poses, local: Array) -> Poses:
-    """q with other coordinates of its frame; attitudes stay what they were in the frame's axes."""
-    kind = PROJECTED if q.projection is not None else TANGENT
-    lat, lon, h, C_fE = CoordinateFrame(kind, q.plane, q.projection).resolved(local, q.source)
-    moved = replace(q.moved(lat, lon, h), local=local)
-    if q.C_fE is None:  # attitudes of true north
-        return moved
-    C_Ex = None if q.C_Ex is None else np.swapaxes(C_fE, 1, 2) @ q.C_fE @ q.C_Ex
-    return replace(moved, C_Ex=C_Ex, C_fE=C_fE)
+    return read
 
 
-def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
+def _vertical(a: Poses, b: Poses) -> Iterator[Candidate[Matched]]:
     d = b.height - a.height
     mean = float(d.mean())
     name, words = _in_words(mean, d)
-    yield Trial(name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, {"up_m": mean})
+    values, size = {"up_m": mean}, mean / HEIGHT_M
+    yield taken_off(
+        name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, values, size
+    )
     for name, words, factor in (
         ("feet", "heights of b are in feet where a has metres", FOOT_M),
         ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
-        yield Trial(name, words, _scaled(factor))
+        yield taken_off(name, words, _scaled(factor))
 
 
 def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
     """Other heights; of a projected CRS they also decide where the datum's shift puts a point."""
 
-    def taken_off(_: Poses, q: Poses) -> Poses:
+    def read(p: Poses, q: Poses) -> Poses:
         if q.projection is None or q.local is None:
             return q.moved(q.lat, q.lon, factor * q.height)
-        return _resolved(q, q.local * [1.0, 1.0, factor])
+        return _read_anew(lambda x: x * [1.0, 1.0, factor])(p, q)
 
-    return taken_off
+    return read
 
 
 def _in_words(mean: float, d: Array) -> tuple[str, str]:

@@ -38,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.errors import DataError
+from ...geodesy.explain import Candidate, explain
 from ...geodesy.least_squares import Equations, adjusted
 from ...geodesy.rotation import rotation_from_vector, skew
 from ...geodesy.similarity import Similarity, similarity
@@ -46,7 +47,6 @@ from .checks import factor_limit, refuse_other_shapes
 from .tripod import weighted_mean
 
 MISFIT_M, MISFIT_SIGMA = 0.005, 10.0  # residuals of both: other targets, not small covariances
-MIRRORED = 0.3  # misfit of a mirrored block over that of the block
 ITERATIONS = 30
 CONVERGED = 1e-10  # squared step over its variance
 FEWEST = 3
@@ -470,10 +470,10 @@ def _two_steps(
 
 def _mirrored(block: Targets, own: Targets) -> bool:
     """Tell whether targets fit much better where one axis of the block changes its sign."""
-    misfit = []
-    for signs in (np.ones(3), np.array([1.0, 1.0, -1.0])):
-        X = block.position * signs
+
+    def misfit(X: Array) -> float:
         fitted = similarity(X, own.position)
-        error = np.inf if fitted is None else ((fitted.points(X) - own.position) ** 2).sum()
-        misfit.append(float(error))
-    return misfit[1] < MIRRORED**2 * misfit[0]
+        return np.inf if fitted is None else float(np.linalg.norm(fitted.points(X) - own.position))
+
+    mirror = Candidate[Array]("mirrored", lambda X: X * [1.0, 1.0, -1.0])
+    return explain(block.position, [mirror], misfit) is not None

@@ -13,16 +13,13 @@ deviations of the difference, whatever else would determine it better.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 
-from ...geodesy.rotation import (
-    opk_from_rotation,
-    rotation_from_opk,
-    rotation_from_vector,
-    vector_from_rotation,
-)
+from ...geodesy.conventions import CAMERA_SETS, angles
+from ...geodesy.explain import explain, readings_of
+from ...geodesy.rotation import opk_from_rotation, rotation_from_vector, vector_from_rotation
 from ...records.block import Array
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
 from ..adjust.aerial import BORESIGHT, TIME_OFFSET
@@ -417,7 +414,7 @@ def _advise(
 def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> str | None:
     """Say how a bore-sight of the flight file was misread, where that explains the difference.
 
-    Signs of its angles, the order in which they are turned, and the sense of the matrix are tried.
+    Signs and order of its angles and the sense of the matrix are tried.
 
     Parameters
     ----------
@@ -437,24 +434,20 @@ def misread_boresight(stated: Stated, judged: Sequence[Component], B: Array) -> 
     if not any(c.verdict == CONTRADICTING for c in own):
         return None
     B0 = stated.mounting.boresight
-    angles = opk_from_rotation(B0)
     limit = 3.0 * float(np.sqrt(3.0 * STATED_BORESIGHT**2 + sum(c.sigma**2 for c in own)))
-    hypothetical = [("transposed (body and camera exchanged)", B0.T)]
-    for signs in product((1.0, -1.0), repeat=3):
-        flipped = [
-            name for name, sign in zip(("omega", "phi", "kappa"), signs, strict=True) if sign < 0.0
-        ]
-        if flipped:
-            words = f"with the other sign of {' and '.join(flipped)}"
-            hypothetical.append((words, rotation_from_opk(angles * signs)))
-    left = [
-        (float(np.linalg.norm(vector_from_rotation(A @ B.T))), words) for words, A in hypothetical
-    ]
-    best, words = min(left)
-    now = float(np.linalg.norm(vector_from_rotation(B0 @ B.T)))
-    if best > limit or best > 0.5 * now:
+    opk = opk_from_rotation(B0)[None]
+    others = {"body and camera exchanged (transposed)": B0.T}
+    for one in angles(CAMERA_SETS["opk"], {}, units=()):
+        others[one.words] = one.change(opk)[0]
+
+    def apart(A: Array) -> float:
+        return float(np.linalg.norm(vector_from_rotation(A @ B.T)))
+
+    explanation = explain(B0, readings_of(others), apart, limit)
+    if explanation is None:
         return None
     return (
-        f"the flight file's bore-sight {words} would agree with what was found"
-        f" ({np.degrees(best):.3f} deg instead of {np.degrees(now):.3f} deg)"
+        "the flight file's bore-sight would agree with what was found if it had"
+        f" {explanation.clauses()} ({np.degrees(explanation.left):.3f} deg instead of"
+        f" {np.degrees(explanation.before):.3f} deg)"
     )

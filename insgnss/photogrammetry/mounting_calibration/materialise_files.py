@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
+from ...geodesy.explain import explain
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
 from ...records import Array
@@ -27,13 +28,8 @@ from ..lever_arm.materialisation import (
 from .intersections import intersected
 from .options import MaterialiseOptions
 from .poses import CameraPoses, is_block, read_camera_poses
-from .products import (
-    CalibratedMounting,
-    Provenance,
-    of_lever_arm,
-    provenance,
-)
-from .readings import advice, named_reading, position_readings
+from .products import CalibratedMounting, Provenance, of_lever_arm, provenance
+from .readings import advice, of_positions, suspected
 
 ANTENNA = "antenna"
 ANTENNA_M = 5e-3  # where a table has no standard deviation of the phase centre
@@ -269,9 +265,10 @@ def _estimated(
         def misfit(position: Array) -> float:
             return float(np.sqrt((fitted(position).residual_m ** 2).mean()))
 
-        readings = {k: v for k, v in position_readings(whole).items() if "metres" not in k}
-        words = named_reading(np.inf, readings, misfit, CLOSE_M)
-        other = advice((f"of {block.path.name} {words}",)) if words else ""
+        candidates = suspected(
+            block.path.name, of_positions(units=False), lambda X, change: change(X)
+        )
+        other = advice(explain(whole, candidates, misfit, CLOSE_M))
         raise InputError(f"{block.path}: {refusal}{other}") from None
 
 

@@ -7,31 +7,31 @@ both then differ by one bore-sight. The spread of what is left, in metres and ra
 
 Below one nothing is asked: delays and lever arms of ordinary flights leave less. Above, the same
 poses are read otherwise (names some images off, exposures seconds off, mirrored axes, attitudes of
-the other sense), each fitted in the same way, and one that leaves less than `BETTER` of the misfit
-is stated. Where none does, a misfit that no mounting makes is refused all the same.
+the other sense), each fitted in the same way and judged by `insgnss/geodesy/explain.py`. Where none
+explains it, a misfit that no mounting makes is refused all the same.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError
-from ...geodesy.gpstime import calendar_from_gps, leap_seconds
+from ...geodesy.conventions import Change, orders, time_scale
+from ...geodesy.explain import Candidate, best_shift, explain
 from ...geodesy.rotation import nearest_rotation, vector_from_rotation
 from ...geodesy.similarity import similarity_of_poses
 from ...records.block import Array
 from .equations import SCALE
-from .readings import attitude_readings, position_readings
+from .readings import of_attitudes, of_positions, suspected
 from .records import BlockPoses, FlightPoses, Rows
 from .solution import Solved
 
 FLOOR_M, FLOOR_RAD = 1.0, float(np.radians(0.1))
-BETTER = 0.4
 HOPELESS_M, HOPELESS_RAD = 5.0, float(np.radians(3.0))
 HOPELESS_SIGMAS = 6.0
-FARTHEST_IMAGES, FARTHEST_S, STEP_S = 5, 60.0, 0.1
+FARTHEST_S, LEAST_S, STEP_S = 60.0, 0.5, 0.1  # of offsets of the stamps that are tried
 FEWEST = 4
 GROSS, GROSS_M, GROSS_RAD = 10.0, 0.1, float(np.radians(0.2))  # times the median, at least
 GROSS_SHARE = 0.05
@@ -40,6 +40,8 @@ NOTHING = "which says nothing of the mounting; give poses of an adjustment of th
 OWN_M, OWN_RAD = 5e-4, 2e-6  # no adjustment comes as near
 TURNED = float(np.radians(20.0))  # no bore-sight is larger
 SCALE_OFF, SCALE_SIGMAS = 1e-3, 5.0
+
+Pairs = tuple[Array, Array, Array, Array]  # positions and attitudes, those of the flight
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +157,15 @@ def refuse_implausible(
         )
     if given.size < 1.0:
         return
-    best = min(
-        ((m, text) for m, text in _readings(block, flight, rows, path)),
-        key=lambda pair: pair[0].size,
-        default=None,
-    )
+    pairs = (block.position, block.C_rc, eo.position_m[rows], eo.C_mc[rows])
+    candidates = list(_readings(rows.size))
+    if path is not None:
+        candidates += _other_times(pairs, eo.time[rows], path)
+    explanation = explain(pairs, candidates, lambda each: misfit(*each).size)
     apart = f"{block.source}: its poses and those of the flight differ by {given.words} (rms)"
-    if best is not None and best[0].size < BETTER * given.size:
-        raise InputError(f"{apart}, but by {best[0].words} {best[1]}")
+    if explanation is not None:
+        left = misfit(*explanation.data)
+        raise InputError(f"{apart}, but by {left.words} where {explanation.clauses()}")
     sigma = np.sqrt(np.median(np.diagonal(eo.cov[rows], axis1=1, axis2=2), axis=0))
     limit_m = max(HOPELESS_M, HOPELESS_SIGMAS * float(sigma[:3].max()))
     limit_rad = max(HOPELESS_RAD, HOPELESS_SIGMAS * float(sigma[3:].max()))
@@ -175,61 +178,53 @@ def refuse_implausible(
         )
 
 
-def _readings(
-    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path | None
-) -> Iterator[tuple[Misfit, str]]:
-    """Fit every other reading."""
-    X, C = block.position, block.C_rc
-    X_o, C_o = flight.eo.position_m[rows], flight.eo.C_mc[rows]
-    n = rows.size
-    for k in range(-FARTHEST_IMAGES, FARTHEST_IMAGES + 1):
-        if k and n - abs(k) >= FEWEST:
-            own, other = slice(max(-k, 0), n - max(k, 0)), slice(max(k, 0), n - max(-k, 0))
-            text = (
-                f"where each image has the pose {abs(k)} {'behind' if k > 0 else 'before'} it in"
-                " the order of exposure: check how names and events were joined"
-            )
-            yield misfit(X[own], C[own], X_o[other], C_o[other]), text
-    text = "in the reversed order of images: check how names and poses were joined"
-    yield misfit(X[::-1], C[::-1], X_o, C_o), text
-    for words, turned in position_readings(X).items():
-        if not any(word in words for word in ("metres", "feet", "rows")):
-            yield misfit(turned, C, X_o, C_o), f"where {words}: the coordinates are of other axes"
-    for words, turned in attitude_readings(C, None).items():
-        yield misfit(X, turned, X_o, C_o), f"where {words}"
-    if path is not None:
-        yield from _other_times(block, flight, rows, path)
-
-
-def _other_times(
-    block: BlockPoses, flight: FlightPoses, rows: Rows, path: Path
-) -> Iterator[tuple[Misfit, str]]:
-    """Fit the exposures at other times, the best of them."""
-    time = flight.eo.time[rows]
-    best: tuple[float, float] | None = None
-    steps = np.arange(-FARTHEST_S, FARTHEST_S + STEP_S, STEP_S)
-    some = np.unique(np.linspace(0, rows.size - 1, min(rows.size, 60)).astype(np.int64))
-    for offset_s in steps:
-        pose = path.at(time[some] + offset_s)
-        if pose is None or abs(offset_s) < 0.5:
+def _readings(n: int) -> Iterator[Candidate[Pairs]]:
+    """Return how poses of n images may have been joined and written."""
+    for k, one, other in orders(n):
+        if one.size < FEWEST:
             continue
-        left = misfit(block.position[some], block.C_rc[some], *pose).size
-        if best is None or left < best[0]:
-            best = (left, float(offset_s))
-    if best is None:
+        words = "it has the reversed order of images: check how names and poses were joined"
+        if k is not None:
+            words = (
+                f"each image has the pose {abs(k)} {'behind' if k > 0 else 'before'} it in the"
+                " order of exposure: check how names and events were joined"
+            )
+        yield Candidate(words, _joined(one, other), same=_joined(one, one))
+
+    def of_block(data: Pairs, change: Change) -> Pairs:
+        return change(data[0]), *data[1:]
+
+    def of_cameras(data: Pairs, change: Change) -> Pairs:
+        return data[0], change(data[1]), *data[2:]
+
+    yield from suspected("it", of_positions(units=False, rows=False), of_block)
+    yield from suspected("it", of_attitudes(), of_cameras)
+
+
+def _joined(one: Rows, other: Rows) -> Callable[[Pairs], Pairs]:
+    return lambda d: (d[0][one], d[1][one], d[2][other], d[3][other])
+
+
+def _other_times(pairs: Pairs, time: Array, path: Path) -> Iterator[Candidate[Pairs]]:
+    """Return the exposures at other times, the best of them."""
+    n = time.size
+    some = np.unique(np.linspace(0, n - 1, min(n, 60)).astype(np.int64))
+
+    def apart(offset_s: float) -> float:
+        pose = path.at(time[some] + offset_s) if abs(offset_s) >= LEAST_S else None
+        return np.inf if pose is None else misfit(pairs[0][some], pairs[1][some], *pose).size
+
+    best = best_shift(apart, FARTHEST_S, STEP_S)
+    pose = None if best is None else path.at(time + best[0])
+    if best is None or pose is None:
         return
-    offset_s = best[1]
-    pose = path.at(time + offset_s)
-    if pose is None:
-        return
-    text = f"at {offset_s:+.1f} s: the stamps of the exposures are off by so much"
-    when = calendar_from_gps(flight.eo.gps_week, float(time[0]), "utc")
-    leap = int(leap_seconds(when.timestamp()))
-    if abs(abs(offset_s) - leap) < 0.3:
-        text += f", the {leap} leap seconds between UTC and GPS time; give events in GPS time"
-    else:
-        text += "; correct them, or give camera.time_offset_s"
-    yield misfit(block.position, block.C_rc, *pose), text
+    X_o, C_o = pose
+    scale = time_scale(best[0])
+    yield Candidate(
+        f"the exposures are at {best[0]:+.1f} s: their stamps are off by so much, "
+        + (f"{scale}; give events in GPS time" if scale else "or give camera.time_offset_s"),
+        lambda d: (d[0], d[1], X_o, C_o),
+    )
 
 
 def gross_errors(solved: Solved) -> tuple[NDArray[np.bool_], tuple[str, ...]]:

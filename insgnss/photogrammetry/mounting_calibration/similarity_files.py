@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...geodesy.conventions import Change
+from ...geodesy.explain import explain
 from ...geodesy.frames import TangentPlane
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.camera_toml import read_camera_toml
@@ -50,7 +52,7 @@ from .products import (
     of_lever_arm,
     provenance,
 )
-from .readings import advice, attitude_readings, named_reading, position_readings
+from .readings import advice, of_attitudes, of_positions, suspected
 
 ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
 SAME_AXIS = 0.5  # cosine of a camera axis and the flight direction that share their fate
@@ -199,66 +201,40 @@ def _estimated(
     try:
         return similarity_lever_arm(poses, ground)
     except DataError as refusal:
-        ways: tuple[str, ...] = ()
-        if len(poses.position) > 3:
-            ways = _other_readings(poses, ground, camera, cameras, antenna)
-        raise InputError(f"{cameras}, {antenna}: {refusal}{advice(ways)}") from None
+        names = (cameras.name, antenna.name)
+        other = _other_readings(poses, ground, camera, *names) if len(poses.position) > 3 else ""
+        raise InputError(f"{cameras}, {antenna}: {refusal}{other}") from None
 
 
 def _other_readings(
-    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: Path, antenna: Path
-) -> tuple[str, ...]:
+    poses: FlightPoses, ground: GroundPoints, camera: CameraPoses, cameras: str, antenna: str
+) -> str:
     """Return the ways in which antenna positions, ground points or attitudes would fit."""
 
-    def misfit(poses: FlightPoses, ground: GroundPoints) -> float:
-        result = similarity_lever_arm(poses, ground)
-        viewing = (result.frame.rotation @ poses.C_rc)[:, 2, 2].mean()
+    def misfit(data: tuple[FlightPoses, GroundPoints]) -> float:
+        result = similarity_lever_arm(*data)
+        viewing = (result.frame.rotation @ data[0].C_rc)[:, 2, 2].mean()
         return float(np.sqrt((result.residual_m**2).mean())) if viewing < DOWNWARDS else np.inf
 
-    n, good = len(poses.antenna_m), 0.1 * LONGEST_M
-    first = similarity(poses.position, poses.antenna_m)
-    as_it_is = LONGEST_M
-    if first is not None:
-        off = first.points(poses.position) - poses.antenna_m
-        as_it_is = max(as_it_is, float(np.sqrt((off**2).mean())))
+    Both = tuple[FlightPoses, GroundPoints]
 
-    def of_axes(position: Array, rows: bool) -> dict[str, Array]:
-        """Readings of positions whose scale is estimated."""
-        return {
-            key: value
-            for key, value in position_readings(position).items()
-            if "metres" not in key and "feet" not in key and (rows or "rows" not in key)
-        }
+    def of_antenna(data: Both, change: Change) -> Both:
+        return replace(data[0], antenna_m=change(data[0].antenna_m)), data[1]
 
-    ways = []
-    words = named_reading(
-        as_it_is,
-        of_axes(poses.antenna_m, rows=True),
-        lambda value: misfit(replace(poses, antenna_m=value), ground),
-        good,
-    )
-    if words:
-        ways.append(f"of {antenna.name} {words}")
-    elif len(ground.model):
-        words = named_reading(
-            as_it_is,
-            of_axes(np.concatenate([poses.antenna_m, ground.surveyed_m]), rows=False),
-            lambda value: misfit(
-                replace(poses, antenna_m=value[:n]), replace(ground, surveyed_m=value[n:])
-            ),
-            good,
-        )
-        if words:
-            ways.append(f"of {antenna.name} and the ground points alike {words}")
-    words = named_reading(
-        as_it_is,
-        attitude_readings(poses.C_rc, camera.opk),
-        lambda value: misfit(replace(poses, C_rc=value), ground),
-        good,
-    )
-    if words and not any("rows" in way for way in ways):
-        ways.append(f"of {cameras.name} {words}")
-    return (", or ".join(ways),) if ways else ()
+    def of_survey(data: Both, change: Change) -> Both:
+        return of_antenna(data, change)[0], replace(data[1], surveyed_m=change(data[1].surveyed_m))
+
+    def of_cameras(data: Both, change: Change) -> Both:
+        return replace(data[0], C_rc=change(data[0].C_rc)), data[1]
+
+    candidates = [  # without units: the scale is estimated
+        *suspected(antenna, of_positions(units=False), of_antenna),
+        *suspected(cameras, of_attitudes(camera.opk), of_cameras),
+    ]
+    if len(ground.model):
+        each = f"each of {antenna} and the ground points"
+        candidates += suspected(each, of_positions(units=False, rows=False), of_survey)
+    return advice(explain((poses, ground), candidates, misfit, 0.1 * LONGEST_M))
 
 
 def _refuse_attitudes(
@@ -277,12 +253,12 @@ def _refuse_attitudes(
         mean = up.mean(axis=0) / np.linalg.norm(up.mean(axis=0))
         return float(np.degrees(np.sqrt((np.cross(up, mean) ** 2).sum(axis=1).mean())))
 
-    readings = attitude_readings(poses.C_rc, camera.opk)
-    words = named_reading(result.tilt_deg, readings, tilt, LEVEL_DEG, 2.5)
-    if words:
+    candidates = suspected(cameras.name, of_attitudes(camera.opk), lambda C, change: change(C))
+    explanation = explain(poses.C_rc, candidates, tilt, LEVEL_DEG)
+    if explanation is not None:
         raise InputError(
             f"{cameras}: cameras tilt by {result.tilt_deg:.0f} deg rms (limit {TILTED_DEG:g} deg"
-            f" where another reading leaves {LEVEL_DEG:g}){advice((f'of {cameras.name} {words}',))}"
+            f" where another reading leaves {LEVEL_DEG:g}){advice(explanation)}"
         )
 
 

@@ -1,6 +1,6 @@
 """`insgnss calibrate tripod`: poses of setups and pins of a tachymeter, as files."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...geodesy.conventions import Change
+from ...geodesy.explain import explain
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
@@ -20,7 +22,7 @@ from .poses import (
     read_positions,
 )
 from .products import CalibratedMounting, of_lever_arm, provenance
-from .readings import advice, attitude_readings, named_reading, position_readings
+from .readings import advice, of_attitudes, of_positions, suspected
 
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
 MISFIT_M, MISFIT_FACTOR = 0.02, 25.0  # scatter of setups, and over their covariances: other data
@@ -114,19 +116,18 @@ def _estimated(setups: TripodSetups, poses: Path, pins: Path, opk: Array | None)
     bad = scatter > MISFIT_M and result.variance_factor > MISFIT_FACTOR  # NaN of one setup
     if far.max() <= LONGEST_M and not bad:
         return result
-    words = _other_readings(setups, opk, poses, pins)
+    words = _other_readings(setups, opk, poses.name, pins.name)
     if far.max() > LONGEST_M:
         row = int(np.argmax(far))
         raise InputError(
             f"{pins}: the pin of setup {row + 1} is {far[row]:.2f} m from the camera of"
             f" {poses.name} (limit {LONGEST_M:g} m): another unit, or other axes than those of the"
-            f" poses{advice(words)}"
+            f" poses{words}"
         )
     raise InputError(
         f"{poses}, {pins}: lever arms of {len(far)} setups scatter by {1e3 * scatter:.0f} mm (limit"
         f" {1e3 * MISFIT_M:g} mm), {np.sqrt(result.variance_factor):.0f} times what their standard"
-        " deviations say: poses and pins are not of the same setups, axes and scale"
-        f"{advice(words)}"
+        f" deviations say: poses and pins are not of the same setups, axes and scale{words}"
     )
 
 
@@ -138,38 +139,22 @@ def _scatter(setups: TripodSetups) -> float:
     return float(np.sqrt((off**2).mean())) if len(each) > 1 else float(np.linalg.norm(each[0]))
 
 
-def _other_readings(
-    setups: TripodSetups, opk: Array | None, poses: Path, pins: Path
-) -> tuple[str, ...]:
-    """Return the way in which pins or poses would fit, in words."""
+def _other_readings(setups: TripodSetups, opk: Array | None, poses: str, pins: str) -> str:
+    """Return the ways in which pins or poses would fit, in words."""
 
-    def size(value: TripodSetups) -> float:
+    def misfit(value: TripodSetups) -> float:
         arm = np.linalg.norm(value.pin_m - value.position_m, axis=1).max()
         return _scatter(value) if arm < LONGEST_M else max(float(arm), _scatter(value))
 
-    def of_pins(pin: Array) -> float:
-        return size(replace(setups, pin_m=pin))
+    def of_field(name: str) -> Callable[[TripodSetups, Change], TripodSetups]:
+        return lambda data, change: replace(data, **{name: change(getattr(data, name))})
 
-    def of_poses(C: Array) -> float:
-        return size(replace(setups, C_mc=C))
-
-    as_it_is = size(setups)
-    words = named_reading(as_it_is, position_readings(setups.pin_m), of_pins, MISFIT_M)
-    if words:
-        return (f"of {pins.name} {words}",)
-    angles = attitude_readings(setups.C_mc, opk)
-    words = named_reading(as_it_is, angles, of_poses, MISFIT_M)
-    if words:
-        return (f"of {poses.name} {words}",)
-    centres = {
-        key: value
-        for key, value in position_readings(setups.position_m).items()
-        if "rows" not in key
-    }
-    words = named_reading(
-        as_it_is, centres, lambda c: size(replace(setups, position_m=c)), MISFIT_M
-    )
-    return (f"of {poses.name} {words}",) if words else ()
+    candidates = [
+        *suspected(pins, of_positions(rows=len(setups.pin_m) > 2), of_field("pin_m")),
+        *suspected(poses, of_attitudes(opk), of_field("C_mc")),
+        *suspected(poses, of_positions(rows=False), of_field("position_m")),
+    ]
+    return advice(explain(setups, candidates, misfit, MISFIT_M))
 
 
 def _undetermined(result: TripodLeverArm) -> str:

@@ -29,7 +29,6 @@ from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
 from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.photogrammetry.block_adjustment.vehicle.observed import observed
-from insgnss.photogrammetry.block_adjustment.vehicle.places import scale_of
 from insgnss.photogrammetry.block_adjustment.vehicle.track import Track, along_course
 from insgnss.photogrammetry.block_adjustment.vehicle.verdict import frame_of
 from insgnss.records import ExteriorOrientation
@@ -508,14 +507,6 @@ def test_frames_of_lever_arms() -> None:
     assert frame_of(np.array([0.1, 0.1, 0.1]), true, sigma) == ""
     assert frame_of(np.zeros(3), true, sigma) == ""
     assert "left" in frame_of(true * (1, -1, 1), true, sigma)
-
-
-def test_scales_of_time() -> None:
-    """Oracle: seconds of each scale."""
-    assert scale_of(18.02) == "the 18 leap seconds between GPS time and UTC"
-    assert scale_of(-604800.0) == "1 GPS week: the week of one is wrong"
-    assert scale_of(7218.0) == "a time zone of 2 h and leap seconds"
-    assert scale_of(1.3) == "two clocks that do not agree"
 
 
 def test_a_course_is_forward_right_down() -> None:

@@ -22,7 +22,10 @@ from insgnss.io.formats.blocks.image_points import read_image_points, write_imag
 from insgnss.io.formats.orientation.eo_json import write_eo_json
 from insgnss.photogrammetry.block_adjustment.check_points import CheckPoints
 from insgnss.photogrammetry.block_adjustment.inputs import inputs_of
-from insgnss.photogrammetry.block_adjustment.plausibility import refuse_implausible
+from insgnss.photogrammetry.block_adjustment.plausibility import (
+    refuse_implausible,
+    worse_than_stated,
+)
 from insgnss.photogrammetry.block_adjustment.run import adjust
 from insgnss.records.block import INTERIOR
 
@@ -128,7 +131,10 @@ CASES = {
         lambda i: with_poses(i, C=np.ascontiguousarray(i.block.C_mc.swapaxes(1, 2))),
         "transposed",
     ),
-    "angles composed backwards": (reversed_angles, "composed in the reverse order"),
+    "angles composed backwards": (
+        reversed_angles,
+        "order omega phi kappa .*as kappa phi omega",
+    ),
     "degrees for radians": (
         lambda i: with_poses(
             i,
@@ -145,10 +151,13 @@ CASES = {
     ),
     "easting and northing": (
         lambda i: with_ground(i, lambda X: X[:, [1, 0, 2]]),
-        "easting and northing were exchanged",
+        "easting and northing exchanged",
     ),
     "feet": (lambda i: with_ground(i, lambda X: X / 0.3048), "in feet"),
-    "heights downwards": (lambda i: with_ground(i, lambda X: X * [1, 1, -1]), "downwards"),
+    "heights downwards": (
+        lambda i: with_ground(i, lambda X: X * [1, 1, -1]),
+        "height with the other sign",
+    ),
     "geoid": (
         lambda i: with_ground(i, lambda X: X - [0.0, 0.0, 50.0]),
         r"all of them alike, by [+-]0.\d, [+-]0.\d, -50.0 m; heights above .* \(geoid\)",
@@ -171,6 +180,41 @@ def test_what_does_not_belong_is_refused_by_name(case, right) -> None:
     plant, message = CASES[case]
     with pytest.raises(DataError, match=message):
         refuse_implausible(plant(right))
+
+
+def two_of_five(inputs, seed):
+    """Five images with poses wrong by some deg; the first two have those of the last two."""
+    draw = np.random.default_rng(seed)
+    order = np.argsort(inputs.eo_row)[:5]
+    position, C = inputs.block.position_m.copy(), inputs.block.C_mc.copy()
+    C[order] = C[order] @ rotation_from_vector(np.radians(3.0 * draw.standard_normal((5, 3))))
+    position[order[:2]] = inputs.block.position_m[order[3:]]
+    C[order[:2]] = inputs.block.C_mc[order[3:]]
+    wrong = with_poses(inputs, position, C)
+    seen = wrong.block.observations
+    keep = np.isin(seen.image, order)
+    parts = (seen.image, seen.point, seen.uv, seen.sigma_px)
+    block = with_block(wrong, observations=type(seen)(*(part[keep] for part in parts)))
+    return replace(block, eo=replace(inputs.eo, cov=1e-4 * inputs.eo.cov))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_images_that_do_not_fit_are_not_blamed_on_their_names(seed, right) -> None:
+    """Oracle: shifted by three only two of five images fit, which is no order of names."""
+    few = two_of_five(right, seed)
+    refuse_implausible(few, failed=True)
+    assert re.search(r"rays of a point pass \d+\.\d px .* stated good to", worse_than_stated(few))
+    assert worse_than_stated(right) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_block_that_fails_for_another_reason_is_not_blamed_on_a_reading(seed, right) -> None:
+    """Oracle: nothing is wrong with axes, names, camera; pixels are good to 3 px."""
+    draw = np.random.default_rng(seed)
+    refuse_implausible(
+        with_pixels(right, lambda uv, s: uv + 3.0 * draw.standard_normal(uv.shape)), failed=True
+    )
 
 
 def test_good_and_tolerable_blocks_pass(right) -> None:

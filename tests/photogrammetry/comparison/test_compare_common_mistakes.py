@@ -407,3 +407,36 @@ def test_help_lists_the_forms_without_numpy() -> None:
         " assert 'numpy' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ([1, 0, 2], "longitude and latitude in degrees"),
+        ([0, 1, 2], "latitude and longitude in deg"),
+    ],
+)
+def test_degrees_in_columns_of_metres_are_no_scale(
+    eo: Poses, columns: list[int], words: str
+) -> None:
+    """Oracle: the geographic coordinates of the same images, read as metres of the plane."""
+    assert eo.plane is not None
+    degrees = np.column_stack([np.degrees(eo.lat), np.degrees(eo.lon), eo.height])[:, columns]
+    b = eo.moved(*eo.plane.geodetic_from_position(degrees))
+    c = compare_poses(eo, replace(b, local=degrees, C_Ex=None, C_fE=None))
+    assert [f.name for f in c.findings] == ["degrees for metres"]
+    assert words in c.findings[0].statement
+    assert left(c) < 1e-4
+
+
+def test_no_cause_of_absurd_size_is_named(eo: Poses) -> None:
+    """Oracle: a block shrunk to millimetres, and one 300 km away: neither a scale nor a datum."""
+    assert eo.plane is not None
+    assert eo.local is not None
+    small = eo.moved(*eo.plane.geodetic_from_position(eo.local * [1.6e-5, 1.6e-5, 1.0]))
+    assert compare_poses(eo, replace(small, local=None)).findings == ()
+    far = eo.moved(*eo.plane.geodetic_from_position(eo.local + [3e5, 0.0, 0.0]))
+    c = compare_poses(eo, replace(far, local=None, C_Ex=None))
+    assert c.findings == ()
+    assert any("km apart, which no datum or base station explains" in note for note in c.notes)
+    assert not any("km apart" in note for note in compare_poses(eo, eo).notes)

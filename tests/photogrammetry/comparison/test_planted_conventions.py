@@ -147,10 +147,22 @@ PLANTED: dict[str, Planted] = {
         POK_WORDS,
     ),
     "phi omega kappa in their order": Planted(
-        "eo_local_plane", PLANE, 4, 3, of_opk(pok_from_rotation), "angle set", "are phi omega kappa"
+        "eo_local_plane",
+        PLANE,
+        4,
+        3,
+        of_opk(pok_from_rotation),
+        "angle set",
+        "b has phi omega kappa that",
     ),
     "yaw pitch roll": Planted(
-        "eo_local_plane", PLANE, 4, 3, of_opk(ypr_from_rotation), "angle set", "are yaw pitch roll"
+        "eo_local_plane",
+        PLANE,
+        4,
+        3,
+        of_opk(ypr_from_rotation),
+        "angle set",
+        "b has yaw pitch roll that",
     ),
     "omega phi kappa of the inverse": Planted(
         "metashape_opk",

@@ -147,7 +147,7 @@ def test_angles_of_another_set(flight: Written) -> None:
     wrong = replace(b, C_Ex=rotation_from_opk(b.angles) @ CV_RUB, angle_set="opk")
     c = compare_poses(a, wrong)
     assert [f.name for f in c.findings] == ["angle set"]
-    assert c.findings[0].statement == "angles of b, read as omega phi kappa, are yaw pitch roll"
+    assert c.findings[0].statement == "b has yaw pitch roll that were read as omega phi kappa"
 
 
 def bodies(flight: Written) -> tuple[Poses, Poses]:
@@ -197,8 +197,8 @@ def test_utc_is_told_from_gpst(flight: Written) -> None:
     assert b.time is not None
     c = compare_poses(a, replace(b, time=b.time - 18.0))
     assert (
-        "stamps of b are 18.0000 s early (18 s are leap seconds: UTC where a has GPST)"
-        in c.summary()
+        "stamps of b are 18.0000 s early (the 18 leap seconds between GPS time and UTC: UTC where a"
+        " has GPST)" in c.summary()
     )
 
 
@@ -223,7 +223,7 @@ def test_times_of_the_same_images(flight: Written) -> None:
     c = compare_poses(a, replace(a, time=a.time - 18.0))
     assert [f.name for f in c.findings] == ["time"]
     assert (
-        "earlier than those of a for the same images (18 s are leap seconds"
+        "earlier than those of a for the same images (the 18 leap seconds"
         in c.findings[0].statement
     )
 

@@ -303,8 +303,8 @@ def test_a_flight_file_that_is_wrong_is_contradicted() -> None:
 @pytest.mark.parametrize(
     ("angles", "words"),
     [
-        ([-0.657, 0.574, -0.513], "with the other sign of phi"),
-        ([0.657, 0.574, -0.513], "with the other sign of omega and phi"),
+        ([-0.657, 0.574, -0.513], "phi with the other sign"),
+        ([0.657, 0.574, -0.513], "omega and phi with the other sign"),
     ],
 )
 def test_a_bore_sight_with_a_wrong_sign_is_named(angles, words) -> None:

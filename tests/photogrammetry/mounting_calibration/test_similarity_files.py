@@ -198,10 +198,10 @@ def test_the_flight_direction(tmp_path) -> None:
 
 FLOWN = Flown()
 WRONG = {
-    "mirrored": (FLOWN.antenna * [1, -1, 1], "its y has the opposite sign"),
-    "exchanged": (FLOWN.antenna[:, [1, 0, 2]], "its x and y are exchanged"),
-    "heights reversed": (FLOWN.antenna * [1, 1, -1], "its z has the opposite sign"),
-    "shifted": (np.roll(FLOWN.antenna, 1, axis=0), "its rows stand one too late"),
+    "mirrored": (FLOWN.antenna * [1, -1, 1], "y with the other sign"),
+    "exchanged": (FLOWN.antenna[:, [1, 0, 2]], "x and y exchanged"),
+    "heights reversed": (FLOWN.antenna * [1, 1, -1], "z with the other sign"),
+    "shifted": (np.roll(FLOWN.antenna, 1, axis=0), "its rows one too late"),
     "another flight": (FLOWN.antenna[np.random.default_rng(0).permutation(60)], "another flight"),
 }
 
@@ -230,11 +230,17 @@ def test_wrong_antenna_positions_are_refused_by_name(tmp_path, capsys, name, gro
 ANGLES = {
     "exchanged": (
         lambda C: angles_of(C, lambda a: a[:, ::-1]),
-        "its omega and kappa are exchanged",
+        "has omega and kappa exchanged",
     ),
-    "reversed": (lambda C: angles_of(C, lambda a: -a), "its angles have the opposite signs"),
-    "transposed": (lambda C: C.transpose(0, 2, 1), "its rotations take the axes into the camera"),
-    "other camera axes": (lambda C: C @ NADIR, "angles are those of the camera x right, y down"),
+    "reversed": (
+        lambda C: angles_of(C, lambda a: -a),
+        "omega and phi and kappa with the other sign",
+    ),
+    "transposed": (
+        lambda C: C.transpose(0, 2, 1),
+        "has rotations that take the axes into the camera",
+    ),
+    "other camera axes": (lambda C: C @ NADIR, "angles of the camera x right, y down"),
 }
 
 

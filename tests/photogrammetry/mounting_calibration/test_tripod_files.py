@@ -104,16 +104,28 @@ def test_json_has_every_setup(tmp_path, capsys) -> None:
 GOOD = setups(TABLE_1["antenna"])
 C, ROT, P = GOOD
 WRONG = {
-    "pins of a surveyor's axes": ((C, ROT, P[:, [1, 0, 2]]), None, "its x and y are exchanged"),
-    "pins mirrored": ((C, ROT, P * [1, -1, 1]), None, "its y has the opposite sign"),
-    "pins in mm": ((C, ROT, 1e3 * P), None, "it is in millimetres"),
-    "pins one too late": ((C, ROT, np.roll(P, 1, axis=0)), None, "its rows stand one too late"),
-    "poses mirrored": ((C * [1, 1, -1], ROT, P), None, "its z has the opposite sign"),
-    "poses in mm": ((1e3 * C, ROT, P), None, "of poses.csv it is in millimetres"),
-    "angles in radians": (GOOD, np.radians, "its angles are radians"),
-    "angles in gon": (GOOD, lambda a: a / 0.9, "its angles are gon"),
-    "angles exchanged": (GOOD, lambda a: a[:, ::-1], "its omega and kappa are exchanged"),
-    "rotations transposed": ((C, ROT.transpose(0, 2, 1), P), None, "take the axes into the camera"),
+    "pins of a surveyor's axes": (
+        (C, ROT, P[:, [1, 0, 2]]),
+        None,
+        "pin.csv has x and y exchanged",
+    ),
+    "pins mirrored": ((C, ROT, P * [1, -1, 1]), None, "pin.csv has y with the other sign"),
+    "pins in mm": ((C, ROT, 1e3 * P), None, "pin.csv has coordinates in millimetres"),
+    "pins one too late": (
+        (C, ROT, np.roll(P, 1, axis=0)),
+        None,
+        "pin.csv has its rows one too late",
+    ),
+    "poses mirrored": ((C * [1, 1, -1], ROT, P), None, "poses.csv has z with the other sign"),
+    "poses in mm": ((1e3 * C, ROT, P), None, "poses.csv has coordinates in millimetres"),
+    "angles in radians": (GOOD, np.radians, "has angles in radians"),
+    "angles in gon": (GOOD, lambda a: a / 0.9, "has angles in gon"),
+    "angles exchanged": (GOOD, lambda a: a[:, ::-1], "has omega and kappa exchanged"),
+    "rotations transposed": (
+        (C, ROT.transpose(0, 2, 1), P),
+        None,
+        "that take the axes into the camera",
+    ),
     "other flight": ((C + np.arange(24).reshape(8, 3), ROT, P), None, "limit 5 m"),
 }
 

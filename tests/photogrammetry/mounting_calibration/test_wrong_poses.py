@@ -64,14 +64,14 @@ def test_the_reversed_order() -> None:
 def test_axes_that_are_exchanged_or_mirrored(georeferenced) -> None:
     of = posed(seed=2, georeferenced=georeferenced)
     X = of.block.position
-    assert "x and y are exchanged" in refused(changed(of, position=X @ OF_ITS_OWN))
-    assert "z has the opposite sign" in refused(changed(of, position=X * [1.0, 1.0, -1.0]))
+    assert "x and y exchanged" in refused(changed(of, position=X @ OF_ITS_OWN))
+    assert "z with the other sign" in refused(changed(of, position=X * [1.0, 1.0, -1.0]))
 
 
 def test_attitudes_of_the_other_sense() -> None:
     of = posed(seed=2)
     said = refused(changed(of, C_rc=of.block.C_rc.swapaxes(1, 2)))
-    assert "rotations take the axes into the camera" in said
+    assert "rotations that take the axes into the camera" in said
 
 
 def test_left_handed_attitudes_are_no_rotations() -> None:
@@ -156,7 +156,7 @@ def test_exposures_in_utc() -> None:
     late = replace(of.flight, eo=replace(eo, position_m=path.at(eo.time)[0]))
     said = refused(replace(of, flight=late), path)
     assert "+18.0 s" in said
-    assert "the 18 leap seconds between UTC and GPS time" in said
+    assert "the 18 leap seconds between GPS time and UTC" in said
 
 
 def test_poses_that_are_not_finite() -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, near
 from ....flight.config.block_tables.vehicle import VehicleTable
+from ....geodesy.conventions import time_scale
 from ....geodesy.frames import TangentPlane
 from ....geodesy.gpstime import WEEK_S
 from ....io.formats.blocks.image_points import ImagePoints
@@ -19,6 +20,7 @@ from ....records.rows import covariance_of_rows, rows_of
 from .observed import observed, without
 from .track import Track, read_track, rows_by_name, week_shift
 
+CLOCKS = "two clocks that do not agree"  # of stamps of no other time scale
 EVENT_S = 0.02
 """Stamps of one exposure by two recorders, of the vehicle and of the drone, differ by less."""
 OTHER_EVENT_S = 0.5
@@ -274,8 +276,9 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
     if abs(middle) > OTHER_EVENT_S:
         raise InputError.in_file(
             options.file,
-            f"its stamps lie {middle:+.3f} s from those of the same images ({scale_of(middle)});"
-            " give both in one time scale, or vehicle.time_offset_s",
+            f"its stamps lie {middle:+.3f} s from those of the same images"
+            f" ({time_scale(middle) or CLOCKS}); give both in one time scale, or"
+            " vehicle.time_offset_s",
         )
     if np.nanmax(np.abs(off - middle)) > EVENT_S:
         k = int(np.nanargmax(np.abs(off - middle)))
@@ -290,32 +293,6 @@ def _compare_stamps(options: VehicleTable, placed: Track, time: Array, notes: li
             f"stamps of the vehicle lie {1e3 * middle:+.1f} ms from those of the same images; its"
             " place is that at its own stamp"
         )
-
-
-def scale_of(seconds: float) -> str:
-    """Say of which time scale stamps are that lie so many seconds off.
-
-    Parameters
-    ----------
-    seconds : float
-        Stamps less those of GPS time.
-
-    Returns
-    -------
-    str
-        Such as "leap seconds: one of both is UTC".
-    """
-    weeks = round(seconds / WEEK_S)
-    if weeks and abs(seconds - weeks * WEEK_S) < 0.5 * WEEK_S / 7.0:
-        return f"{abs(weeks)} GPS week{'s' if abs(weeks) > 1 else ''}: the week of one is wrong"
-    size = abs(seconds)
-    hours = round(size / 3600.0)
-    rest = size - 3600.0 * hours
-    if hours and (abs(rest) < 1.0 or 12.5 < abs(rest) < 18.5):
-        return f"a time zone of {hours} h" + (" and leap seconds" if abs(rest) > 1.0 else "")
-    if 12.5 < size < 18.5 and abs(size - round(size)) < 0.3:
-        return f"the {round(size)} leap seconds between GPS time and UTC"
-    return "two clocks that do not agree"
 
 
 def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
@@ -333,7 +310,8 @@ def _refuse_stamps(options: VehicleTable, track: Track, time: Array) -> None:
     for seconds in (weeks * WEEK_S, 3600.0 * round(off / 3600.0)):
         if seconds and a - seconds <= last and first <= b - seconds:
             raise InputError.in_file(
-                options.file, f"{text}, as if off by {scale_of(seconds)}; correct its stamps"
+                options.file,
+                f"{text}, as if off by {time_scale(seconds) or CLOCKS}; correct its stamps",
             )
     raise InputError.in_file(
         options.file,

@@ -8,38 +8,32 @@ alike: all of them are named where it is far away, and else the adjustment tells
 also finds what is too small to be seen so.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import DataError
+from ....geodesy.conventions import time_scale
+from ....geodesy.explain import Candidate, best_shift, explain
 from ....records.block import Array, ImageBlock
 from ....records.cameras.camera import rays_of
 from ...adjust.unknowns import Unknowns
-from .places import Vehicle, scale_of
+from .places import CLOCKS, Vehicle
 from .track import along_course
 
 Rows = NDArray[np.int64]
 
 LEAST_M, SIGMAS = 1.5, 5.0
-BETTER = 4.0
 FEWEST = 4
 RANGE_S, SHORT_S, STEP_S = 60.0, 3.0, 0.25
-ALIKE = 1.5
+FINER_S = (0.1, 0.02, 0.005)  # steps in which a time is searched: a vehicle moves centimetres
+FLOOR_M = 0.3  # what rays of right poses leave of a place on the ground
 OTHER_SIZE = 0.2
 """Of a size: heights above ground are known better than that before any adjustment."""
 FAR_M = 20.0
 """Nearer than this an adjustment converges, and tells clock, lever arm and base apart."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Reading:
-    """What would bring the vehicle to where it is seen: how far it is off then, and words."""
-
-    off_m: float
-    words: str
 
 
 def refuse_elsewhere(
@@ -84,22 +78,19 @@ def refuse_elsewhere(
     size = _middle(off)
     if size <= limit:
         return
-    readings = sorted(_readings(vehicle, met, off), key=lambda reading: reading.off_m)
     text = (
         f"the vehicle is not where images see its target: {size:.1f} m beside it in the middle of"
         f" {own.size} images, {np.linalg.norm(off[0]):.1f} m in {vehicle.images[0]}"
     )
-    good = [r for r in readings if r.off_m < max(0.5 * limit, size / BETTER)]
-    if not good or good[0].off_m > size / BETTER:
+    explanation = explain(off, _readings(vehicle, met, off), _middle, floor=FLOOR_M)
+    if explanation is None:
         raise DataError(
             f"{text}; neither another time nor a constant shift brings it there:"
             f" {vehicle.options.file} is of another drive, or images are joined with other ones"
         )
-    alike = [r for r in good if r.off_m < ALIKE * good[0].off_m + 0.1]
-    if len(alike) > 1 and size < FAR_M:
+    if explanation.alike and size < FAR_M:
         return  # the adjustment tells them apart
-    words = ", or ".join(r.words for r in alike)
-    raise DataError(f"{text}, and {good[0].off_m:.1f} m {words}")
+    raise DataError(f"{text}, and {explanation.left:.1f} m {explanation.clauses()}")
 
 
 def _refuse_sizes(vehicle: Vehicle, block: ImageBlock, image: Rows, depth: Array) -> None:
@@ -132,44 +123,41 @@ def _middle(off: Array) -> float:
     return float(np.median(np.linalg.norm(off, axis=1)))
 
 
-def _readings(vehicle: Vehicle, met: Array, off: Array) -> Sequence[_Reading]:
-    """Return what may be wrong, each with how far the vehicle is off without it."""
+def _readings(vehicle: Vehicle, met: Array, off: Array) -> Iterator[Candidate[Array]]:
+    """Return what may be wrong with places that lie `off` (n, 2) from where images see them."""
     constant = np.median(off, axis=0)
-    out = [
-        _Reading(
-            _middle(off - constant),
-            f"as if all its positions lay {constant[0]:+.1f} / {constant[1]:+.1f} m (east, north)"
-            " from where they are: its base or datum is another",
-        )
-    ]
-    course = along_course(vehicle.exposures.velocity)[:, :2, :2]
-    own = np.einsum("nji,nj->ni", course, off)
-    arm = np.median(own, axis=0)
-    out.append(
-        _Reading(
-            _middle(own - arm),
-            f"as if the target lay {arm[0]:+.1f} m forward and {arm[1]:+.1f} m to the right of"
-            " where vehicle.target_m has it: look at its axes (forward, right, down)",
-        )
+    yield Candidate(
+        f"as if all its positions lay {constant[0]:+.1f} / {constant[1]:+.1f} m (east, north)"
+        " from where they are: its base or datum is another",
+        lambda d: d - constant,
     )
-    moved = _other_time(vehicle, met)
-    return out if moved is None else [*out, moved]
-
-
-def _other_time(vehicle: Vehicle, met: Array) -> _Reading | None:
-    """Return the time by which the vehicle was where it is seen."""
+    course = along_course(vehicle.exposures.velocity)[:, :2, :2]
+    arm = np.median(np.einsum("nji,nj->ni", course, off), axis=0)
+    yield Candidate(
+        f"as if the target lay {arm[0]:+.1f} m forward and {arm[1]:+.1f} m to the right of"
+        " where vehicle.target_m has it: look at its axes (forward, right, down)",
+        lambda d: d - course @ arm,
+    )
     best = _best_time(vehicle, met, RANGE_S)
-    if best is None:
-        return None
-    seconds, off_m = best
-    if "leap seconds" in scale_of(seconds):
+    time = vehicle.track.time
+    if best is None or time is None:
+        return
+    moved, within = vehicle.track.at(vehicle.time + best[0], _longest_gap(vehicle, time))
+    seconds, scale = best[0], time_scale(best[0])
+    if "leap seconds" in scale:
         seconds = round(seconds)  # of two time scales, whole; rays tell it to some 0.1 s
     offset = vehicle.options.time_offset_s - seconds
-    return _Reading(
-        off_m,
+    yield Candidate(
         f"where it was {abs(seconds):.2f} s {'later' if seconds > 0 else 'before'}: its stamps are"
-        f" off ({scale_of(seconds)}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+        f" off ({scale or CLOCKS}); correct them, vehicle.time_offset_s = {offset:+.2f}",
+        lambda _: (met - moved.position_m)[within, :2],
+        same=lambda d: d[within],
     )
+
+
+def _longest_gap(vehicle: Vehicle, time: Array) -> float:
+    """Return the longest gap of the track's times, s, over which its places are interpolated."""
+    return max(vehicle.options.longest_gap_s, 3.0 * float(np.median(np.diff(time))))
 
 
 def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, float] | None:
@@ -177,7 +165,7 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
     track = vehicle.track
     if track.time is None or not np.isfinite(vehicle.time).all() or len(track.time) < 2:
         return None
-    longest = max(vehicle.options.longest_gap_s, 3.0 * float(np.median(np.diff(track.time))))
+    longest = _longest_gap(vehicle, track.time)
 
     def apart(seconds: float) -> float:
         moved, within = track.at(vehicle.time + seconds, longest)
@@ -185,15 +173,7 @@ def _best_time(vehicle: Vehicle, met: Array, range_s: float) -> tuple[float, flo
             return np.inf
         return _middle((met - moved.position_m)[within, :2])
 
-    steps = np.arange(-range_s, range_s + STEP_S, STEP_S)
-    sizes = np.array([apart(float(s)) for s in steps])
-    best = float(steps[int(np.argmin(sizes))])
-    for width in (0.1, 0.02, 0.005):
-        finer = best + width * np.arange(-5, 6)
-        values = [apart(float(s)) for s in finer]
-        best = float(finer[int(np.argmin(values))])
-    off_m = apart(best)
-    return (best, off_m) if np.isfinite(off_m) else None
+    return best_shift(apart, range_s, STEP_S, *FINER_S)
 
 
 def moved_in_time(vehicle: Vehicle, block: ImageBlock, values: Unknowns) -> tuple[float, Vehicle]:

@@ -1,6 +1,6 @@
 """What an adjustment says of the vehicle: figures, findings, and what to do about a trial."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import permutations, product
 from typing import Any
 
@@ -28,6 +28,15 @@ MANY_LEFT_OUT = 0.1
 """Of the measurements of the target: gross errors of a good detector are below 2 %."""
 DISCONNECTED = 10.0  # times the share that was left out, for its rank: before ground control
 FRAME_SIGMAS, FRAME_M = 4.0, 0.05
+MISTAKES: dict[tuple[tuple[int, ...], tuple[float, ...]], str] = {  # by order and signs
+    ((1, 0, 2), (1.0, 1.0, 1.0)): "forward and right were exchanged",
+    ((1, 0, 2), (1.0, 1.0, -1.0)): (
+        "it was given right, forward, up (east, north, up of a vehicle heading north)"
+    ),
+    ((2, 0, 1), (1.0, 1.0, 1.0)): (
+        "it was given in the axes of a camera that looks ahead (right, down, forward)"
+    ),
+}
 UNITS = {TARGET_ARM: "m", CLOCK: "s", VEHICLE_SHIFT: "m", SIZE: "m"}
 AXES = {
     TARGET_ARM: ("forward", "right", "down"),
@@ -274,7 +283,10 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
                 continue
             off = np.abs(np.array(signs) * stated[list(order)] - adjusted)
             if (off < limit).all():
-                fits.append((_changes(order, signs), float((off / limit).sum()), order, signs))
+                # what people do wrong changes little
+                changed = 3 * sum(k != p for k, p in enumerate(order)) + signs.count(-1.0)
+                cost = 1 if (order, signs) in MISTAKES else changed
+                fits.append((cost, float((off / limit).sum()), order, signs))
     if not fits or (np.abs(stated) < FRAME_M).all():
         return ""
     _, _, order, signs = min(fits)
@@ -282,31 +294,12 @@ def frame_of(stated: Array, adjusted: Array, sigma: Array) -> str:
         names = (("forward", "backwards"), ("right", "left"), ("down", "upwards"))
         wrong = [k for k in range(3) if signs[k] < 0.0 and abs(stated[k]) > limit[k]]
         return " and ".join(f"it was given {names[k][1]} instead of {names[k][0]}" for k in wrong)
-    if order == (1, 0, 2) and signs == (1.0, 1.0, 1.0):
-        return "forward and right were exchanged"
-    if order == (1, 0, 2) and signs == (1.0, 1.0, -1.0):
-        return "it was given right, forward, up (east, north, up of a vehicle heading north)"
-    if order == (2, 0, 1) and signs == (1.0, 1.0, 1.0):
-        return "it was given in the axes of a camera that looks ahead (right, down, forward)"
     axes, numbers = ("forward", "right", "down"), ("first", "second", "third")
     words = ", ".join(
         f"{axes[k]} is {'minus ' if signs[k] < 0.0 else ''}its {numbers[order[k]]}"
         for k in range(3)
     )
-    return f"its axes were others ({words} number)"
-
-
-def _changes(order: Sequence[int], signs: Sequence[float]) -> int:
-    """Return how much was changed: what people do wrong changes little."""
-    usual: dict[tuple[int, ...], tuple[float, ...]] = {
-        (1, 0, 2): (1.0, 1.0, 1.0),
-        (2, 0, 1): (1.0, 1.0, 1.0),
-    }
-    if usual.get(tuple(order)) == tuple(signs) or (
-        tuple(order) == (1, 0, 2) and tuple(signs) == (1.0, 1.0, -1.0)
-    ):
-        return 1
-    return 3 * sum(k != p for k, p in enumerate(order)) + sum(s < 0.0 for s in signs)
+    return MISTAKES.get((order, signs), f"its axes were others ({words} number)")
 
 
 def headline_words(figures: Mapping[str, Any]) -> str:
