@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError
 from insgnss.io.formats.orientation.relative_csv import (
-    COLUMNS,
+    OUT,
     read_relative_csv,
     relative_member,
     write_relative_csv,
@@ -63,7 +63,7 @@ def test_weightings_stand_in_their_columns(tmp_path: Path) -> None:
         for line in (tmp_path / "relative.csv").read_text().splitlines()
         if not line.startswith("#")
     ]
-    assert lines[0] == ",".join(COLUMNS)
+    assert lines[0] == ",".join(OUT.names.split())
     row = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(row["sd_y_independent"]) == pytest.approx(
         np.sqrt(c.independent[0, 1, 1]), abs=1e-6
@@ -107,7 +107,7 @@ def test_refusals(tmp_path: Path) -> None:
     ):
         read_relative_csv(path)
     fields = whole.splitlines()[-1].split(",")
-    fields[COLUMNS.index("qw")] = "1.5"
+    fields[OUT.names.split().index("qw")] = "1.5"
     path.write_text("\n".join([*whole.splitlines()[:-1], ",".join(fields)]) + "\n")
     with pytest.raises(InputError, match="the quaternion has the length"):
         read_relative_csv(path)
