@@ -27,14 +27,7 @@ from ...io.options.camera_options import (
     RoverEvents,
     angle_sets,
 )
-from ...io.options.kinds import (
-    Kind,
-    accepted,
-    as_tuple,
-    check,
-    no_texts,
-    register,
-)
+from ...io.options.kinds import Kind, accepted, as_tuple, check, no_texts, register
 from ...io.options.schema import Declared, Triple, Words, declared, option, refuse_unread
 from ...report.rules.use import NEEDS
 from .barometer_options import BarometerInput

@@ -181,7 +181,8 @@ def in_range(item: Declared, value: Any) -> bool:
     return is_number(value) and (not positive or 0.0 < value < LARGEST) and low <= value <= high
 
 
-def _as_number(item: Declared, value: Any) -> Any:
+def as_number(item: Declared, value: Any) -> Any:
+    """A number as the option's type has it, all else as it is."""
     whole = item.kind == "whole" and is_number(value) and value % 1 == 0
     return int(value) if whole else float(value) if is_number(value) else value
 
@@ -222,7 +223,9 @@ def _as_paths(item: Declared, value: Any) -> Any:
     return tuple(map(Path, value)) if isinstance(value, list | tuple) else _as_path(item, value)
 
 
-def _by_name(form: Callable[[Declared, Any], Any]) -> Callable[[Declared, Any], Any]:
+def by_name(form: Callable[[Declared, Any], Any]) -> Callable[[Declared, Any], Any]:
+    """A form for each value of a mapping."""
+
     def of_mapping(item: Declared, value: Any) -> Any:
         if not isinstance(value, Mapping):
             return value
@@ -399,7 +402,7 @@ def no_record(item: Declared, value: Any) -> str:
 
 _FILE = Kind(_no_path, _as_path, word=Path)
 _FILES = Kind(_no_paths, _as_paths, word=Path, several=True)
-_NUMBER = Kind(_no_number, _as_number, word=float)
+_NUMBER = Kind(_no_number, as_number, word=float)
 _NUMBERS = Kind(_no_numbers, _as_numbers, word=float)
 _POSITION = Kind(_no_place, _as_numbers, word=comma_numbers)
 _TEXT = Kind(no_text)
@@ -422,7 +425,7 @@ KINDS: dict[str, Kind] = {
         lambda item, value: "" if isinstance(value, bool) else "must be true or false",
         word=lambda text: {"true": True, "false": False}.get(text.lower(), text),
     ),
-    "gm_sigma": Kind(_no_gm_sigma, _as_number),
+    "gm_sigma": Kind(_no_gm_sigma, as_number),
     "images": _FILE,
     "letters": Kind(_no_letters),
     "lever": Kind(_no_lever, _as_numbers, word=float),
@@ -434,14 +437,14 @@ KINDS: dict[str, Kind] = {
     "origin": _POSITION,
     "pair": Kind(_no_numbers, _as_numbers, word=comma_numbers),
     "place": _POSITION,
-    "quality_sigmas": Kind(no_mapping, _by_name(_as_numbers), _no_sigmas),
-    "rate": Kind(_no_number, _as_number),
+    "quality_sigmas": Kind(no_mapping, by_name(_as_numbers), _no_sigmas),
+    "rate": Kind(_no_number, as_number),
     "sigmas": _NUMBERS,
-    "sign": Kind(_no_sign, _as_number),
+    "sign": Kind(_no_sign, as_number),
     "tables": Kind(_no_tables, as_tuple),
     "text": _TEXT,
     "texts": _TEXTS,
     "triple": Kind(_no_triple, _as_triple),
-    "triples": Kind(no_mapping, _by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
-    "whole": Kind(_no_number, _as_number, word=int),
+    "triples": Kind(no_mapping, by_name(_as_triple), lambda item, _, v: _no_triple(item, v)),
+    "whole": Kind(_no_number, as_number, word=int),
 }

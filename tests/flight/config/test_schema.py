@@ -210,3 +210,12 @@ def test_every_option_of_a_block_reaches_it(tmp_path):
     assert block.output.pose_covariance
     assert block.output.directory == tmp_path / "adjusted"
     assert block.adjustment.mode == "direct"
+
+
+def test_whole_numbers_of_a_file_are_kept_as_the_option_is_declared(load):
+    """Oracle: the annotations; reports write 10.0 and 10 otherwise."""
+    text = RAW + "elevation_mask_deg = 10\nacceleration_mps2 = [3, 1]\n"
+    raw = load(text + "atmosphere = { humidity = 1 }\nfrequencies = 1.0\n").gnss.raw
+    numbers = (raw.elevation_mask_deg, *raw.acceleration_mps2, raw.atmosphere["humidity"])
+    assert [type(number) for number in numbers] == [float] * 4
+    assert type(raw.frequencies) is int
