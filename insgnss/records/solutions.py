@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ._checked import Array, frozen, increasing
-from .rig import RigImages
+from .cameras.rig import RigImages
 from .rows import Chosen, Rows
 from .series import ConstantSeries, ImuBiases, Innovations
 from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError

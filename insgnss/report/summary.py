@@ -364,5 +364,6 @@ def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array
 
 def _state(state: StateVerdict) -> dict[str, Any]:
     """A constant in SI, and the unit in which a person reads it."""
-    factor, unit = state_unit(state.name)
-    return asdict(state) | {"unit": unit, "per_unit": factor}
+    factor, unit = state_unit(state.state)
+    values = {key: value for key, value in vars(state).items() if key != "state"}
+    return {"name": state.name, **values, "unit": unit, "per_unit": factor}

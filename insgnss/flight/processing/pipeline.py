@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -253,7 +253,7 @@ def _solve(
         start = min(float(segment.solution.time[0]) for segment in segments)
         return {
             "span": {"gps_week": recording.gps_week, "start_tow_s": start},
-            "constants": [asdict(one) for one in constants_of(flight, segments)],
+            "constants": [one.as_dict() for one in constants_of(flight, segments)],
         }
 
     refuse_contradictions(flight, checks, findings)
@@ -289,7 +289,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
     )
-    report["constants"] = [asdict(one) for one in constants_of(flight, segments)]
+    report["constants"] = [one.as_dict() for one in constants_of(flight, segments)]
     ppk = recording.ppk
     if ppk is not None:
         quality = json_ready(ppk.quality)

@@ -18,6 +18,7 @@ from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_S, common_span
 from ...records import Check
+from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
 from .checks import check_segments, refusal
 from .estimation_problem import (
@@ -267,10 +268,10 @@ def _solve(
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:
-    """Return the beginnings of the names of constants that the flight file has estimated."""
+    """Return the groups of constants that the flight file has estimated."""
     options = flight.filter
-    lever_arm = ("antenna lever arm",) if options.lever_arm else ()
-    return lever_arm + (("GNSS time offset", "GNSS clock rate") if options.time_offset else ())
+    lever_arm = (LEVER_ARM,) if options.lever_arm else ()
+    return lever_arm + ((TIME_OFFSET.group, CLOCK_RATE.group) if options.time_offset else ())
 
 
 def _align(flight: Flight, problem: EstimationProblem, moved_s: float) -> tuple[InitialState, str]:

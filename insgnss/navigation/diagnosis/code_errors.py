@@ -30,7 +30,7 @@ from ..filter.layout import FixErrors
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from ..innovations.innovation_noise import Search
-from ..innovations.likelihood import OF_FIXES, available, linear_segment
+from ..innovations.likelihood import CORRELATED_STATES, OF_FIXES, available, linear_segment
 from .candidates import WHITER, LayoutFactory, only_code_fixes, with_layout
 from .evidence import liveliest_part
 
@@ -170,7 +170,7 @@ def _maximum(
     liveliest = liveliest_part(solution, FIRST_FIXES if white_only else MOST_FIXES)
     layout = liveliest.problem.layout
     possible = available(layout, bool(liveliest.problem.epochs.has_velocity.any()))
-    names = tuple(name for name in possible if name.startswith("fixes."))
+    names = tuple(name for name in possible if name in (*OF_FIXES, *CORRELATED_STATES))
     search = Search([linear_segment(liveliest, names)], names, progress, FACTORS)
     free = np.array([name in OF_FIXES or not white_only for name in names])
     theta = search.maximum(free).theta

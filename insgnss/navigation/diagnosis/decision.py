@@ -13,12 +13,13 @@ from ...base.beside import Beside
 from ...base.errors import DataError
 from ...records import Check
 from ...records.cameras.mounting import Mounting
+from ...records.states import CLOCK_RATE, LEVER_ARM, OF_FIXES, TIME_OFFSET, State
 from ...records.verdicts import ConstantEstimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .advice import LEVER_ARM, OFFSET, RATE, advice, message, unseen, variance_check
+from .advice import advice, message, unseen, variance_check
 from .candidates import (
     AS_STATED,
     FAR,
@@ -34,7 +35,6 @@ from .candidates import (
 )
 from .clock_step import find_clock_step, step_check
 from .constants import (
-    OF_FIXES,
     STRONG,
     ConstantsEvidence,
     Hypothesis,
@@ -56,7 +56,7 @@ from .time_correlated import time_correlated_error
 from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
-OF_CLOCK = (OFFSET, RATE)  # groups that a step of a clock is taken for
+OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
@@ -92,8 +92,7 @@ class ErrorModelSearch:
     variances : bool
         Whether variances compete; `tune` estimates them by itself.
     requested : tuple of str
-        Beginnings of the names of constants that the flight file has estimated; they are not
-        suspected.
+        Groups of constants that the flight file has estimated; they are not suspected.
     events_with_fixes : bool
         Whether the clock of the fixes stamps the exposures.
     exposures : bool
@@ -113,7 +112,7 @@ class ErrorModelSearch:
 
     @property
     def exact(self) -> tuple[str, ...]:
-        """Beginnings of the names of constants that the flight file states as exact."""
+        """Groups of constants that the flight file states as exact."""
         of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
         return (LEVER_ARM,) if of_arm else ()
 
@@ -225,7 +224,7 @@ class _State:
     model: ErrorModel
     checks: tuple[Check, ...] = ()
     history: tuple[str, ...] = ()
-    attempted: frozenset[str] = frozenset()
+    attempted: frozenset[State | str] = frozenset()
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -237,8 +236,8 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check |
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
     """
-    of_clock = any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested))
-    if not of_clock and _resets(here.solution) == 0:
+    requested = TIME_OFFSET.group in search.requested
+    if not requested and here.attempted.isdisjoint(OF_CLOCK) and _resets(here.solution) == 0:
         return None
     models = dict.fromkeys((ErrorModel(search.requested_errors), here.model))
     steps = (_step_under(search, posed, model, here.solution) for model in models)
@@ -294,7 +293,7 @@ def _with_constants(
     suspected: Hypothesis,
 ) -> _State | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
-    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
+    search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     rivals = constants.rivals(suspected)
     groups = _together(suspected, rivals)
     model = with_constants(here.model, groups, suspected.factor)
@@ -306,7 +305,8 @@ def _with_constants(
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
     solved = _as_solved(suspected, solution)
     checks = advice(search.mounting, solution, solved, rivals, search.exposures)
-    sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
+    which = ", ".join(map(str, suspected.groups))
+    sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
     attempted = here.attempted | set(suspected.groups)
     return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
 
@@ -317,13 +317,13 @@ def _as_allowed(
     """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
     if not constants.denied(suspected):
         return remedied
-    names = [group for group in suspected.groups if group.startswith(constants.exact)]
+    names = [str(one) for one in suspected.groups if one.group in constants.exact]
     sentence = (
         f"stated as exact and not estimated, log evidence {suspected.evidence:.0f}:"
         f" {', '.join(names)}"
     )
     new = remedied.checks[len(here.checks) :]
-    checks = (*here.checks, *(check for check in new if check.name.startswith(constants.exact)))
+    checks = (*here.checks, *(check for check in new if check.name in constants.exact))
     history = (*here.history, sentence)
     return replace(here, checks=checks, history=history, attempted=remedied.attempted)
 
@@ -466,7 +466,7 @@ def explain_failure(
     candidate = _solved(quiet, (problem, start), model)
     if candidate is not None and not follows(candidate):
         candidate = None
-    if any(group.startswith(OF_CLOCK) for group in suspected.groups):
+    if not set(OF_CLOCK).isdisjoint(suspected.groups):
         own = ErrorModel(search.requested_errors)
         step = _step_under(search, (problem, start), own, candidate)
         if step is not None:
@@ -527,11 +527,11 @@ def _with_errors_of_imu(
     """Solve with the scale factors or misalignments that an open gate shows; None without."""
     open_gate = replace(problem, gate=np.inf)
     shown = _shown_by(search, open_gate, start)
-    if shown is None or any(group.startswith(OF_FIXES) for group in shown[0].groups):
+    if shown is None or not set(OF_FIXES).isdisjoint(shown[0].groups):
         return None
     suspected, rivals = shown
     model = with_constants(ErrorModel(search.requested_errors), _together(suspected, rivals))
-    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
+    search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
     try:
         first = solve(*posed, search.second_pass, search.progress, separations=0)
@@ -555,7 +555,7 @@ def _shown_by(
     return suspected, constants.rivals(suspected)
 
 
-def _together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[str, ...]:
+def _together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State, ...]:
     """Return the groups of a hypothesis and of what the flight does not tell from it.
 
     They are estimated together, and so in the covariance.
@@ -582,8 +582,8 @@ def _as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     """
     if suspected.factor == 1.0:
         return suspected
-    names = solution.problem.layout.names
-    pairs = np.array([constant(solution, names.index(name)) for name in suspected.names])
+    states = solution.problem.layout.states
+    pairs = np.array([constant(solution, states.index(state)) for state in suspected.states])
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 

@@ -218,11 +218,11 @@ def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
 
 def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
     """Linearise about the solution with the states of another layout at zero where they are new."""
-    own = solution.problem.layout.names
-    x = np.zeros((solution.x.shape[0], len(layout.names)))
-    for s, name in enumerate(layout.names):
-        if name in own:
-            x[:, s] = solution.x[:, own.index(name)]
+    own = solution.problem.layout.states
+    x = np.zeros((solution.x.shape[0], len(layout.states)))
+    for s, state in enumerate(layout.states):
+        if state in own:
+            x[:, s] = solution.x[:, own.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
     return linear_segment(other, ())
 

@@ -28,14 +28,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
+from ...records.states import (
+    CHANNELS,
+    CLOCK_RATE,
+    MISALIGNMENT,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ..noise_model.model import AxisNoise, NoiseModel
 from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
-Row = tuple[str, int, int, float, float, float]  # name, channel, factor, beta, drive, sigma0
+Row = tuple[State, int, int, float, float, float]  # state, channel, factor, beta, drive, sigma0
 
 
 @dataclass(frozen=True)
@@ -112,8 +120,8 @@ class StateLayout:
 
     Parameters
     ----------
-    names : tuple of str
-        (ns,) one name a state.
+    states : tuple of State
+        (ns,) what each is.
     channel, factor : ndarray
         (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
         DRIFT, AIDING_ERROR (`navigation.filter.codes`) or the channel whose measured rate it is.
@@ -139,7 +147,7 @@ class StateLayout:
         The state of the barometer's bias, with that of its scale factor behind it; -1 without.
     """
 
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     channel: np.ndarray
     factor: np.ndarray
     beta: Array
@@ -161,7 +169,7 @@ class StateLayout:
     @property
     def size(self) -> int:
         """Number of all states, the nine of navigation included."""
-        return N_NAV + len(self.names)
+        return N_NAV + len(self.states)
 
     def kernel_model(self, block_s: float, aiding_interval_s: float) -> StateModel:
         """Return the arrays as the kernels take them.
@@ -201,7 +209,7 @@ class StateLayout:
 
     def channel_sum(self) -> Array:
         """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
-        M = np.zeros((N_CHANNELS, len(self.names)))
+        M = np.zeros((N_CHANNELS, len(self.states)))
         for s, (c, f) in enumerate(zip(self.channel, self.factor, strict=True)):
             if f == BIAS:
                 M[c, s] = 1.0
@@ -240,30 +248,26 @@ def state_layout(
     for c, axis in enumerate(axes):
         rows += _axis_states(c, axis)
     for c, axis in enumerate(axes):
+        sensor, letter = CHANNELS[c]
         if scale_factor:
-            rows.append(
-                (f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE)
-            )
+            state = State(SCALE_FACTOR, letter, "", sensor)
+            rows.append((state, c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE))
         if misalignment:
             sigma = axis.misalignment or DEFAULT_SCALE
-            triad = range(3 * (c // 3), 3 * (c // 3) + 3)
-            rows += [
-                (f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, sigma)
-                for j in triad
-                if j != c
-            ]
+            for j in range(3 * (c // 3), 3 * (c // 3) + 3):
+                state = State(MISALIGNMENT, f"{letter} from {CHANNELS[j][1]}", "rad", sensor)
+                if j != c:
+                    rows.append((state, c, j, 0.0, 0.0, sigma))
     first: dict[str, int] = {}
-    for kind, states in _fix_states(fixes):
+    for kind, of_kind in _fix_states(fixes):
         first[kind] = len(rows)
-        rows += states
+        rows += of_kind
     if barometer is not None:
         first["barometer"] = len(rows)
         rows += _barometer_states(barometer)
-    names, channel, factor, beta, drive, sigma0 = (
-        zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
-    )
+    named, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((),) * 6
     return StateLayout(
-        tuple(names),
+        tuple(named),
         np.array(channel, dtype=np.int64),
         np.array(factor, dtype=np.int64),
         np.array(beta, dtype=np.float64),
@@ -281,18 +285,11 @@ def state_layout(
 def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
     """Yield the field of `StateLayout` and the states of each error of the fixes."""
     if fixes.lever_arm_m is not None:
-        axes = ("forward", "right", "down")
-        yield (
-            "lever",
-            [
-                (f"antenna lever arm {axis}", 0, AIDING_ERROR, 0.0, 0.0, fixes.lever_arm_m)
-                for axis in axes
-            ],
-        )
+        yield "lever", [_constant(state, fixes.lever_arm_m) for state in OF_LEVER_ARM]
     if fixes.time_offset_s is not None:
-        yield "offset", [("GNSS time offset", 0, AIDING_ERROR, 0.0, 0.0, fixes.time_offset_s)]
+        yield "offset", [_constant(TIME_OFFSET, fixes.time_offset_s)]
         if fixes.clock_rate is not None:
-            yield "rate", [("GNSS clock rate", 0, AIDING_ERROR, 0.0, 0.0, fixes.clock_rate)]
+            yield "rate", [_constant(CLOCK_RATE, fixes.clock_rate)]
     if fixes.gm_sigma is not None:
         yield "gm", _gauss_markov("GNSS", fixes.gm_sigma, fixes.correlation_time_s)
     if fixes.unfixed_gm_sigma is not None:
@@ -304,35 +301,40 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
         yield "velocity_gm", _gauss_markov("GNSS velocity", sigma, time_s)
 
 
+def _constant(state: State, sigma: float) -> Row:
+    """Return a constant that enters a measurement of its own alone."""
+    return state, 0, AIDING_ERROR, 0.0, 0.0, sigma
+
+
 def _barometer_states(errors: BarometerErrors) -> list[Row]:
     """Return bias and scale factor of a barometer."""
-    walk2 = errors.bias_walk**2
+    bias = State("barometer bias", unit="m")
     return [
-        ("barometer bias", 0, AIDING_ERROR, 0.0, walk2, errors.bias_m),
-        ("barometer scale factor", 0, AIDING_ERROR, 0.0, 0.0, errors.scale_factor),
+        (bias, 0, AIDING_ERROR, 0.0, errors.bias_walk**2, errors.bias_m),
+        _constant(State("barometer scale factor"), errors.scale_factor),
     ]
 
 
 def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
     """Return a time-correlated error as three Gauss-Markov states."""
-    beta = 1.0 / time_s
-    named = zip(("north", "east", "down"), sigma, strict=True)
+    beta, group = 1.0 / time_s, f"{of} time-correlated error"
     return [
-        (f"{of} time-correlated error {axis}", 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
-        for axis, s in named
+        (State(group, axis), 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
+        for axis, s in zip(("north", "east", "down"), sigma, strict=True)
     ]
 
 
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
     """Return the bias-like states of channel c."""
-    name = CHANNELS[c]
-    rows = []
+    sensor, letter = CHANNELS[c]
+    unit, rows = {"gyro": "rad/s", "accel": "m/s^2"}[sensor], []
     if axis.turn_on_bias > 0.0 or axis.random_walk > 0.0:
-        rows.append((f"{name} bias", c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
+        bias = State("bias", letter, unit, sensor)
+        rows.append((bias, c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
     if axis.drift > 0.0:
-        rows.append((f"{name} drift", c, DRIFT, 0.0, 0.0, axis.drift))
+        drift = State("drift", letter, f"{unit}/s", sensor)
+        rows.append((drift, c, DRIFT, 0.0, 0.0, axis.drift))
     for k, gm in enumerate(axis.gauss_markov, start=1):
-        rows.append(
-            (f"{name} GM {k}", c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma)
-        )
+        process = State(f"GM {k}", letter, unit, sensor)
+        rows.append((process, c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma))
     return rows

@@ -293,9 +293,9 @@ def without_correlated(solution: Solution) -> Solution:
         k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
         for k in ("lever", "offset", "rate", "unfixed_gm", "velocity_gm", "barometer")
     }
-    names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
+    kept = tuple(state for s, state in enumerate(layout.states) if s not in gone)
     bare: StateLayout = replace(
-        layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
+        layout, states=kept, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
     )
     return replace(
         solution,

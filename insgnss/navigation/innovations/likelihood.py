@@ -182,7 +182,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
     """Return the states (ns,) bool whose driving noise parameter `name` scales."""
     if name in CORRELATED_STATES:
-        states = np.zeros(len(layout.names), dtype=np.bool_)
+        states = np.zeros(len(layout.states), dtype=np.bool_)
         first = getattr(layout, CORRELATED_STATES[name])
         if first >= 0:
             states[first : first + 3] = True

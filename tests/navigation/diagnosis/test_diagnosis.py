@@ -94,15 +94,15 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
 
 
 def test_states_keep_their_place_and_value_in_another_layout(clean):
-    """Oracle: the names."""
+    """Oracle: the states."""
     problem, start = clean.problem, start_near(clean, SIGMA)
     start = replace(start, x=np.arange(start.x.size, dtype=float))
     wide, wide_start = with_layout(
         problem, start, layout_factory(FixErrors(lever_arm_m=0.2, gm_sigma=(1.0, 1.0, 1.0)))
     )
-    for s, name in enumerate(wide.layout.names):
-        if name in problem.layout.names:
-            k = problem.layout.names.index(name)
+    for s, state in enumerate(wide.layout.states):
+        if state in problem.layout.states:
+            k = problem.layout.states.index(state)
             assert wide_start.x[s] == start.x[k]
             assert wide_start.P[9 + s, 9 + s] == start.P[9 + k, 9 + k]
         else:

@@ -214,7 +214,7 @@ def test_a_solution_without_its_correlated_error_is_that_of_a_layout_without(qui
     bare = state_layout(NAVCHIP, fixes=white, barometer=baro)
     flight = fly(30.0, 14, imu_hz=100.0, layout=wide)
     solution = without_correlated(solved(flight))
-    for name in ("names", "lever", "gm", "unfixed_gm", "barometer", "white_scale"):
+    for name in ("states", "lever", "gm", "unfixed_gm", "barometer", "white_scale"):
         assert getattr(solution.problem.layout, name) == getattr(bare, name)
     for name in ("channel", "factor", "beta", "drive", "sigma0"):
         assert_allclose(getattr(solution.problem.layout, name), getattr(bare, name))

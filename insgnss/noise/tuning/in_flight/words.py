@@ -10,6 +10,7 @@ import numpy as np
 
 from ....base.units import parse_unit
 from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
+from ....records.states import CHANNELS
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
@@ -196,8 +197,9 @@ def spectrum_lines(tuning: "FlightTuningData") -> list[str]:
         out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in ratios))
     out += _limits(straight, tuning)
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)[:MANY_LINES]
+    gyros = [" ".join(channel) for channel in CHANNELS[:3]]
     for line in strongest:
-        rate, angle = ("rad/s", "rad") if line.channel.startswith("gyro") else ("m/s^2", "m/s")
+        rate, angle = ("rad/s", "rad") if line.channel in gyros else ("m/s^2", "m/s")
         folded = f"{line.frequency_hz:.2f} Hz (or folded from +-{straight.rate_hz:.0f} Hz)"
         out.append(
             f"  line {line.channel} {folded}: rms {line.rms:.2g} {rate}; swings by {line.swing:.2g}"
