@@ -144,7 +144,3 @@ class ConstantEstimate:
     correction: float
     sigma: float
     assumed: float = 0.0
-
-    def as_dict(self) -> dict[str, str | float]:
-        """Return it as reports hold it, by its name."""
-        return {"name": str(self.state), **{k: v for k, v in vars(self).items() if k != "state"}}

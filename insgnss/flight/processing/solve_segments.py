@@ -17,6 +17,7 @@ from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_a
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_S, common_span
+from ...navigation.recognise.claims import RECOGNISED
 from ...records import Check
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
@@ -149,7 +150,7 @@ def _noted(checks: Iterable[Check]) -> str:
     odd = [
         f"{check.name}: {check.found}"
         for check in checks
-        if check.verdict != "ok" and not check.name.startswith("recognised")
+        if check.verdict != "ok" and check.name not in RECOGNISED
     ]
     return f"; noted before: {'; '.join(odd)}" if odd else ""
 

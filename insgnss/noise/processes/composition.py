@@ -18,15 +18,38 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...records import Array
 
 MOST_GAUSS_MARKOV = 5
+GAUSS_MARKOV, TIME, DRIVING = "gauss_markov", "correlation_time", "driving_noise"
 _LINEAR = {"QN": "quantization", "WN": "white_noise", "RW": "random_walk", "DR": "drift"}
 _ALIASES = {name: name for name in ("QN", "WN", "GM", "RW", "DR")} | {"AR1": "GM", "AR(1)": "GM"}
 _TERM = re.compile(r"([0-9]*)\s*\*?\s*([^\s*].*)")
+
+
+@dataclass(frozen=True)
+class NoiseTerm:
+    """A process of a composition, or a parameter of one.
+
+    kind : the field of `AxisNoise`, or of a Gauss-Markov process `TIME` or `DRIVING`.
+    number : that of the Gauss-Markov process from the shortest time on, 0 of another process.
+    """
+
+    kind: str
+    number: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.kind}_{self.number}" if self.number else self.kind
+
+    @property
+    def parameters(self) -> tuple["NoiseTerm", ...]:
+        """Those of a process."""
+        kinds = (TIME, DRIVING) if self.kind == GAUSS_MARKOV else (self.kind,)
+        return tuple(NoiseTerm(kind, self.number) for kind in kinds)
 
 
 @dataclass(frozen=True)
@@ -91,15 +114,27 @@ class Composition:
         return tuple(p for p in _LINEAR.values() if getattr(self, p))
 
     @property
+    def processes(self) -> tuple[NoiseTerm, ...]:
+        """The processes in their order."""
+        linear = [NoiseTerm(kind) for kind in self.linear]
+        first = self.quantization + self.white_noise
+        gm = [NoiseTerm(GAUSS_MARKOV, k) for k in range(1, self.gauss_markov + 1)]
+        return (*linear[:first], *gm, *linear[first:])
+
+    @property
+    def terms(self) -> tuple[NoiseTerm, ...]:
+        """The parameters in their order."""
+        return tuple(term for process in self.processes for term in process.parameters)
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters in their order."""
-        gm = [
-            f"{kind}_{k}"
-            for k in range(1, self.gauss_markov + 1)
-            for kind in ("correlation_time", "driving_noise")
-        ]
-        first = [p for p in self.linear if p in ("quantization", "white_noise")]
-        return (*first, *gm, *(p for p in self.linear if p not in first))
+        return tuple(map(str, self.terms))
+
+    @property
+    def is_time(self) -> NDArray[np.bool_]:
+        """(size,) bool, which parameters are correlation times."""
+        return np.array([term.kind == TIME for term in self.terms], dtype=bool)
 
     @property
     def size(self) -> int:

@@ -116,12 +116,10 @@ def _length(n: "InFlightNoise") -> list[str]:
 
     Standard errors fall with the root of time.
     """
+    from ....navigation.innovations.likelihood import WHITE
+
     worst = max(
-        (
-            sigma
-            for name, sigma in zip(n.names, n.log_sigma, strict=True)
-            if name.endswith("white_noise")
-        ),
+        (sigma for name, sigma in zip(n.names, n.log_sigma, strict=True) if name in WHITE),
         default=0.0,
     )
     if worst <= WANTED:

@@ -61,9 +61,8 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
 
 def superfluous(t: "Tuned") -> Iterator[str]:
     """The processes without which the model fits as well, together."""
-    numbers = [
-        v.process.rpartition("_")[2] for v in t.inference.verdicts if v.reason == "superfluous"
-    ]
+    verdicts = zip(t.kept.composition.processes, t.inference.verdicts, strict=True)
+    numbers = [str(process.number) for process, v in verdicts if v.reason == "superfluous"]
     if numbers:
         smaller = replace(
             t.kept.composition, gauss_markov=t.kept.composition.gauss_markov - len(numbers)
