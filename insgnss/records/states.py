@@ -53,6 +53,17 @@ OF_FIXES = (*OF_LEVER_ARM, TIME_OFFSET, CLOCK_RATE)
 
 
 def as_named(record: Any) -> dict[str, Any]:
-    """Return the fields of a record as a document holds them: its state by name."""
+    """Return the fields of a record as a document holds them.
+
+    Parameters
+    ----------
+    record : Any
+        A record with a `state`.
+
+    Returns
+    -------
+    dict of str to Any
+        Its fields, the state's name in place of the state.
+    """
     fields = vars(record).items()
     return {"name" if key == "state" else key: str(v) if key == "state" else v for key, v in fields}

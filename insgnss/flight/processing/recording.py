@@ -39,7 +39,7 @@ UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s"
 OF_AXES = ("axes, vertical", "turn rate, gyro against GNSS course")
 # checks of fixes, which a sensor that stands at a given place has not
 _OF_FIXES = ("rate", "speed", "position", "velocity", "quality", "covariance")
-OF_FIXES = tuple(f"GNSS {what}" for what in _OF_FIXES)
+OF_FIXES = tuple(f"GNSS {kind}" for kind in _OF_FIXES)
 LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
 
 

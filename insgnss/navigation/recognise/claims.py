@@ -21,7 +21,7 @@ LEAST_OFFSET_S = 0.02  # a time offset that is reported
 OFFSET_LIMIT_S = (
     0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
 )
-RECOGNISED = tuple(f"recognised {what}" for what in ("units", "axes", "sign", "clock"))
+RECOGNISED = tuple(f"recognised {kind}" for kind in ("units", "axes", "sign", "clock"))
 Remedy = Callable[[tuple[int, int]], str]
 
 

@@ -124,8 +124,8 @@ def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
 def gyro_unit(factor: float, quantity: str, interval: float) -> str:
     """Return the name of the unit with that factor; empty where a wrong claim made the factor."""
     f = abs(factor) * (interval if quantity == "increments" else 1.0)
-    name = next(
+    symbol = next(
         (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),
         "",
     )
-    return name.removesuffix("/s") if quantity == "increments" else name
+    return symbol.removesuffix("/s") if quantity == "increments" else symbol

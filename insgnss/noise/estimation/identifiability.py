@@ -141,14 +141,14 @@ def _each(
             continue
         (strength,), name = parameters, process.kind.replace("_", " ")
         if why := _too_weak(fitted, process, strength, inverses):
-            out.append(_weak(process, name, why))
+            out.append(_not_identifiable(process, name, why))
         else:
             sentence = f"{name} is determined to {_percent(strength)}"
             out.append(ProcessVerdict(str(process), True, "", sentence, (strength.name,)))
     return tuple(out)
 
 
-def _weak(process: NoiseTerm, name: str, why: str) -> ProcessVerdict:
+def _not_identifiable(process: NoiseTerm, name: str, why: str) -> ProcessVerdict:
     sentence = f"{name} is not identifiable: {why}; leave it out or record longer"
     return ProcessVerdict(str(process), False, "strength", sentence, ())
 
@@ -159,7 +159,7 @@ def _gauss_markov(
     process, name = str(term), f"Gauss-Markov {term.number}"
     limit, interval_s = LONGEST_SHARE * _length(fitted), 1.0 / max(c.rate_hz for c in fitted.curves)
     if why := _too_weak(fitted, term, strength, inverses):
-        return _weak(term, name, why)
+        return _not_identifiable(term, name, why)
     if time.value > limit or time.high_99 > limit:
         top = f"{time.high_99:.3g} s" if math.isfinite(time.high_99) else "any length"
         longer = 3.0 * max(time.value, limit)
