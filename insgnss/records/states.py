@@ -8,6 +8,10 @@ from typing import Any
 
 AXES = ("forward", "right", "down")
 LEVER_ARM, SCALE_FACTOR, MISALIGNMENT = "antenna lever arm", "scale factor", "misalignment"
+CORRELATED_ERROR = "GNSS time-correlated error"
+UNFIXED_ERROR = "GNSS unfixed time-correlated error"
+VELOCITY_ERROR = "GNSS velocity time-correlated error"
+BAROMETER_BIAS = "barometer bias"
 CHANNELS = tuple((sensor, axis) for sensor in ("gyro", "accel") for axis in "xyz")
 
 

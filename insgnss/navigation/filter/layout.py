@@ -22,19 +22,24 @@ a-priori sigma, and the time-correlated error of the fixes, a Gauss-Markov proce
 barometer, its bias, a random walk, and its scale factor, a constant.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...records import Array
 from ...records.states import (
+    BAROMETER_BIAS,
     CHANNELS,
     CLOCK_RATE,
+    CORRELATED_ERROR,
+    LEVER_ARM,
     MISALIGNMENT,
     OF_LEVER_ARM,
     SCALE_FACTOR,
     TIME_OFFSET,
+    UNFIXED_ERROR,
+    VELOCITY_ERROR,
     State,
 )
 from ..noise_model.model import AxisNoise, NoiseModel
@@ -133,18 +138,10 @@ class StateLayout:
         (6,) PSD of the channels' white noise, (rad/s)^2/Hz and (m/s^2)^2/Hz.
     quantization : Array
         (6,) rad and m/s, of one increment.
-    lever, offset, rate : int
-        The first state of the lever arm's error, the state of the time offset, that of its rate; -1
-        without.
-    gm, unfixed_gm, velocity_gm : int
-        The first state of the time-correlated error of all fixes, of that which float and code
-        solutions have besides, and of that of the velocities; -1 without.
     white_scale : tuple of float
         (3,) sigma of the fixes' white error in their standard deviations, north, east, down.
     unfixed_white_scale, velocity_white_scale : float
         That of float and code solutions, and that of velocities.
-    barometer : int
-        The state of the barometer's bias, with that of its scale factor behind it; -1 without.
     """
 
     states: tuple[State, ...]
@@ -155,16 +152,49 @@ class StateLayout:
     sigma0: Array
     white: Array
     quantization: Array
-    lever: int = ABSENT
-    offset: int = ABSENT
-    rate: int = ABSENT
-    gm: int = ABSENT
-    unfixed_gm: int = ABSENT
-    velocity_gm: int = ABSENT
     white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     unfixed_white_scale: float = 1.0
     velocity_white_scale: float = 1.0
-    barometer: int = ABSENT
+
+    @cached_property
+    def _first(self) -> dict[str, int]:
+        """The first state of each group."""
+        return {state.group: s for s, state in reversed([*enumerate(self.states)])}
+
+    @property
+    def lever(self) -> int:
+        """The first state of the lever arm's error, or ABSENT."""
+        return self._first.get(LEVER_ARM, ABSENT)
+
+    @property
+    def offset(self) -> int:
+        """The state of the time offset, or ABSENT."""
+        return self._first.get(TIME_OFFSET.group, ABSENT)
+
+    @property
+    def rate(self) -> int:
+        """The state of the rate of the time offset, or ABSENT."""
+        return self._first.get(CLOCK_RATE.group, ABSENT)
+
+    @property
+    def gm(self) -> int:
+        """The first state of the time-correlated error of all fixes, or ABSENT."""
+        return self._first.get(CORRELATED_ERROR, ABSENT)
+
+    @property
+    def unfixed_gm(self) -> int:
+        """The first state of that which float and code solutions have besides, or ABSENT."""
+        return self._first.get(UNFIXED_ERROR, ABSENT)
+
+    @property
+    def velocity_gm(self) -> int:
+        """The first state of that of the velocities, or ABSENT."""
+        return self._first.get(VELOCITY_ERROR, ABSENT)
+
+    @property
+    def barometer(self) -> int:
+        """The state of a barometer's bias, with that of its scale factor behind it, or ABSENT."""
+        return self._first.get(BAROMETER_BIAS, ABSENT)
 
     @property
     def size(self) -> int:
@@ -258,12 +288,8 @@ def state_layout(
                 state = State(MISALIGNMENT, f"{letter} from {CHANNELS[j][1]}", "rad", sensor)
                 if j != c:
                     rows.append((state, c, j, 0.0, 0.0, sigma))
-    first: dict[str, int] = {}
-    for kind, of_kind in _fix_states(fixes):
-        first[kind] = len(rows)
-        rows += of_kind
+    rows += _fix_states(fixes)
     if barometer is not None:
-        first["barometer"] = len(rows)
         rows += _barometer_states(barometer)
     named, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((),) * 6
     return StateLayout(
@@ -275,30 +301,30 @@ def state_layout(
         np.array(sigma0, dtype=np.float64),
         np.array([a.white_noise**2 for a in axes]),
         np.array([a.quantization for a in axes]),
-        **first,
         white_scale=fixes.white_scale,
         unfixed_white_scale=fixes.unfixed_white_scale,
         velocity_white_scale=fixes.velocity_white_scale,
     )
 
 
-def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
-    """Yield the field of `StateLayout` and the states of each error of the fixes."""
+def _fix_states(fixes: FixErrors) -> list[Row]:
+    """Return the states of the errors of the fixes."""
+    rows = []
     if fixes.lever_arm_m is not None:
-        yield "lever", [_constant(state, fixes.lever_arm_m) for state in OF_LEVER_ARM]
+        rows += [_constant(state, fixes.lever_arm_m) for state in OF_LEVER_ARM]
     if fixes.time_offset_s is not None:
-        yield "offset", [_constant(TIME_OFFSET, fixes.time_offset_s)]
+        rows.append(_constant(TIME_OFFSET, fixes.time_offset_s))
         if fixes.clock_rate is not None:
-            yield "rate", [_constant(CLOCK_RATE, fixes.clock_rate)]
+            rows.append(_constant(CLOCK_RATE, fixes.clock_rate))
     if fixes.gm_sigma is not None:
-        yield "gm", _gauss_markov("GNSS", fixes.gm_sigma, fixes.correlation_time_s)
-    if fixes.unfixed_gm_sigma is not None:
-        sigma = (fixes.unfixed_gm_sigma,) * 3
-        yield "unfixed_gm", _gauss_markov("GNSS unfixed", sigma, fixes.unfixed_correlation_time_s)
-    if fixes.velocity_gm_sigma_mps is not None:
-        sigma = (fixes.velocity_gm_sigma_mps,) * 3
+        rows += _gauss_markov(CORRELATED_ERROR, fixes.gm_sigma, fixes.correlation_time_s)
+    if (unfixed := fixes.unfixed_gm_sigma) is not None:
+        time_s = fixes.unfixed_correlation_time_s
+        rows += _gauss_markov(UNFIXED_ERROR, (unfixed,) * 3, time_s)
+    if (velocity := fixes.velocity_gm_sigma_mps) is not None:
         time_s = fixes.velocity_correlation_time_s
-        yield "velocity_gm", _gauss_markov("GNSS velocity", sigma, time_s)
+        rows += _gauss_markov(VELOCITY_ERROR, (velocity,) * 3, time_s)
+    return rows
 
 
 def _constant(state: State, sigma: float) -> Row:
@@ -308,16 +334,16 @@ def _constant(state: State, sigma: float) -> Row:
 
 def _barometer_states(errors: BarometerErrors) -> list[Row]:
     """Return bias and scale factor of a barometer."""
-    bias = State("barometer bias", unit="m")
+    bias = State(BAROMETER_BIAS, unit="m")
     return [
         (bias, 0, AIDING_ERROR, 0.0, errors.bias_walk**2, errors.bias_m),
         _constant(State("barometer scale factor"), errors.scale_factor),
     ]
 
 
-def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
+def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
     """Return a time-correlated error as three Gauss-Markov states."""
-    beta, group = 1.0 / time_s, f"{of} time-correlated error"
+    beta = 1.0 / time_s
     return [
         (State(group, axis), 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
         for axis, s in zip(("north", "east", "down"), sigma, strict=True)

@@ -34,6 +34,7 @@ import numpy as np
 from ...base.advance import converged, share, through, within
 from ...base.errors import DataError
 from ...records import Array
+from ...records.states import CORRELATED_ERROR
 from ..filter.codes import IMU0
 from ..filter.layout import StateLayout
 from ..filter.problem import sub_problem
@@ -289,14 +290,8 @@ def without_correlated(solution: Solution) -> Solution:
         k: np.delete(getattr(layout, k), gone)
         for k in ("channel", "factor", "beta", "drive", "sigma0")
     }
-    first: dict[str, Any] = {
-        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
-        for k in ("lever", "offset", "rate", "unfixed_gm", "velocity_gm", "barometer")
-    }
-    kept = tuple(state for s, state in enumerate(layout.states) if s not in gone)
-    bare: StateLayout = replace(
-        layout, states=kept, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
-    )
+    kept = tuple(state for state in layout.states if state.group != CORRELATED_ERROR)
+    bare: StateLayout = replace(layout, states=kept, white_scale=(1.0, 1.0, 1.0), **states)
     return replace(
         solution,
         problem=replace(solution.problem, layout=bare),

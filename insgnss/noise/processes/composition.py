@@ -98,15 +98,9 @@ class Composition:
         )
 
     def __str__(self) -> str:
-        names = {parameter: name for name, parameter in _LINEAR.items()}
-        before = [names[p] for p in ("quantization", "white_noise") if getattr(self, p)]
-        after = [names[p] for p in ("random_walk", "drift") if getattr(self, p)]
-        gm = (
-            [f"{self.gauss_markov}GM" if self.gauss_markov > 1 else "GM"]
-            if self.gauss_markov
-            else []
-        )
-        return "+".join(before + gm + after)
+        letters = {parameter: name for name, parameter in _LINEAR.items()}
+        letters[GAUSS_MARKOV] = f"{self.gauss_markov}GM" if self.gauss_markov > 1 else "GM"
+        return "+".join(dict.fromkeys(letters[process.kind] for process in self.processes))
 
     @property
     def linear(self) -> tuple[str, ...]:
@@ -153,15 +147,11 @@ class Composition:
                 f"{len(values)} values for the {self.size} parameters of {self}:"
                 f" {', '.join(self.parameters)}"
             )
-        named: dict[str, Any] = {
-            name: float(value) for name, value in zip(self.parameters, values, strict=True)
-        }
-        gm = [
-            GaussMarkov(named[f"correlation_time_{k}"], named[f"driving_noise_{k}"])
-            for k in range(1, self.gauss_markov + 1)
-        ]
-        gm.sort(key=lambda process: process.correlation_time_s)
-        return AxisNoise(**{name: named[name] for name in self.linear}, gauss_markov=tuple(gm))
+        named = dict(zip(self.terms, map(float, values), strict=True))
+        linear: dict[str, Any] = {kind: named[NoiseTerm(kind)] for kind in self.linear}
+        pairs = [[named[t] for t in p.parameters] for p in self.processes if p.number]
+        gm = (GaussMarkov(*pair) for pair in sorted(pairs, key=lambda pair: pair[0]))
+        return AxisNoise(**linear, gauss_markov=tuple(gm))
 
     def values(self, axis: AxisNoise) -> Array:
         """Parameters (size,) of an axis, in the order of `parameters`.
@@ -175,15 +165,10 @@ class Composition:
             raise UsageError(
                 f"an axis with {present} processes is not of {self}; take `composition_of`"
             )
-        named = {name: getattr(axis, name) for name in self.linear}
-        for k, process in enumerate(
-            sorted(axis.gauss_markov, key=lambda p: p.correlation_time_s), start=1
-        ):
-            named |= {
-                f"correlation_time_{k}": process.correlation_time_s,
-                f"driving_noise_{k}": process.driving_noise,
-            }
-        return np.array([named[name] for name in self.parameters])
+        gm = sorted(axis.gauss_markov, key=lambda p: p.correlation_time_s)
+        pairs = {k: (p.correlation_time_s, p.driving_noise) for k, p in enumerate(gm, start=1)}
+        values = [pairs.get(p.number) or (getattr(axis, p.kind),) for p in self.processes]
+        return np.array([value for of_process in values for value in of_process])
 
 
 def composition_of(axis: AxisNoise) -> Composition:
