@@ -235,7 +235,8 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
             if off
             else WHITE_OF_CORRELATED
             if gnss.gm_sigma != "auto" or not correlated.all()
-            else 1.0  # of code solutions alone the data tell (`navigation.diagnosis.code_errors`)
+            # of code solutions alone the data tell (`navigation.diagnosis.time_correlated`)
+            else 1.0
         ),
     )
 

@@ -39,8 +39,8 @@ import numpy as np
 from ...records import Array
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.solution import Solution
-from ..innovations.innovation_noise import Search
 from ..innovations.likelihood import LinearSegment, available, evaluate, linear_segment
+from ..innovations.search import Search
 from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
 from .evidence import liveliest_part
 

@@ -74,7 +74,8 @@ CORRELATED_STATES = {
     "fixes.velocity_correlated": "velocity_gm",
 }
 OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
-PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, *CORRELATED_STATES)
+IMU = (*WHITE, *DRIVEN)
+PARAMETERS = (*IMU, *OF_FIXES, *CORRELATED_STATES)
 # of the start, as `navigation.align.initial` has it
 WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
 

@@ -16,10 +16,9 @@ from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.innovation_noise import (
     InFlightNoise,
     in_flight_noise,
-    moving_parts,
     whiteness,
-    without_correlated,
 )
+from insgnss.navigation.innovations.pieces import moving_parts, without_correlated
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 
