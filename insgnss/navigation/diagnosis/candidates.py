@@ -40,9 +40,8 @@ GUESSES = (
     (0.3, 0.7, 20.0),
     (0.4, 0.8, 3.0),
 )
-CODE_GUESSES = (
-    (0.1, 0.2, 10.0),
-)  # the same for code solutions, whose sigmas hold errors of minutes
+# the same for code solutions, whose sigmas hold errors of minutes
+CODE_GUESSES = ((0.1, 0.2, 10.0),)
 
 WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
 WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008

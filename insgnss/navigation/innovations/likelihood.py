@@ -316,9 +316,8 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
     """
     p = theta.size
     total, cost = np.zeros((1 + p, p)), 0.0
-    variance = np.exp(
-        2.0 * np.append(theta, 0.0)
-    )  # the last, of index -1, is that of what stays as it is
+    # the last, of index -1, is that of what stays as it is
+    variance = np.exp(2.0 * np.append(theta, 0.0))
     every: list[tuple[Array, Array, np.ndarray]] = []
     for s in segments:
         m, k = s.linear.there.shape

@@ -166,9 +166,8 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
             linear.parameter(i, _Z_95 * math.sqrt(C[i, i])),
             linear.parameter(i, _Z_99 * math.sqrt(C[i, i])),
         )
-    variance_error = (
-        2.0 * linear.local.s[i] * math.sqrt(C[i, i])
-    )  # of v in (L.1), which is linear at zero
+    # of v in (L.1), which is linear at zero
+    variance_error = 2.0 * linear.local.s[i] * math.sqrt(C[i, i])
     return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
 
 

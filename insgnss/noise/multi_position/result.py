@@ -262,9 +262,8 @@ def blind_directions(states: Sequence[State], covariance: Array) -> tuple[str, .
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < 1.0:
             break
-        size_of = np.round(
-            np.abs(vector), 6
-        )  # of equal parts the first leads, whatever their last digits
+        # of equal parts the first leads, whatever their last digits
+        size_of = np.round(np.abs(vector), 6)
         vector = vector * np.sign(vector[np.argmax(size_of)])
         parts = [
             f"{'+' if vector[i] > 0 else '-'} {states[i]}"

@@ -19,9 +19,8 @@ MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
-NEGLIGIBLE_ARM_M = (
-    0.02  # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
-)
+# what a right lever arm may come out off by (`navigation.diagnosis.advice`)
+NEGLIGIBLE_ARM_M = 0.02
 EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
 BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file

@@ -30,10 +30,8 @@ NAMES = {
 DOUBTFUL = 0.1  # chance below which a longer flight is proposed
 WANTED = 0.05  # standard error of a factor that a longer flight is proposed for
 MANY_LINES = 6
-TOO_MUCH, SURE = (
-    1.2,
-    2.0,
-)  # white noise over its limit by the spectrum, less so many standard errors
+# white noise over its limit by the spectrum, less so many standard errors
+TOO_MUCH, SURE = 1.2, 2.0
 Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
