@@ -27,7 +27,7 @@ class State:
         Its axis; of a misalignment that of the channel and the other one, "x from y". Empty where
         there is one axis only, and of an IMU for the states of all axes.
     unit : str
-        SI unit: "m", "s", "rad", or "" of a ratio.
+        SI unit, or empty of a ratio.
     sensor : str
         "gyro" or "accel" of an error of the IMU, else empty.
     """

@@ -343,9 +343,9 @@ def _barometer_states(errors: BarometerErrors) -> list[Row]:
 
 def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
     """Return a time-correlated error as three Gauss-Markov states."""
-    beta = 1.0 / time_s
+    beta, unit = 1.0 / time_s, "m/s" if group == VELOCITY_ERROR else ""
     return [
-        (State(group, axis), 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
+        (State(group, axis, unit), 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
         for axis, s in zip(("north", "east", "down"), sigma, strict=True)
     ]
 
