@@ -113,6 +113,20 @@ HOUSE: dict[str, dict[str, str]] = {
 }
 WINGS = tuple(name for name in HOUSE[""] if not name.startswith("__"))
 WINGS_AT_MOST = 14
+# fields and variables that label a state, a parameter, a process, a component or a check; the wings
+# in which every variable called so does; and what files, their tables and frames are called
+LABELS = ("name", "group", "process", "topic", "parameter", "state", "quantity", "component")
+LABELLED = (
+    *("navigation", "report", "flight.processing", "noise.estimation", "noise.multi_position"),
+    *("noise.processes", "noise.tuning.products", "noise.tuning.in_flight", "noise.tuning.usable"),
+    *("photogrammetry.adjust", "photogrammetry.mounting_calibration", "batch.season.trends"),
+)
+OF_FILES = ("path", "file", "entry", "table", "crs", "model")
+PARSING = ("startswith", "endswith", "partition", "rpartition", "split", "rsplit")
+PLANTED_LABELS = """
+if check.name.startswith("GNSS ") or " from " in state.name or state.name == "drift":
+    number = name.rpartition("_")[2] if not path.name.startswith(".") else ""
+"""
 FOLDER_MODULES = 16  # beside __init__: as many as a reader overlooks
 
 LOCAL_ONLY = {
@@ -283,6 +297,46 @@ def test_exceptions_are_still_needed() -> None:
     assert set(LONG_FUNCTIONS) == {
         where for module in MODULES for where, length, limit in functions(module) if length > limit
     }
+
+
+def test_no_kind_is_read_from_a_name() -> None:
+    """Oracle: the syntax tree. What a state, a parameter, a component or a check is stands in the
+    fields of its record; a label is compared as a whole, and never by its beginning, its end or a
+    part. Files, tables and columns of files have no such record.
+    """
+    assert [ast.unparse(node) for node in texts_of_labels(ast.parse(PLANTED_LABELS), True)] == [
+        "check.name.startswith('GNSS ')",
+        "' from ' in state.name",
+        "name.rpartition('_')",
+    ]
+    parsed = {
+        f"{module}:{node.lineno}: {ast.unparse(node)}"
+        for module in MODULES
+        if not module.startswith("base.")  # below the records
+        for node in texts_of_labels(tree(module), module.startswith(LABELLED))
+    }
+    assert not parsed, "\n".join(sorted(parsed))
+
+
+def texts_of_labels(parsed: ast.AST, bare: bool) -> Iterator[ast.expr]:
+    """Yield where the text of a label decides; with `bare` also that of a variable called so."""
+
+    def is_label(node: ast.expr) -> bool:
+        if isinstance(node, ast.Attribute):
+            of = node.value.id if isinstance(node.value, ast.Name) else ""
+            return node.attr in LABELS and of not in OF_FILES
+        return bare and isinstance(node, ast.Name) and node.id in LABELS
+
+    for node in ast.walk(parsed):
+        match node:
+            case ast.Call(func=ast.Attribute(value=text, attr=method)) if method in PARSING:
+                parses = is_label(text)
+            case ast.Compare(left=ast.Constant(), ops=[ast.In() | ast.NotIn()], comparators=[text]):
+                parses = is_label(text)
+            case _:
+                parses = False
+        if parses:
+            yield node
 
 
 def test_no_cycles() -> None:

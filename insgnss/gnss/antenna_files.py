@@ -123,9 +123,8 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     first = np.clip(after[covered] - 2, 0, fixes.time.size - FEW)
     rows = first[:, None] + np.arange(FEW)
     interpolated = cubic(fixes.time[rows], position[rows], time[covered])
-    linear = (
-        fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
-    )  # a gap beside: the cubic would swing
+    # a gap beside: the cubic would swing
+    linear = fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
     interpolated[linear] = _linear(
         fixes.time, position, time[covered][linear], after[covered][linear]
     )

@@ -41,9 +41,9 @@ Where to look
     which constant is wrong, or whose noise is larger: evidence in `diagnosis/constants.py`,
         `sensitivity.py` (spares a pass), `variances.py`, `clock_step.py`; the winner in
         `decision.py`; verdict, limits, words in `advice.py` there
-    time-correlated code errors: `diagnosis/code_errors.py`; incorrect fixes: `incorrect_fixes.py`,
-        withheld in `filter/kernels/forward.py`; what is tried: `REMEDIES` in
-        `diagnosis/remedies.py`
+    time-correlated errors of the fixes: `diagnosis/time_correlated.py`
+    incorrect fixes: `diagnosis/incorrect_fixes.py`, withheld in `filter/kernels/forward.py`; what
+        is tried: `REMEDIES` in `diagnosis/remedies.py`; without a solution: `failure.py` there
     fixes minus solution, minute by minute: `innovations/residuals.py`
     covariance of neighbouring images: (B.5) in `filter/smoother.py`, `filter/kernels/forward.py`,
         `backward.py` there; as relative control: `orient/relative.py`

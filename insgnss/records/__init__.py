@@ -22,8 +22,9 @@ Where to look
     where the bore-sight is applied (`C_cb`): `cameras/mounting.py`, by
         `insgnss/navigation/orient/exterior.py`
     the GPS/INS offset of Metashape: (M.6) and `metashape_offset` in `cameras/mounting.py`
-    which camera of a rig took which image: `rig.py`
+    which camera of a rig took which image: `cameras/rig.py`
     an image block: `block.py`; camera positions without attitude: `camera_positions.py`
+    error states of the filter: `states.py`
     checks, verdicts, mean residuals: `verdicts.py`; wavelet variances: `variances.py`
     what kind of a solution a fix is: `qualities.py`
     what a record checks at its birth: `_checked.py`

@@ -9,6 +9,7 @@ from ..base.errors import InputError
 from ._checked import Array, frozen
 
 INTERIOR = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+RADIAL = INTERIOR[5:9]
 """Parameters of interior orientation, in the order of their arrays."""
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.units import METRE, LengthUnit
 from ._checked import Array, frozen
-from .rig import RigImages
+from .cameras.rig import RigImages
 
 KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
     "tangent plane",

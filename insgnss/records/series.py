@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ._checked import Array, frozen, increasing
 from .rows import Rows
+from .states import State
 
 DEG_H, MG = np.degrees(1.0) * 3600.0, 1e3 / 9.80665
 """deg/h in a rad/s, and mg in a m/s^2."""
@@ -112,15 +113,15 @@ class ConstantSeries:
 
     Parameters
     ----------
-    names : tuple of str
-        (c,) the constants, as in `StateVerdict`.
+    states : tuple of State
+        (c,) the constants.
     value, sigma : ndarray
         (m, c) smoothed value and standard deviation, SI.
     filter_sigma : ndarray
         (m, c) standard deviation of the forward filter at the time.
     """
 
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     value: Array
     sigma: Array
     filter_sigma: Array
@@ -139,12 +140,12 @@ class ConstantSeries:
             Number of epochs of each segment.
         """
         given = [segment for segment in segments if segment is not None]
-        names = tuple(dict.fromkeys(name for segment in given for name in segment.names))
-        if not names:
+        states = tuple(dict.fromkeys(state for segment in given for state in segment.states))
+        if not states:
             return None
-        pieces = [np.full((3, size, len(names)), np.nan) for size in sizes]
+        pieces = [np.full((3, size, len(states)), np.nan) for size in sizes]
         for piece, segment in zip(pieces, segments, strict=True):
             if segment is not None:
-                columns = [names.index(name) for name in segment.names]
+                columns = [states.index(state) for state in segment.states]
                 piece[:, :, columns] = segment.value, segment.sigma, segment.filter_sigma
-        return cls(names, *np.concatenate(pieces, axis=1))
+        return cls(states, *np.concatenate(pieces, axis=1))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ._checked import Array, frozen, increasing
-from .rig import RigImages
+from .cameras.rig import RigImages
 from .rows import Chosen, Rows
 from .series import ConstantSeries, ImuBiases, Innovations
 from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
@@ -123,9 +123,8 @@ class Trajectory(Rows):
         }
         velocity = zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True)
         rpy = np.degrees(self.rpy)
-        rpy[:, 2] = np.where(
-            (heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0
-        )  # -1e-15 % 360 is 360
+        # -1e-15 % 360 is 360
+        rpy[:, 2] = np.where((heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0)
         angles = zip(("roll_deg", "pitch_deg", "heading_deg"), rpy.T, strict=True)
         return {"tow": self.time, **position, **dict(velocity), **dict(angles), **self._sigmas()}
 

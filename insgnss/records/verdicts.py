@@ -5,6 +5,8 @@ with a verdict.
 from dataclasses import dataclass
 from typing import Literal
 
+from .states import State
+
 Verdict = Literal["ok", "note", "contradiction"]
 
 # of the a-priori sigma: what is known better after a flight or a recording was observed by it
@@ -39,8 +41,8 @@ class StateVerdict:
 
     Parameters
     ----------
-    name : str
-        The state.
+    state : State
+        What it is.
     value, sigma : float
         Its estimate and standard deviation.
     prior : float
@@ -54,13 +56,18 @@ class StateVerdict:
         that says so.
     """
 
-    name: str
+    state: State
     value: float
     sigma: float
     prior: float
     moves_m: float | None
     observed: bool
     requested: bool = True
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return str(self.state)
 
 
 @dataclass(frozen=True)
@@ -121,8 +128,8 @@ class ConstantEstimate:
 
     Parameters
     ----------
-    name : str
-        Name of its error state, such as "antenna lever arm forward".
+    state : State
+        Which one.
     correction : float
         What the flight finds beyond `assumed`, m or s; a time offset that changes is that of the
         middle of the segment.
@@ -133,7 +140,7 @@ class ConstantEstimate:
         a clock rate.
     """
 
-    name: str
+    state: State
     correction: float
     sigma: float
     assumed: float = 0.0

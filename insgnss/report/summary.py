@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..geodesy.rotation import rpy_from_rotation
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
+from ..records.states import as_named
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
@@ -380,5 +381,5 @@ def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array
 
 def _state(state: StateVerdict) -> dict[str, Any]:
     """A constant in SI, and the unit in which a person reads it."""
-    factor, unit = state_unit(state.name)
-    return asdict(state) | {"unit": unit, "per_unit": factor}
+    factor, unit = state_unit(state.state)
+    return as_named(state) | {"unit": unit, "per_unit": factor}

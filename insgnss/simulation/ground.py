@@ -30,11 +30,8 @@ _STEP_M = 0.1  # of the timetable
 _ROUND_S = 0.4  # of smoothing
 _BEYOND = round(3.0 / KNOT_S)  # knots past the end, farther than the smoothing reaches
 _REST_MS = 0.3  # below this the road gives the heading
-_SHAKE_S, _SHAKE_ROLL, _SHAKE_M = (
-    0.12,
-    0.004,
-    0.0012,
-)  # of the road: time scale, standard deviations of roll and height
+# of the road: time scale, standard deviations of roll and height
+_SHAKE_S, _SHAKE_ROLL, _SHAKE_M = 0.12, 0.004, 0.0012
 
 
 @dataclass(frozen=True)
@@ -166,9 +163,8 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
     square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
     speed = np.sqrt(np.maximum(square, 0.0))
     time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
-    node = np.insert(
-        np.arange(s.size), stops + 1, stops
-    )  # a halt is reached and left at the same place
+    # a halt is reached and left at the same place
+    node = np.insert(np.arange(s.size), stops + 1, stops)
     wait = np.zeros(node.size)
     wait[stops + 1 + np.arange(stops.size)] = [length for _, length in halts]
     return time[node] + np.cumsum(wait), s[node]

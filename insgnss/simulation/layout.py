@@ -34,10 +34,8 @@ _GROUND_RUN_M, _APPROACH_M, _LEAD_IN_M = 12.0, 220.0, 120.0
 # of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
 _COUNTED = 0.6  # of the time of a layout: by then the number of lines is found
 _MARGIN_S = 5.0
-_FEWEST_LINES, _SHORTEST = (
-    4,
-    0.25,
-)  # a trimmed flight: lines that stay, and the least part of their length
+# a trimmed flight: lines that stay, and the least part of their length
+_FEWEST_LINES, _SHORTEST = 4, 0.25
 
 
 @dataclass(frozen=True)

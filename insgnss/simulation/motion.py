@@ -96,9 +96,8 @@ class Motion:
     @cached_property
     def _coefficients(self) -> Array:
         """(pieces, 6 powers, 6 channels), ascending powers of the seconds into the piece (M.1)."""
-        windows = np.lib.stride_tricks.sliding_window_view(
-            self.control, 6, axis=0
-        )  # (pieces, channel, 6)
+        # (pieces, channel, 6)
+        windows = np.lib.stride_tricks.sliding_window_view(self.control, 6, axis=0)
         base = windows[..., 2]
         a = np.einsum("kj,icj->ikc", _BASIS / 120.0, windows - base[..., None])
         a /= self.spacing ** np.arange(6.0)[:, None]

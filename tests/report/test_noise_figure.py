@@ -117,9 +117,9 @@ def test_limits_hold_the_curve_and_hours_stand_at_the_top():
     [
         (("gyro", "white_noise", 10.825 * DEG_H), "white noise  10.8 deg/h/√Hz"),
         (("accel", "white_noise", 51.514 * 9.80665e-6), "white noise  51.5 µg/√Hz"),
-        (("gyro", "gauss_markov_2", 57.8 * DEG_H, 4737.1), "Gauss-Markov  79 min, 57.8 deg/h"),
-        (("gyro", "gauss_markov_1", 20.0 * DEG_H, 2.5), "Gauss-Markov  2.5 s, 20 deg/h"),
-        (("accel", "gauss_markov_1", 31.1 * 9.80665e-6, 0.0052), "Gauss-Markov  5.2 ms, 31.1 µg"),
+        (("gyro", "gauss_markov", 57.8 * DEG_H, 4737.1), "Gauss-Markov  79 min, 57.8 deg/h"),
+        (("gyro", "gauss_markov", 20.0 * DEG_H, 2.5), "Gauss-Markov  2.5 s, 20 deg/h"),
+        (("accel", "gauss_markov", 31.1 * 9.80665e-6, 0.0052), "Gauss-Markov  5.2 ms, 31.1 µg"),
         (("gyro", "random_walk", 2.0 * DEG_H), "random walk  2 deg/h/s/√Hz"),
         (("accel", "random_walk", 3.0 * 9.80665e-6), "random walk  3 µg/s/√Hz"),
         (("gyro", "quantization", 4e-6), "quantization  4 µrad"),

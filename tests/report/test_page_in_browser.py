@@ -16,6 +16,7 @@ import pytest
 
 from insgnss.records import ExteriorOrientation, GnssFixes
 from insgnss.records.series import ConstantSeries
+from insgnss.records.states import OF_LEVER_ARM, TIME_OFFSET
 from insgnss.report.charts.gnss import fix_series
 from insgnss.report.page import write_report
 
@@ -79,7 +80,7 @@ def page_file(tmp_path_factory, diagnostics, summary, orientation) -> Path:
     n, time = plain.time.size, plain.fix_time
     used = (np.arange(n) % 40 != 0) & ((time < START + 50.0) | (time > START + 62.0))
     constants = ConstantSeries(
-        ("antenna lever arm forward", "antenna lever arm right", "GNSS time offset"),
+        (*OF_LEVER_ARM[:2], TIME_OFFSET),
         np.tile([0.01, -0.02, 0.001], (n, 1)),
         np.full((n, 3), 0.002),
         np.geomspace(0.3, 0.002, n)[:, None] * np.ones(3),

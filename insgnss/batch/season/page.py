@@ -9,6 +9,7 @@ from urllib.parse import quote
 import numpy as np
 
 from ...records import Array
+from ...records.states import LEVER_ARM
 from ...report.charts.chart import Axes, Chart, Ink, Layer
 from ...report.markup import escape, folded, sentence, table
 from ...report.verb_page import MOST_ROWS, VerbPage, listed
@@ -61,7 +62,7 @@ class SeasonPage:
             return "bad", f"the reports of {_some(bad)} contradict their results"
         odd = [trend for trend in self.trends if trend.odd]
         if odd:
-            which = _some([f"{t.equipment or 'an equipment'} ({t.quantity.name})" for t in odd])
+            which = _some([f"{t.equipment or 'an equipment'} ({t.quantity.state})" for t in odd])
             return "doubtful", f"constants do not stay as they are: {which}"
         doubtful = [str(r["name"]) for r in self.rows if r["judgement"] == "doubtful"]
         if doubtful:
@@ -162,16 +163,15 @@ def charts(rows: Sequence[Row], trends: Sequence[Trend]) -> Iterator[Chart]:
     """
     groups: dict[tuple[str, str], list[Trend]] = {}
     for trend in trends:
-        kind = trend.quantity.name.removesuffix(f" {trend.quantity.axis}")
-        groups.setdefault((trend.equipment, kind), []).append(trend)
+        groups.setdefault((trend.equipment, trend.quantity.state.group), []).append(trend)
     for number, ((equipment, kind), own) in enumerate(groups.items(), 1):
         panels = [
-            Axes(f"{t.quantity.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
+            Axes(f"{t.quantity.state.axis or kind}, {t.quantity.unit}", list(_layers(t, ink)))
             for t, ink in zip(own, INKS, strict=False)
         ]
         of = f" of {equipment}" if equipment else ""
         # mounting.antenna_m counts from the camera, in its axes
-        seen = " from the IMU, body axes," if kind == "antenna lever arm" else ""
+        seen = " from the IMU, body axes," if kind == LEVER_ARM else ""
         title = f"{kind[0].upper()}{kind[1:]}{of}{seen} over the season"
         yield Chart(f"constants-{number}", title, READING, panels, "days since the first flight")
     yield from _sigmas(rows)
@@ -189,7 +189,7 @@ def _layers(trend: Trend, ink: Ink) -> Iterator[Layer]:
         faint=True,
     )
     texts = [f"{name}: {v:.4g} ± {d:.2g}" for name, v, d in zip(trend.names, y, s, strict=True)]
-    yield Layer("points", x, y, trend.quantity.name, ink, texts=texts, width=5.0)
+    yield Layer("points", x, y, str(trend.quantity.state), ink, texts=texts, width=5.0)
     if np.isfinite(trend.slope):
         ends: Array = np.array([x.min(), x.max()])
         drifts = trend.finding == "drift"

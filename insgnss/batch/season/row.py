@@ -11,17 +11,16 @@ from typing import Any
 from ...base.output.unfinished import is_unfinished
 from ...base.received.nesting import read_object
 from ...flight.config.flight_file import Flight
+from ...records.states import AXES, OF_LEVER_ARM, TIME_OFFSET
 
-LEVER = ("forward", "right", "down")
-LEVER_ARM, OFFSET = "antenna lever arm", "GNSS time offset"  # constants and checks of a report
 COLUMNS = (
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason"),
     *("images", "fixes", "fixes_used", "duration_s"),
     *("sigma_e_mm", "sigma_n_mm", "sigma_u_mm"),
     *("sigma_att_e_deg", "sigma_att_n_deg", "sigma_att_u_deg"),
     *("nis_ratio", "limits"),
-    *(f"lever_arm_{axis}_m" for axis in LEVER),
-    *(f"lever_arm_{axis}_sigma_m" for axis in LEVER),
+    *(f"lever_arm_{axis}_m" for axis in AXES),
+    *(f"lever_arm_{axis}_sigma_m" for axis in AXES),
     *("time_offset_s", "time_offset_sigma_s"),
     *(f"boresight_{axis}_deg" for axis in "xyz"),
     *(f"boresight_{axis}_sigma_deg" for axis in "xyz"),
@@ -32,6 +31,9 @@ TEXTS = {
     *("name", "flight", "equipment", "date_utc", "status", "judgement", "reason", "limits"),
     *("version", "inputs_sha256", "report"),
 }
+CONSTANTS = {state: f"lever_arm_{state.axis}" for state in OF_LEVER_ARM}
+CONSTANTS[TIME_OFFSET] = "time_offset"
+"""The constants of a report, and the beginnings of their columns."""
 EQUIPMENT_FILE = "equipment_file"  # of a row, not of the table
 Row = dict[str, Any]
 
@@ -84,13 +86,10 @@ def constants_row(report: Mapping[str, Any]) -> Row:
     """
     row: Row = {"date_utc": _date(report)}
     constants = {one["name"]: one for one in report.get("constants", ())}
-    for axis in LEVER:
-        if (one := constants.get(f"{LEVER_ARM} {axis}")) is not None:
-            row[f"lever_arm_{axis}_m"] = one["assumed"] + one["correction"]
-            row[f"lever_arm_{axis}_sigma_m"] = one["sigma"]
-    if (one := constants.get(OFFSET)) is not None:
-        row["time_offset_s"] = one["assumed"] + one["correction"]
-        row["time_offset_sigma_s"] = one["sigma"]
+    for state, column in CONSTANTS.items():
+        if (one := constants.get(str(state))) is not None:
+            row[f"{column}_{state.unit}"] = one["assumed"] + one["correction"]
+            row[f"{column}_sigma_{state.unit}"] = one["sigma"]
     return row
 
 
@@ -106,8 +105,8 @@ def known_from_refusal(findings: Mapping[str, Any]) -> Row:
     findings : mapping
         What the run had found by then (`InputError.findings`).
     """
-    names = set(findings.get("contradictions", ()))
-    if not names or "constants" not in findings or not names <= {LEVER_ARM, OFFSET}:
+    names, groups = set(findings.get("contradictions", ())), {state.group for state in CONSTANTS}
+    if not names or "constants" not in findings or not names <= groups:
         return {}
     return constants_row(findings)
 

@@ -81,7 +81,7 @@ class SeasonResult:
             "trends": [
                 {
                     "equipment": t.equipment,
-                    "constant": t.quantity.name,
+                    "constant": str(t.quantity.state),
                     "unit": t.quantity.unit,
                     "flights": int(t.days.size),
                     "finding": t.finding,

@@ -24,7 +24,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ...records import Array
-from .row import LEVER, Row, is_number
+from ...records.states import LEVER_ARM, TIME_OFFSET, State
+from .row import CONSTANTS, Row, is_number
 
 FEWEST = 8  # flights
 SIGNIFICANT = 4.0  # standard deviations of the slope
@@ -40,55 +41,45 @@ class Quantity:
 
     Parameters
     ----------
-    name : str
-        In words.
-    column, sigma : str
-        Columns of the table.
+    state : State
+        What it is, in the unit of the columns.
+    columns : str
+        The beginning of the names of its columns.
     factor : float
-        From the column's unit to the one that is shown.
+        From the columns' unit to the one that is shown.
     unit : str
         That one.
     physical : float
         What matters, in the shown unit.
-    axis : str
-        The end of the name, where it is one of three.
     """
 
-    name: str
-    column: str
-    sigma: str
+    state: State
+    columns: str
     factor: float
     unit: str
     physical: float
-    axis: str = ""
+
+    @property
+    def column(self) -> str:
+        """The column of the value."""
+        return f"{self.columns}_{self.state.unit}"
+
+    @property
+    def sigma(self) -> str:
+        """The column of its standard deviation."""
+        return f"{self.columns}_sigma_{self.state.unit}"
 
 
-QUANTITIES = (
-    *(
-        Quantity(
-            f"antenna lever arm {axis}",
-            f"lever_arm_{axis}_m",
-            f"lever_arm_{axis}_sigma_m",
-            1e3,
-            "mm",
-            5.0,
-            axis,
-        )
-        for axis in LEVER
-    ),
-    Quantity("GNSS time offset", "time_offset_s", "time_offset_sigma_s", 1e3, "ms", 1.0),
-    *(
-        Quantity(
-            f"bore-sight {axis}",
-            f"boresight_{axis}_deg",
-            f"boresight_{axis}_sigma_deg",
-            1.0,
-            "deg",
-            0.02,
-            axis,
-        )
-        for axis in "xyz"
-    ),
+BORESIGHT = "bore-sight"
+_SHOWN = {
+    LEVER_ARM: (1e3, "mm", 5.0),
+    TIME_OFFSET.group: (1e3, "ms", 1.0),
+    BORESIGHT: (1.0, "deg", 0.02),
+}
+_BORESIGHTS = {State(BORESIGHT, axis, "deg"): f"boresight_{axis}" for axis in "xyz"}
+QUANTITIES = tuple(
+    Quantity(state, columns, *_SHOWN[state.group])
+    for state, columns in {**CONSTANTS, **_BORESIGHTS}.items()
 )
 
 
@@ -138,7 +129,7 @@ class Trend:
     def sentence(self) -> str:
         """Return what is said of it, without full stop."""
         q = self.quantity
-        name = f"{q.name} of {self.equipment or 'the flights without a shared file'}"
+        name = f"{q.state} of {self.equipment or 'the flights without a shared file'}"
         span = float(np.ptp(self.days)) if self.days.size else 0.0
         if self.finding == "drift":
             monthly, sigma = MONTH_DAYS * self.slope, MONTH_DAYS * self.slope_sigma
@@ -248,7 +239,7 @@ def trends(rows: Iterable[Row]) -> list[Trend]:
         own = [row for row in usable if str(row.get("equipment") or "") == equipment]
         for q in QUANTITIES:
             with_it = [r for r in own if is_number(r.get(q.column)) and is_number(r.get(q.sigma))]
-            with_it = _calibrations(with_it, q) if q.column.startswith("boresight") else with_it
+            with_it = _calibrations(with_it, q) if q.state.group == BORESIGHT else with_it
             if not with_it:
                 continue
             with_it.sort(key=_days)

@@ -26,7 +26,7 @@ from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, r
 
 DONE, KEPT, FAILED, WAITING = "done", "kept", "failed", "not reached"
 REPORT, PAGE = "report.json", "report.html"
-CHANGED = "changed since:"  # how the reason of a kept flight begins whose products were
+CHANGED = "changed_products"  # of a row, not of the table: those of a kept flight
 MOST_NAMED = 3  # of its products
 INTERNAL = InsgnssError.exit_code
 _ONE_AT_A_TIME = threading.Lock()  # warnings are caught for a whole process
@@ -92,7 +92,7 @@ class Outcome:
     @property
     def is_changed(self) -> bool:
         """Whether it was kept although somebody changed its products."""
-        return self.status == KEPT and self.reason.startswith(CHANGED)
+        return CHANGED in self.row
 
 
 Tell = Callable[[Outcome], None]
@@ -187,6 +187,7 @@ def _processed(task: Task) -> tuple[str, Row]:
     row = row_of(report)
     row |= {"name": task.name, "flight": task.file, "status": status}
     if status == KEPT and (changed := names_of_changed(report, directory)):
+        row[CHANGED] = changed
         row["reason"] = "; ".join(filter(None, (changed_since(changed), row["reason"])))
     row |= {"report": str(directory / PAGE)} | equipment_of(flight)
     row |= boresight_of(flight)
@@ -256,8 +257,8 @@ def changed_since(names: Sequence[str]) -> str:
     """
     others = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return (
-        f"{CHANGED} {', '.join(names[:MOST_NAMED])}{others}: not what the run wrote, and kept as"
-        " changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
+        f"changed since: {', '.join(names[:MOST_NAMED])}{others}: not what the run wrote, and kept"
+        " as changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
     )
 
 

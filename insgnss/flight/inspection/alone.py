@@ -21,10 +21,8 @@ from .sensing import DEG_S, Sensing
 
 NEAR = 0.1  # of |f| to gravity, to suggest a unit
 STEADY = 0.03  # scatter of |f| over its median at rest
-NOISIEST_GYRO, QUIET_GYRO = (
-    0.015,
-    0.005,
-)  # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
+# rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
+NOISIEST_GYRO, QUIET_GYRO = 0.015, 0.005
 
 
 def gyro_scatter(imu: ImuSamples) -> float:

@@ -43,10 +43,8 @@ _DATA_KEYS = (
 )
 DATA_KEYS = tuple(_DATA_KEYS.split())
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
-LARGEST, SPARSEST = (
-    1e12,
-    20.0,
-)  # a reading, in any unit; times that the stamps span what the samples fill
+# a reading, in any unit; times that the stamps span what the samples fill
+LARGEST, SPARSEST = 1e12, 20.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from ...navigation.filter.codes import (
 from ...navigation.filter.solution import trajectory
 from ...records import Array, Check, Diagnostics, Trajectory
 from ...records.series import ConstantSeries
+from ...records.states import OF_LEVER_ARM, TIME_OFFSET
 from ...records.verdicts import ConstantEstimate
 from ..config.flight_file import Flight
 from .segment import Segment
@@ -113,11 +114,11 @@ def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEs
         Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
         far as the flight tells.
     """
-    lever = zip(("forward", "right", "down"), flight.mounting.antenna_lever_b, strict=True)
-    assumed = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
-    assumed["GNSS time offset"] = flight.gnss.time_offset_s
+    lever = flight.mounting.antenna_lever_b.tolist()
+    assumed = dict(zip(OF_LEVER_ARM, lever, strict=True))
+    assumed[TIME_OFFSET] = flight.gnss.time_offset_s
     estimates = combined([segment.constants for segment in segments])
-    return [replace(one, assumed=assumed.get(one.name, 0.0)) for one in estimates]
+    return [replace(one, assumed=assumed.get(one.state, 0.0)) for one in estimates]
 
 
 def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:
@@ -178,7 +179,7 @@ def _constants(segment: Segment, epochs: np.ndarray) -> ConstantSeries | None:
         value[:, states.index(layout.offset)] += segment.time_offset_s
     variance = solution.variance(epochs)[:, rows]
     return ConstantSeries(
-        tuple(layout.names[s] for s in states),
+        tuple(layout.states[s] for s in states),
         value,
         np.sqrt(np.maximum(variance, 0.0)),
         solution.row_sigma[:, rows],

@@ -8,7 +8,7 @@ from ...base.errors import DataError
 from ...base.memory import available
 from ...geodesy.frames import LocalFrame
 from ...io.exposures.rig import ExposedRows, exposed_rows
-from ...navigation.diagnosis.candidates import AS_STATED, CLOCK_RATE, ImuErrors, LayoutFactory
+from ...navigation.diagnosis.candidates import AS_STATED, CLOCK_RATE_SIGMA, ImuErrors, LayoutFactory
 from ...navigation.filter.blocks import Forecast, forecast
 from ...navigation.filter.epochs import (
     make_epochs,
@@ -25,12 +25,12 @@ from ...navigation.prepare.barometer import levelled
 from ...navigation.prepare.clock import cut_fixes
 from ...navigation.prepare.increments import merge_marks
 from ...records import Array, GnssFixes
+from ...records.states import LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
 from .recording import Recording
 
-EPOCH_HZ = (
-    10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
-)
+# of the epochs of the output grid; outputs at a higher rate are recovered between them
+EPOCH_HZ = 10.0
 FORECAST = 1.33  # of what is available, that a forecast of memory may say
 GB = 1e9
 SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix
@@ -185,17 +185,17 @@ def stated_constants(flight: Flight) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        A-priori sigma, m or s, by the beginning of the names of the error states; without those
+        A-priori sigma, m or s, by the group of the error states; without those
         that the flight file has estimated, and none of a sensor that stands.
     """
     options = flight.filter
     if flight.gnss.stationary is not None:
         return {}
     sigmas = {
-        "antenna lever arm": (options.lever_arm, flight.mounting.antenna_sigma_m),
-        "GNSS time offset": (options.time_offset, flight.gnss.time_sigma_s),
+        LEVER_ARM: (options.lever_arm, flight.mounting.antenna_sigma_m),
+        TIME_OFFSET.group: (options.time_offset, flight.gnss.time_sigma_s),
     }
-    return {name: sigma for name, (requested, sigma) in sigmas.items() if sigma and not requested}
+    return {group: sigma for group, (requested, sigma) in sigmas.items() if sigma and not requested}
 
 
 def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
@@ -219,13 +219,11 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     off = gnss.gm_sigma == "off"
     stated = stated_constants(flight)
     return FixErrors(
-        lever_arm_m=(
-            options.lever_arm_sigma_m if options.lever_arm else stated.get("antenna lever arm")
-        ),
+        lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else stated.get(LEVER_ARM),
         time_offset_s=(
-            options.time_offset_sigma_s if options.time_offset else stated.get("GNSS time offset")
+            options.time_offset_sigma_s if options.time_offset else stated.get(TIME_OFFSET.group)
         ),
-        clock_rate=CLOCK_RATE if options.time_offset else None,
+        clock_rate=CLOCK_RATE_SIGMA if options.time_offset else None,
         gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,
         correlation_time_s=gnss.correlation_time_s,
         white_scale=(gnss.white_scale,) * 3,
@@ -236,7 +234,8 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
             if off
             else WHITE_OF_CORRELATED
             if gnss.gm_sigma != "auto" or not correlated.all()
-            else 1.0  # of code solutions alone the data tell (`navigation.diagnosis.code_errors`)
+            # of code solutions alone the data tell (`navigation.diagnosis.time_correlated`)
+            else 1.0
         ),
     )
 

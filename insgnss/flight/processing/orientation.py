@@ -21,7 +21,7 @@ from ...navigation.orient.rig import rig_orientation
 from ...navigation.orient.strips import strip_rows
 from ...records import Array, ExteriorOrientation, GnssFixes, Trajectory
 from ...records.cameras.mounting import Mounting
-from ...records.rig import merged_order
+from ...records.cameras.rig import merged_order
 from ...records.strips import CommonErrors, StripCovariance
 from ..config.flight_file import Flight
 from .checks import refuse_unobservable

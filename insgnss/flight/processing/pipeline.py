@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from ...records import (
     StateVerdict,
     Trajectory,
 )
+from ...records.states import as_named
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
@@ -256,7 +257,7 @@ def _solve(
         start = min(float(segment.solution.time[0]) for segment in segments)
         return {
             "span": {"gps_week": recording.gps_week, "start_tow_s": start},
-            "constants": [asdict(one) for one in constants_of(flight, segments)],
+            "constants": [as_named(one) for one in constants_of(flight, segments)],
         }
 
     refuse_contradictions(flight, checks, findings)
@@ -292,7 +293,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
     )
-    report["constants"] = [asdict(one) for one in constants_of(flight, segments)]
+    report["constants"] = [as_named(one) for one in constants_of(flight, segments)]
     ppk = recording.ppk
     if ppk is not None:
         quality = json_ready(ppk.quality)

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 # contradictions that a left-handed or reversed triad leads to, with advice about imu.axes
 OF_AXES = ("axes, vertical", "turn rate, gyro against GNSS course")
+# checks of fixes, which a sensor that stands at a given place has not
+_KINDS = ("rate", "speed", "position", "velocity", "quality", "covariance")
+CHECKS_OF_FIXES = tuple(f"GNSS {kind}" for kind in _KINDS)
 LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
 
 
@@ -223,7 +226,7 @@ def read_recording(flight: Flight) -> Recording:
         recognition = None if contradicted else recognition
     stationary = prepared_imu.stationary
     if flight.gnss.stationary is not None:
-        checks = [check for check in checks if not check.name.startswith("GNSS ")]
+        checks = [check for check in checks if check.name not in CHECKS_OF_FIXES]
         checks.append(check_stationary(imu, stationary.time))
     turn_on = _turn_on_bias(stationary, C_b_imu, noise, gnss) if len(stationary) else ""
     if flight.filter.zero_velocity == "off":

@@ -36,10 +36,10 @@ class Segment:
     time_offset_s : float
         By how much the stamps of the fixes were moved before the solution, s.
     stated : mapping of str to float
-        A-priori sigma of constants, by the beginning of their names, that the flight file states
+        A-priori sigma of constants, by the group of the states, that the flight file states
         without asking for them.
     requested : tuple of str
-        Beginnings of the names of constants that the flight file has estimated.
+        Groups of the constants that the flight file has estimated.
     constants : tuple of ConstantEstimate
         What the segment alone says of the constants of its fixes.
     """

@@ -17,7 +17,9 @@ from ...navigation.diagnosis.remedies import REMEDIES, ROUNDS, Case, offset_to_a
 from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_S, common_span
+from ...navigation.recognise.claims import RECOGNISED
 from ...records import Check
+from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
 from .checks import check_segments, refusal
 from .estimation_problem import (
@@ -148,7 +150,7 @@ def _noted(checks: Iterable[Check]) -> str:
     odd = [
         f"{check.name}: {check.found}"
         for check in checks
-        if check.verdict != "ok" and not check.name.startswith("recognised")
+        if check.verdict != "ok" and check.name not in RECOGNISED
     ]
     return f"; noted before: {'; '.join(odd)}" if odd else ""
 
@@ -267,10 +269,10 @@ def _solve(
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:
-    """Return the beginnings of the names of constants that the flight file has estimated."""
+    """Return the groups of constants that the flight file has estimated."""
     options = flight.filter
-    lever_arm = ("antenna lever arm",) if options.lever_arm else ()
-    return lever_arm + (("GNSS time offset", "GNSS clock rate") if options.time_offset else ())
+    lever_arm = (LEVER_ARM,) if options.lever_arm else ()
+    return lever_arm + ((TIME_OFFSET.group, CLOCK_RATE.group) if options.time_offset else ())
 
 
 def _align(flight: Flight, problem: EstimationProblem, moved_s: float) -> tuple[InitialState, str]:

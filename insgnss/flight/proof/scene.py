@@ -37,12 +37,8 @@ CORRELATION = 0.6  # of neighbours
 
 CAMERA_FROM_BODY: Array = np.diag([-1.0, -1.0, 1.0])
 BORESIGHT: Array = rotation_from_opk(np.radians([-0.657, 0.574, -0.513]))
-ATTITUDES_DEG = (
-    (5.9, -6.2, 71.0),
-    (-6.8, 4.6, 69.9),
-    (4.7, 5.9, 71.8),
-    (-5.4, -4.3, -14.5),
-)  # roll, pitch, yaw
+# roll, pitch, yaw
+ATTITUDES_DEG = (5.9, -6.2, 71.0), (-6.8, 4.6, 69.9), (4.7, 5.9, 71.8), (-5.4, -4.3, -14.5)
 CENTRES_M = ((-18.0, -5.5, 121.0), (1.5, 0.5, 119.0), (20.0, 7.5, 122.5), (3.0, -2.0, 126.0))
 POINTS_M = (
     (-28.0, -3.0),

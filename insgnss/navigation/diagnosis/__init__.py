@@ -8,9 +8,10 @@ it reads no file. The modules follow the way of the search:
 
     candidates       the error models that are tried
     evidence         the likelihood of the innovations under one of them
-    time_correlated  the most likely time-correlated (Gauss-Markov) GNSS error
+    time_correlated  the most likely time-correlated (Gauss-Markov) errors of the fixes
     turn_on_bias     the evidence for biases that the noise model lacks
     decision         which candidate is adopted: `diagnose`
+    failure          why a flight has no solution, and with which errors of the IMU it has one
     drift            what larger noise of the whole flight smooths over
     advice           the notes for the user: checks against the flight file, a message
     remedies         the list of what is tried for a segment, in order: `REMEDIES`

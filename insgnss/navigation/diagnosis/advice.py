@@ -17,10 +17,21 @@ import numpy as np
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Check
 from ...records.cameras.mounting import Mounting
+from ...records.states import (
+    AXES,
+    CLOCK_RATE,
+    LEVER_ARM,
+    MISALIGNMENT,
+    OF_FIXES,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ..filter.codes import POS
 from ..filter.layout import FixErrors
 from ..filter.solution import Solution
-from .constants import OF_FIXES, STRONG, ConstantsEvidence, Hypothesis
+from .constants import STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
 
 if TYPE_CHECKING:
@@ -35,7 +46,6 @@ UNSEEN_SIGMA = 3.0
 # the largest was 2.7
 BY_CHANCE = 3.0
 TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
-AXES = ("forward", "right", "down")
 STAMPED = (
     "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
     " other one they are off by as much"
@@ -44,7 +54,6 @@ STAMPED = (
 # instantaneous, by (1 - 1/k) / 2 where every k-th alone was kept of means over shorter ones
 LATE_SAMPLES = (0.25, 0.5)
 LATE_SIGMAS = 2.0
-LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
 
 def advice(
@@ -76,57 +85,54 @@ def advice(
         One for each kind of constant, the most significant first.
     """
     values = {
-        name: (float(value), float(sigma))
-        for name, value, sigma in zip(
-            suspected.names, suspected.value, suspected.sigma, strict=True
+        state: (float(value), float(sigma))
+        for state, value, sigma in zip(
+            suspected.states, suspected.value, suspected.sigma, strict=True
         )
     }
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     either = "; this flight does not tell it from " + " or ".join(
-        " and ".join(rival.groups) for rival in rivals
+        " and ".join(map(str, rival.groups)) for rival in rivals
     )
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
     checks: list[tuple[float, Check]] = []
-    lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
-    sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
+    lever = [values.get(state) for state in OF_LEVER_ARM]
 
-    def add(of: str, check: Check) -> None:
+    def of_group(group: str) -> dict[State, tuple[float, float]]:
+        return {state: value for state, value in values.items() if state.group == group}
+
+    def add(group: str, check: Check) -> None:
         check = replace(check, beyond_chance=beyond_chance)
-        checks.append((max(size for name, size in sizes.items() if of in name), check))
+        checks.append((max(abs(v) / s for v, s in of_group(group).values()), check))
 
     if any(lever):
         strong = _shown(LEVER_ARM, suspected, rivals)
         add(LEVER_ARM, _lever_arm(mounting, lever, by, strong, exposures))
-    if OFFSET in values:
-        strong = _shown(OFFSET, suspected, rivals)
-        check = _time_offset(*values[OFFSET], speed, by, strong)
-        of_samples = _late_samples(*values[OFFSET], solution.problem.inc.nominal_s)
-        add(OFFSET, replace(check, advice=f"{check.advice}{of_samples}"))
-    if RATE in values:
-        strong = _shown(RATE, suspected, rivals)
-        add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
-    for kind, unit, factor, key in (
-        ("scale factor", "%", 1e2, "scale_factor"),
-        (" from ", "mrad", 1e3, "misalignment"),
-    ):
-        own = {name: value for name, value in values.items() if kind in name}
-        if own:
-            add(kind, _of_imu(own, unit, factor, key, by))
+    if TIME_OFFSET in values:
+        strong = _shown(TIME_OFFSET.group, suspected, rivals)
+        check = _time_offset(*values[TIME_OFFSET], speed, by, strong)
+        of_samples = _late_samples(*values[TIME_OFFSET], solution.problem.inc.nominal_s)
+        add(TIME_OFFSET.group, replace(check, advice=f"{check.advice}{of_samples}"))
+    if CLOCK_RATE in values:
+        strong = _shown(CLOCK_RATE.group, suspected, rivals)
+        add(CLOCK_RATE.group, _clock_rate(*values[CLOCK_RATE], minutes, speed, by, strong))
+    for group, unit, factor in ((SCALE_FACTOR, "%", 1e2), (MISALIGNMENT, "mrad", 1e3)):
+        if of_imu := of_group(group):
+            add(group, _of_imu(group, of_imu, unit, factor, by))
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
 
 
-def _shown(of: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
+def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool:
     """Tell whether a kind of constant is shown to be wrong.
 
     What the flight does not tell from an error of the IMU alone is no contradiction of the flight
     file; a rival that has the same constant as well supports it.
     """
-    own = {group for group in suspected.groups if group.startswith(of)}
+    own = {one for one in suspected.groups if one.group == group}
     return suspected.wide_evidence >= STRONG and all(
-        own <= set(rival.groups) or all(group.startswith(OF_FIXES) for group in rival.groups)
-        for rival in rivals
+        own <= set(rival.groups) or set(rival.groups) <= set(OF_FIXES) for rival in rivals
     )
 
 
@@ -159,17 +165,17 @@ def unseen(
     )
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
     parts, hidden = [], []
-    if not LEVER_ARM.startswith((*constants.requested, *constants.exact)):
-        sigmas = [alone.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
+    if LEVER_ARM not in (*constants.requested, *constants.exact):
+        sigmas = [alone.get(state, np.inf) for state in OF_LEVER_ARM]
         each = " / ".join(_millimetres(sigma) for sigma in sigmas)
         parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
         hidden += [
-            f"{LEVER_ARM} {axis} below {_millimetres(SEEN * sigma)} mm"
-            for axis, sigma in zip(AXES, sigmas, strict=True)
+            f"{state} below {_millimetres(SEEN * sigma)} mm"
+            for state, sigma in zip(OF_LEVER_ARM, sigmas, strict=True)
             if SEEN * sigma > limit
         ]
-    if not OFFSET.startswith(constants.requested):
-        sigma = alone.get(OFFSET, np.inf)
+    if TIME_OFFSET.group not in constants.requested:
+        sigma = alone.get(TIME_OFFSET, np.inf)
         cost = (
             "which moves no exposure: the same clock stamps them"
             if events_with_fixes
@@ -177,7 +183,7 @@ def unseen(
         )
         parts.append(f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({cost})")
         if SEEN * sigma * speed > limit and not events_with_fixes:
-            hidden.append(f"{OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
+            hidden.append(f"{TIME_OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
     if not parts:
         return None
     text = f"this flight tells {' and '.join(parts)}"
@@ -339,7 +345,7 @@ def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: boo
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
     return Check(
-        OFFSET,
+        str(TIME_OFFSET),
         f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
         f"{speed:.1f} m/s{by}",
         f"none, or less than {NEGLIGIBLE_M:g} m",
@@ -379,18 +385,18 @@ def _clock_rate(
 
 
 def _of_imu(
-    values: dict[str, tuple[float, float]], unit: str, factor: float, key: str, by: str
+    group: str, values: dict[State, tuple[float, float]], unit: str, factor: float, by: str
 ) -> Check:
     """Note scale factors or misalignments of the IMU, which are estimated."""
-    largest = sorted(values, key=lambda name: -abs(values[name][0] / values[name][1]))[:3]
+    largest = sorted(values, key=lambda state: -abs(values[state][0] / values[state][1]))[:3]
     numbers = ", ".join(
-        f"{name} {factor * values[name][0]:+.2f} +- {factor * values[name][1]:.2f} {unit}"
-        for name in largest
+        f"{state} {factor * values[state][0]:+.2f} +- {factor * values[state][1]:.2f} {unit}"
+        for state in largest
     )
     return Check(
-        "IMU scale factors" if key == "scale_factor" else "IMU misalignments",
+        f"IMU {group}s",
         f"{numbers}{by}; estimated",
         "within what the noise model has",
         "note",
-        f"calibrate the IMU (imu.calibration), or set filter.{key} = true",
+        f"calibrate the IMU (imu.calibration), or set filter.{group.replace(' ', '_')} = true",
     )

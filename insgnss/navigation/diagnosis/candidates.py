@@ -15,12 +15,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...records.states import (
+    CLOCK_RATE,
+    LEVER_ARM,
+    MISALIGNMENT,
+    OF_FIXES,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ..filter.codes import NAV
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..noise_model.model import AxisNoise, NoiseModel
 
-CLOCK_RATE = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
+CLOCK_RATE_SIGMA = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 
 # k, c, T (s) from which the search for the time-correlated error starts
@@ -31,9 +40,8 @@ GUESSES = (
     (0.3, 0.7, 20.0),
     (0.4, 0.8, 3.0),
 )
-CODE_GUESSES = (
-    (0.1, 0.2, 10.0),
-)  # the same for code solutions, whose sigmas hold errors of minutes
+# the same for code solutions, whose sigmas hold errors of minutes
+CODE_GUESSES = ((0.1, 0.2, 10.0),)
 
 WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
 WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008
@@ -119,15 +127,15 @@ class ErrorModel:
     imu: ImuErrors = AS_STATED
 
 
-def with_constants(model: ErrorModel, groups: Sequence[str], factor: float = 1.0) -> ErrorModel:
+def with_constants(model: ErrorModel, groups: Sequence[State], factor: float = 1.0) -> ErrorModel:
     """Give constants a wide a-priori sigma.
 
     Parameters
     ----------
     model : ErrorModel
         What is estimated already.
-    groups : sequence of str
-        Groups of `constants.group_of`; a group brings those with it that are states together only.
+    groups : sequence of State
+        Groups of `constants.group_of`; one brings those with it that are states together only.
     factor : float
         Of the a-priori sigmas of the fixes' constants.
 
@@ -137,14 +145,15 @@ def with_constants(model: ErrorModel, groups: Sequence[str], factor: float = 1.0
         The model with these constants among its states.
     """
     fixes, imu = model.fixes, model.imu
-    if any(group.startswith("antenna lever arm") for group in groups):
+    kinds = {one.group for one in groups}
+    if LEVER_ARM in kinds:
         fixes = replace(fixes, lever_arm_m=factor * WIDE_LEVER_ARM_M)
-    if any(group.startswith(("GNSS time offset", "GNSS clock rate")) for group in groups):
+    if kinds & {TIME_OFFSET.group, CLOCK_RATE.group}:
         offset, rate = factor * WIDE_TIME_OFFSET_S, factor * WIDE_CLOCK_RATE
         fixes = replace(fixes, time_offset_s=offset, clock_rate=rate)
-    if any(group.endswith("scale factors") for group in groups):
+    if SCALE_FACTOR in kinds:
         imu = replace(imu, scale_factor=WIDE_SCALE)
-    if any(group.endswith("misalignments") for group in groups):
+    if MISALIGNMENT in kinds:
         imu = replace(imu, misalignment=WIDE_MISALIGNMENT_RAD)
     return ErrorModel(fixes, imu)
 
@@ -163,8 +172,7 @@ def with_every_constant(model: ErrorModel) -> ErrorModel:
         The model with lever arm, time offset and clock rate, `FAR` times wide, and scale factors
         and misalignments.
     """
-    every = ("antenna lever arm", "GNSS time offset", "scale factors", "misalignments")
-    return with_constants(model, every, FAR)
+    return with_constants(model, (*OF_FIXES, State(SCALE_FACTOR), State(MISALIGNMENT)), FAR)
 
 
 def with_time_correlated_error(
@@ -231,11 +239,11 @@ def with_layout(
     Returns
     -------
     tuple of EstimationProblem and InitialState
-        The problem with `layout`. States of the same name keep their value and their covariance,
+        The problem with `layout`. States that it had keep their value and their covariance,
         new ones start at zero with their a-priori sigma, uncorrelated with the others.
     """
     old = problem.layout
-    index = [old.names.index(name) if name in old.names else -1 for name in layout.names]
+    index = [old.states.index(one) if one in old.states else -1 for one in layout.states]
     kept = np.array([s for s, k in enumerate(index) if k >= 0], dtype=np.int64)
     source = np.array([k for k in index if k >= 0], dtype=np.int64)
     n = NAV.stop
@@ -266,12 +274,12 @@ def widened(
     tuple of EstimationProblem and InitialState
         The problem, and the start with these states as they are a priori.
     """
-    sigma = dict(zip(before.names, before.sigma0.tolist(), strict=True))
+    sigma = dict(zip(before.states, before.sigma0.tolist(), strict=True))
     layout = problem.layout
     grown = [
         s
-        for s, name in enumerate(layout.names)
-        if name in sigma and layout.beta[s] == 0.0 and layout.sigma0[s] > sigma[name]
+        for s, state in enumerate(layout.states)
+        if layout.beta[s] == 0.0 and layout.sigma0[s] > sigma.get(state, np.inf)
     ]
     return problem, with_a_priori(start, layout, grown)
 

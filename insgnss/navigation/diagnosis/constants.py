@@ -47,6 +47,15 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Array
+from ...records.states import (
+    CLOCK_RATE,
+    MISALIGNMENT,
+    OF_FIXES,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from ...records.verdicts import ConstantEstimate
 from ..filter.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
 from ..filter.filter import make_history, run_filter
@@ -62,8 +71,6 @@ PLAUSIBLE = 4.0  # a-priori sigmas of scale factors and misalignments
 # minutes had one, by chance among nine groups; from 4 on none, and no wrong constant is lost by it
 TAKEN = 4.0
 FACTORS = (0.1, 1.0, FAR)  # of the a-priori sigmas of the fixes' constants
-OFFSET, CLOCK_RATE = "GNSS time offset", "GNSS clock rate"
-OF_FIXES = ("antenna lever arm", OFFSET, CLOCK_RATE)
 TELLING = 0.5  # of the wide a-priori sigma: a flight that reaches it says something of a constant
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 # log evidence by which what the filter follows beside may be off: 0.02 to 0.6 on flights near
@@ -79,12 +86,12 @@ class Hypothesis:
 
     Parameters
     ----------
-    groups : tuple of str
-        Names of the groups.
+    groups : tuple of State
+        The groups (`group_of`).
     evidence : float
         Logarithm of its evidence against the flight file's.
-    names : tuple of str
-        (k,) names of the error states.
+    states : tuple of State
+        (k,) the error states.
     value, sigma : Array
         (k,) what it estimates of them, and the standard deviations.
     factor : float
@@ -93,9 +100,9 @@ class Hypothesis:
         Its evidence with a factor of at least one, which chance alone reaches more rarely.
     """
 
-    groups: tuple[str, ...]
+    groups: tuple[State, ...]
     evidence: float
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     value: Array
     sigma: Array
     factor: float
@@ -108,10 +115,8 @@ class ConstantsEvidence:
 
     Parameters
     ----------
-    names : tuple of str
-        (c,) names of the candidates.
-    group : tuple of str
-        (c,) the group of each.
+    states : tuple of State
+        (c,) the candidates.
     wide : Array
         (c,) the wide a-priori sigma of each.
     stated : Array
@@ -121,13 +126,12 @@ class ConstantsEvidence:
     vector : Array
         (c,) b of (D.1).
     requested : tuple of str
-        Beginnings of the names of groups that are estimated in any case.
+        Groups of states that are estimated in any case and not suspected.
     exact : tuple of str
-        Beginnings of the names of groups that the flight file states as exact.
+        Groups of states that the flight file states as exact.
     """
 
-    names: tuple[str, ...]
-    group: tuple[str, ...]
+    states: tuple[State, ...]
     wide: Array
     stated: Array
     information: Array
@@ -135,9 +139,14 @@ class ConstantsEvidence:
     requested: tuple[str, ...] = ()
     exact: tuple[str, ...] = ()
 
+    @cached_property
+    def group(self) -> tuple[State, ...]:
+        """(c,) what each candidate is suspected with."""
+        return tuple(group for state in self.states if (group := group_of(state)))
+
     def denied(self, hypothesis: Hypothesis) -> bool:
         """Tell whether a hypothesis suspects what the flight file states as exact."""
-        return any(group.startswith(self.exact) for group in hypothesis.groups)
+        return any(suspected.group in self.exact for suspected in hypothesis.groups)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -148,7 +157,7 @@ class ConstantsEvidence:
         """
         narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
         groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
-        groups = tuple(group for group in groups if not group.startswith(self.requested))
+        groups = tuple(one for one in groups if one.group not in self.requested)
         sizes = range(1, MOST_TOGETHER + 1)
         every = [suspected for size in sizes for suspected in combinations(groups, size)]
         cases = [(suspected, factor) for suspected in every for factor in FACTORS]
@@ -166,7 +175,7 @@ class ConstantsEvidence:
                 Hypothesis(
                     suspected,
                     float(evidence[k, factor]),
-                    tuple(self.names[state] for state in own),
+                    tuple(self.states[state] for state in own),
                     estimate[case, own] * self.wide[own],
                     np.sqrt(cov[case, own, own]) * self.wide[own],
                     FACTORS[factor],
@@ -216,17 +225,17 @@ class ConstantsEvidence:
             and one.evidence > of.evidence - OTHERS
         ]
 
-    def known_to(self) -> dict[str, float]:
+    def known_to(self) -> dict[State, float]:
         """Return to what sigma this flight alone knows each candidate, were it the only one.
 
         Returns
         -------
-        dict of str to float
-            Standard deviation by name, infinite where the flight does not tell.
+        dict of State to float
+            Standard deviation of each, infinite where the flight does not tell.
         """
         own = np.sqrt(np.maximum(np.diag(self.information), 0.0))
         with np.errstate(divide="ignore"):
-            return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
+            return dict(zip(self.states, (self.wide / own).tolist(), strict=True))
 
     def estimates(self, middle_s: float = 0.0) -> tuple[ConstantEstimate, ...]:
         """Return what this flight alone says of the constants of its fixes.
@@ -246,24 +255,24 @@ class ConstantsEvidence:
             Those of which the flight says anything: whose sigma is below half of the wide one.
         """
         estimates = []
-        for beginning in OF_FIXES:
-            groups = tuple(g for g in dict.fromkeys(self.group) if g.startswith(beginning))
+        for together in (OF_LEVER_ARM, (TIME_OFFSET,), (CLOCK_RATE,)):
+            groups = tuple(state for state in together if state in self.states)
             if not groups:
                 continue
-            evidence = self._offset_at(middle_s) if beginning == OFFSET else self
+            evidence = self._offset_at(middle_s) if TIME_OFFSET in groups else self
             _, (estimate,), (cov,) = evidence._evaluate([(groups, FAR)])
             for k in np.flatnonzero([group in groups for group in self.group]):
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING:
                     value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
-                    estimates.append(ConstantEstimate(self.names[k], value, own))
+                    estimates.append(ConstantEstimate(self.states[k], value, own))
         return tuple(estimates)
 
     def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
         """Return the evidence with the time offset at an instant in place of the first epoch's."""
-        if not {OFFSET, CLOCK_RATE} <= set(self.names):
+        if not {TIME_OFFSET, CLOCK_RATE} <= set(self.states):
             return self
-        offset, rate = self.names.index(OFFSET), self.names.index(CLOCK_RATE)
+        offset, rate = self.states.index(TIME_OFFSET), self.states.index(CLOCK_RATE)
         back = np.eye(self.wide.size)
         back[offset, rate] = -instant_s * self.wide[rate] / self.wide[offset]
         return replace(
@@ -273,10 +282,10 @@ class ConstantsEvidence:
     @property
     def of_fixes(self) -> np.ndarray:
         """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
-        return np.array([group.startswith(OF_FIXES) for group in self.group])
+        return np.array([state in OF_FIXES for state in self.states])
 
     def _evaluate(
-        self, cases: Sequence[tuple[tuple[str, ...], float]]
+        self, cases: Sequence[tuple[tuple[State, ...], float]]
     ) -> tuple[Array, Array, Array]:
         """Return F, e and cov e of (D.2) of groups and factors, in units of `wide`."""
         stated = self.stated / self.wide
@@ -310,16 +319,16 @@ def constants_evidence(
     layout : StateLayout
         Its states and the candidates besides, with their wide a-priori sigmas.
     requested : tuple of str
-        Beginnings of the names of those that are estimated in any case and not suspected.
+        Groups of states that are estimated in any case and not suspected.
     exact : tuple of str
-        Beginnings of the names of those that the flight file states as exact.
+        Groups of states that the flight file states as exact.
 
     Returns
     -------
     ConstantsEvidence or None
         The evidence; None where the filter does not follow the fixes.
     """
-    states = [s for s, name in enumerate(layout.names) if group_of(name)]
+    states = [s for s, state in enumerate(layout.states) if group_of(state)]
     wide, wide_start = with_layout(_open(problem), start, layout)
     rows, sigma = NAV.stop + np.array(states), layout.sigma0[states]
     # what the flight file says of them, which is not zero of stamps that were moved since
@@ -336,24 +345,10 @@ def constants_evidence(
     L = np.linalg.inv(P)
     information = L - np.eye(sigma.size)
     vector = L @ x - information @ stated_value
-    names = tuple(layout.names[s] for s in states)
-    own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
-    stated = np.array([own_sigma.get(name, 0.0) for name in names])
-    return _evidence(names, sigma, stated, information, vector, requested, exact)
-
-
-def _evidence(
-    names: tuple[str, ...],
-    wide: Array,
-    stated: Array,
-    information: Array,
-    vector: Array,
-    requested: tuple[str, ...],
-    exact: tuple[str, ...],
-) -> ConstantsEvidence:
-    """Return the evidence of candidates, each in its group."""
-    groups = tuple(group_of(name) for name in names)
-    return ConstantsEvidence(names, groups, wide, stated, information, vector, requested, exact)
+    candidates = tuple(layout.states[s] for s in states)
+    own_sigma = dict(zip(own.states, own.sigma0.tolist(), strict=True))
+    stated = np.array([own_sigma.get(state, 0.0) for state in candidates])
+    return ConstantsEvidence(candidates, sigma, stated, information, vector, requested, exact)
 
 
 def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensitivity | None:
@@ -378,7 +373,7 @@ def followed_constants(problem: EstimationProblem, wide: StateLayout) -> Sensiti
         return None
     if (epochs.barometer_variance > 0.0).any() or (epochs.constraint == NHC).any():
         return None
-    states = [s for s, name in enumerate(wide.names) if group_of(name)]
+    states = [s for s, state in enumerate(wide.states) if group_of(state)]
     constants = Constants.of(problem.layout, wide, states)
     return None if constants is None else Sensitivity.before(problem, constants)
 
@@ -398,9 +393,9 @@ def settled_evidence(
     followed : Sensitivity or None
         What went along with its first pass; that of another problem is not taken.
     requested : tuple of str
-        Beginnings of the names of those that are estimated in any case and not suspected.
+        Groups of states that are estimated in any case and not suspected.
     exact : tuple of str
-        Beginnings of the names of those that the flight file states as exact.
+        Groups of states that the flight file states as exact.
 
     Returns
     -------
@@ -416,21 +411,20 @@ def settled_evidence(
     if beyond > MOST_REJECTED * offered or (verdict == COVARIANCE_RESET).any():
         return None
     constants, data = followed.constants, followed.of_the_data()
-    evidence = _evidence(constants.names, constants.wide, constants.stated, *data, requested, exact)
+    sigmas = constants.wide, constants.stated
+    evidence = ConstantsEvidence(constants.states, *sigmas, *data, requested, exact)
     every = evidence.hypotheses
     return None if every and every[0].evidence > TAKEN - UNSETTLED else evidence
 
 
-def group_of(name: str) -> str:
-    """Return the group of a candidate by the name of its error state, empty for another state."""
-    if name.startswith(OF_FIXES):
-        return name
-    sensor = {"gyro": "gyro", "accel": "accelerometer"}.get(name.split()[0])
-    if sensor is None:
-        return ""
-    if name.endswith("scale factor"):
-        return f"{sensor} scale factors"
-    return f"{sensor} misalignments" if " from " in name else ""
+def group_of(state: State) -> State | None:
+    """Return what a candidate is suspected with, None of a state that is no candidate.
+
+    An error of the fixes is suspected by itself, one of the IMU with those of the other axes.
+    """
+    if state in OF_FIXES:
+        return state
+    return state.of_all_axes if state.group in (SCALE_FACTOR, MISALIGNMENT) else None
 
 
 def _open(problem: EstimationProblem) -> EstimationProblem:
@@ -461,18 +455,18 @@ def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[Constan
     Returns
     -------
     tuple of ConstantEstimate
-        One by name, in the order in which they first occur.
+        One of each constant, in the order in which they first occur.
     """
-    by_name: dict[str, list[ConstantEstimate]] = {}
+    by_state: dict[State, list[ConstantEstimate]] = {}
     for estimates in of_segments:
         for one in estimates:
-            by_name.setdefault(one.name, []).append(one)
+            by_state.setdefault(one.state, []).append(one)
     joined = []
-    for name, several in by_name.items():
+    for state, several in by_state.items():
         weight = np.array([one.sigma**-2 for one in several])
         values = np.array([one.correction for one in several])
         mean = float(weight @ values / weight.sum())
         excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
         sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
-        joined.append(ConstantEstimate(name, mean, sigma))
+        joined.append(ConstantEstimate(state, mean, sigma))
     return tuple(joined)

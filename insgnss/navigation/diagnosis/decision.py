@@ -1,6 +1,6 @@
 """The decision: which error model is adopted; what it says of the flight file stands in `advice`.
 
-`diagnose` looks at a solution, `explain_failure` at a problem that has none.
+`diagnose` looks at a solution; a problem that has none is looked at in `failure`.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,29 +13,25 @@ from ...base.beside import Beside
 from ...base.errors import DataError
 from ...records import Check
 from ...records.cameras.mounting import Mounting
+from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET, State
 from ...records.verdicts import ConstantEstimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
-from .advice import LEVER_ARM, OFFSET, RATE, advice, message, unseen, variance_check
+from .advice import advice, message, unseen, variance_check
 from .candidates import (
-    AS_STATED,
     FAR,
     ErrorModel,
     LayoutFactory,
-    guesses,
     widened,
     with_constants,
     with_every_constant,
     with_larger_white_share,
     with_layout,
-    with_time_correlated_error,
 )
 from .clock_step import find_clock_step, step_check
 from .constants import (
-    OF_FIXES,
-    STRONG,
     ConstantsEvidence,
     Hypothesis,
     constants_evidence,
@@ -44,19 +40,16 @@ from .constants import (
 )
 from .estimated import constant
 from .evidence import (
-    GAIN,
     follows,
-    liveliest_window,
     loses_fixes,
-    minus_two_log_likelihood,
     misfit,
 )
 from .sensitivity import Sensitivity
-from .time_correlated import time_correlated_error
+from .time_correlated import is_suspicious, time_correlated_error
 from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
-OF_CLOCK = (OFFSET, RATE)  # groups that a step of a clock is taken for
+OF_CLOCK = (TIME_OFFSET, CLOCK_RATE)  # constants that a step of a clock is taken for
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 SLOW_PARAMETERS = 1  # correlation time
@@ -92,8 +85,7 @@ class ErrorModelSearch:
     variances : bool
         Whether variances compete; `tune` estimates them by itself.
     requested : tuple of str
-        Beginnings of the names of constants that the flight file has estimated; they are not
-        suspected.
+        Groups of constants that the flight file has estimated; they are not suspected.
     events_with_fixes : bool
         Whether the clock of the fixes stamps the exposures.
     exposures : bool
@@ -113,7 +105,7 @@ class ErrorModelSearch:
 
     @property
     def exact(self) -> tuple[str, ...]:
-        """Beginnings of the names of constants that the flight file states as exact."""
+        """Groups of constants that the flight file states as exact."""
         of_arm = self.mounting.antenna_sigma_m == 0.0 and LEVER_ARM not in self.requested
         return (LEVER_ARM,) if of_arm else ()
 
@@ -139,6 +131,14 @@ class ErrorModelSearch:
             return None
         wide = self.layout(with_every_constant(ErrorModel(self.requested_errors)))
         return followed_constants(problem, wide)
+
+    def solved(self, posed: Posed, model: ErrorModel) -> Solution | None:
+        """Solve again with another error model; None where there is no solution."""
+        again = widened(*with_layout(*posed, self.layout(model)), posed[0].layout)
+        try:
+            return solve(*again, self.second_pass, self.progress)
+        except DataError:
+            return None
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -225,7 +225,7 @@ class _State:
     model: ErrorModel
     checks: tuple[Check, ...] = ()
     history: tuple[str, ...] = ()
-    attempted: frozenset[str] = frozenset()
+    attempted: frozenset[State | str] = frozenset()
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -237,18 +237,35 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check |
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
     """
-    of_clock = any(group.startswith(OF_CLOCK) for group in (*here.attempted, *search.requested))
-    if not of_clock and _resets(here.solution) == 0:
+    requested = TIME_OFFSET.group in search.requested
+    if not requested and here.attempted.isdisjoint(OF_CLOCK) and _resets(here.solution) == 0:
         return None
     models = dict.fromkeys((ErrorModel(search.requested_errors), here.model))
-    steps = (_step_under(search, posed, model, here.solution) for model in models)
+    steps = (step_under(search, posed, model, here.solution) for model in models)
     return next((step for step in steps if step is not None), None)
 
 
-def _step_under(
+def step_under(
     search: ErrorModelSearch, posed: Posed, model: ErrorModel, against: Solution | None
 ) -> Check | None:
-    """Say that a clock steps, if that explains more under an error model than another solution."""
+    """Say that a clock steps, if that explains more under an error model than another solution.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    posed : tuple of EstimationProblem and InitialState
+        The problem and its initial state.
+    model : ErrorModel
+        The error model.
+    against : Solution or None
+        The other solution.
+
+    Returns
+    -------
+    Check or None
+        None where nothing steps.
+    """
     layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
     step = find_clock_step(*posed, layout, against, search.second_pass, search.progress)
     return None if step is None else step_check(step)
@@ -294,19 +311,20 @@ def _with_constants(
     suspected: Hypothesis,
 ) -> _State | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
-    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
+    search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
     rivals = constants.rivals(suspected)
-    groups = _together(suspected, rivals)
+    groups = together(suspected, rivals)
     model = with_constants(here.model, groups, suspected.factor)
-    solution = _solved(search, posed, model)
+    solution = search.solved(posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
     gain = misfit(here.solution) - misfit(solution) + OPEN * len(groups)
     if gain < EXPLAINED * suspected.evidence:
         return None  # the wide pass lost its way, in an outage say: the remedy explains less
-    solved = _as_solved(suspected, solution)
+    solved = as_solved(suspected, solution)
     checks = advice(search.mounting, solution, solved, rivals, search.exposures)
-    sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
+    which = ", ".join(map(str, suspected.groups))
+    sentence = f"estimated, log evidence {suspected.evidence:.0f}: {which}"
     attempted = here.attempted | set(suspected.groups)
     return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
 
@@ -317,13 +335,13 @@ def _as_allowed(
     """Return a remedied state, or what it says alone where it estimates what is stated as exact."""
     if not constants.denied(suspected):
         return remedied
-    names = [group for group in suspected.groups if group.startswith(constants.exact)]
+    names = [str(one) for one in suspected.groups if one.group in constants.exact]
     sentence = (
         f"stated as exact and not estimated, log evidence {suspected.evidence:.0f}:"
         f" {', '.join(names)}"
     )
     new = remedied.checks[len(here.checks) :]
-    checks = (*here.checks, *(check for check in new if check.name.startswith(constants.exact)))
+    checks = (*here.checks, *(check for check in new if check.name in constants.exact))
     history = (*here.history, sentence)
     return replace(here, checks=checks, history=history, attempted=remedied.attempted)
 
@@ -341,7 +359,7 @@ def _variance(
 
     def adopt() -> _State | None:
         search.progress(f"filter, with larger {winner.family}")
-        solution = _solved(search, posed, model)
+        solution = search.solved(posed, model)
         if solution is None or _left(search, solution) > winner.evidence:
             return None
         check = variance_check(winner)
@@ -372,193 +390,34 @@ def _time_correlated(
     if not suspicious.result():
         # what larger noise of the IMU leaves is no error of the fixes
         imu = here.model.imu
-        alone = (imu.white_noise, imu.driving_noise) == (
-            AS_STATED.white_noise,
-            AS_STATED.driving_noise,
-        )
-        slow = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
-        if slow is None:
-            return None
-        model = replace(here.model, fixes=slow)
-        evidence = variances.evidence_of(search.layout(model), SLOW_PARAMETERS)
-        return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
-    search.progress("the innovations are not white: errors of the fixes")
-    errors = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
+        alone = (imu.white_noise, imu.driving_noise) == ((1.0, 1.0), (1.0, 1.0))
+        errors = variances.slow_error(search.of_fixes(here.model), fixes) if alone else None
+        parameters = SLOW_PARAMETERS
+    else:
+        search.progress("the innovations are not white: errors of the fixes")
+        errors = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
+        parameters = CORRELATED_PARAMETERS
     if errors is None:
         return None
     model = replace(here.model, fixes=errors)
-    evidence = variances.evidence_of(search.layout(model), CORRELATED_PARAMETERS)
+    evidence = variances.evidence_of(search.layout(model), parameters)
     return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
 
 
-def _solved(search: ErrorModelSearch, posed: Posed, model: ErrorModel) -> Solution | None:
-    """Solve again with another error model; None where there is no solution."""
-    again = widened(*with_layout(*posed, search.layout(model)), posed[0].layout)
-    try:
-        return solve(*again, search.second_pass, search.progress)
-    except DataError:
-        return None
-
-
-def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: FixErrors) -> bool:
-    """Tell whether a time-correlated GNSS error explains the liveliest window better.
+def together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[State, ...]:
+    """Return the groups that are estimated together, and so in the covariance.
 
     Parameters
     ----------
-    solution : Solution
-        The solved flight.
-    layout_factory : LayoutFactory
-        The error states of the flight as a function of those of its fixes.
-    errors : FixErrors
-        What is estimated already.
+    suspected : Hypothesis
+        What is suspected.
+    rivals : sequence of Hypothesis
+        What the flight does not tell from it.
 
     Returns
     -------
-    bool
-        Whether it gains `evidence.GAIN` in (C.1); never where one is estimated already.
-    """
-    if errors.gm_sigma is not None:
-        return False
-    problem, start = liveliest_window(solution)
-    candidates = [errors]
-    candidates += [with_time_correlated_error(errors, *guess) for guess in guesses(problem)]
-    cost = [
-        minus_two_log_likelihood(*with_layout(problem, start, layout_factory(candidate)))
-        for candidate in candidates
-    ]
-    return cost[0] - min(cost[1:]) > GAIN
-
-
-def explain_failure(
-    search: ErrorModelSearch,
-    problem: EstimationProblem,
-    align: Callable[[EstimationProblem], InitialState],
-) -> Check | None:
-    """Look for the lever arm or time offset without which a flight has no solution.
-
-    Parameters
-    ----------
-    search : ErrorModelSearch
-        What the search may vary.
-    problem : EstimationProblem
-        The problem that has no solution with the requested errors.
-    align : callable
-        Gives the initial state of a problem, or raises DataError.
-
-    Returns
-    -------
-    Check or None
-        What contradicts the flight file; None where nothing explains the failure.
-    """
-    search.progress("what the fixes say with an open gate")
-    open_gate = replace(problem, gate=np.inf)
-    try:
-        start = align(open_gate)
-    except DataError:
-        return None
-    shown = _shown_by(search, open_gate, start)
-    if shown is None:
-        return None
-    suspected, rivals = shown
-    quiet = replace(search, second_pass="off", progress=lambda _: None)
-    model = ErrorModel(search.requested_errors)
-    model = with_constants(model, suspected.groups, suspected.factor)
-    candidate = _solved(quiet, (problem, start), model)
-    if candidate is not None and not follows(candidate):
-        candidate = None
-    if any(group.startswith(OF_CLOCK) for group in suspected.groups):
-        own = ErrorModel(search.requested_errors)
-        step = _step_under(search, (problem, start), own, candidate)
-        if step is not None:
-            return step
-    if candidate is None:
-        return None
-    solved = _as_solved(suspected, candidate)
-    checks = advice(search.mounting, candidate, solved, rivals, search.exposures)
-    return next((check for check in checks if check.verdict == "contradiction"), None)
-
-
-def rescue(
-    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
-    """Look for the error of the IMU with which a flight has a solution that has none without.
-
-    Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
-    which would take them for vibration, after.
-
-    Parameters
-    ----------
-    search : ErrorModelSearch
-        What the search may vary.
-    problem, start : EstimationProblem, InitialState
-        The problem that has no solution with the requested errors, and its initial state.
-
-    Returns
-    -------
-    tuple of Solution and tuple of Check, or None
-        The solution with these states or larger variances, and what says so; None where neither is
-        a remedy.
-    """
-    calibrated = _with_errors_of_imu(search, problem, start)
-    if calibrated is not None or not search.variances:
-        return calibrated
-    model = ErrorModel(search.requested_errors)
-    try:
-        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
-        for _ in range(ROUNDS):
-            winner = VarianceSearch(shown, search.progress).strongest()
-            larger = None if winner is None else with_variances(model, winner)
-            if winner is None or larger is None:
-                return None
-            model, check = larger, variance_check(winner)
-            solution = _solved(search, (problem, start), model)
-            if solution is not None and follows(solution):
-                return solution, (check,)
-            again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
-            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
-    except DataError:
-        return None
-    return None
-
-
-def _with_errors_of_imu(
-    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
-    """Solve with the scale factors or misalignments that an open gate shows; None without."""
-    open_gate = replace(problem, gate=np.inf)
-    shown = _shown_by(search, open_gate, start)
-    if shown is None or any(group.startswith(OF_FIXES) for group in shown[0].groups):
-        return None
-    suspected, rivals = shown
-    model = with_constants(ErrorModel(search.requested_errors), _together(suspected, rivals))
-    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
-    posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
-    try:
-        first = solve(*posed, search.second_pass, search.progress, separations=0)
-        gated = replace(posed[0], gate=problem.gate)
-        solution = solve(gated, posed[1], search.second_pass, search.progress, about=first)
-    except DataError:
-        return None
-    if not follows(solution):
-        return None
-    return solution, tuple(advice(search.mounting, solution, suspected, rivals))
-
-
-def _shown_by(
-    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Hypothesis, list[Hypothesis]] | None:
-    """Return the constants that a problem shows to be wrong, and their rivals; None without."""
-    constants = search.constants(problem, start, ErrorModel(search.requested_errors))
-    suspected = None if constants is None else constants.strongest()
-    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
-        return None
-    return suspected, constants.rivals(suspected)
-
-
-def _together(suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> tuple[str, ...]:
-    """Return the groups of a hypothesis and of what the flight does not tell from it.
-
-    They are estimated together, and so in the covariance.
+    tuple of State
+        Their groups, each once.
     """
     return tuple(dict.fromkeys(g for one in (suspected, *rivals) for g in one.groups))
 
@@ -575,15 +434,27 @@ def _resets(solution: Solution) -> int:
     return int(np.count_nonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET))
 
 
-def _as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
+def as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
     """Return a hypothesis with the values of the solution where they are far from the flight file.
 
     The evidence is linear in them, and an error of metres is not.
+
+    Parameters
+    ----------
+    suspected : Hypothesis
+        What is suspected.
+    solution : Solution
+        The flight solved with it.
+
+    Returns
+    -------
+    Hypothesis
+        The same where it is near the flight file.
     """
     if suspected.factor == 1.0:
         return suspected
-    names = solution.problem.layout.names
-    pairs = np.array([constant(solution, names.index(name)) for name in suspected.names])
+    states = solution.problem.layout.states
+    pairs = np.array([constant(solution, states.index(state)) for state in suspected.states])
     return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
@@ -598,7 +469,7 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
     most, keeps_most, adopted = 0.0, None, None
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
-        again = _solved(search, posed, model)
+        again = search.solved(posed, model)
         if again is not None:
             gain = before - misfit(again)
             if follows(again) and gain > 0.0 and gain >= MOST_OF_GAIN * most:

@@ -4,7 +4,7 @@ A state is observed where the flight reduces its standard deviation to less than
 a-priori one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -45,8 +45,8 @@ def constant_states(
     solution : Solution
         The solved flight.
     stated : mapping of str to float
-        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
-        the flight file states them and were not asked for; they are left out.
+        A-priori sigma of groups of constants that are carried as the flight file states them and
+        were not asked for; they are left out.
 
     Returns
     -------
@@ -56,11 +56,11 @@ def constant_states(
     layout = solution.problem.layout
     return [
         s
-        for s, name in enumerate(layout.names)
+        for s, state in enumerate(layout.states)
         if layout.beta[s] == 0.0
         and layout.drive[s] == 0.0
         and layout.factor[s] not in (BIAS, DRIFT)
-        and not any(name.startswith(of) and layout.sigma0[s] <= own for of, own in stated.items())
+        and layout.sigma0[s] > stated.get(state.group, -np.inf)
     ]
 
 
@@ -68,7 +68,7 @@ def state_verdicts(
     solution: Solution,
     moved_s: float = 0.0,
     stated: Mapping[str, float] = MappingProxyType({}),
-    requested: tuple[str, ...] = ("",),
+    requested: Collection[str] | None = None,
 ) -> tuple[StateVerdict, ...]:
     """Judge all constants that the flight estimates besides biases.
 
@@ -79,10 +79,10 @@ def state_verdicts(
     moved_s : float
         By how much the stamps of the fixes were moved before, s; a part of the time offset.
     stated : mapping of str to float
-        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
-        the flight file states them and were not asked for; they are left out.
-    requested : tuple of str
-        Beginnings of the names of those that the flight file asks for; all by default.
+        A-priori sigma of groups of constants that are carried as the flight file states them and
+        were not asked for; they are left out.
+    requested : collection of str, optional
+        Groups of those that the flight file asks for; all by default.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def state_verdicts(
     speed = rms_speed(solution)
     verdicts = []
     for s in constant_states(solution, stated):
-        name = layout.names[s]
+        state = layout.states[s]
         (value, sigma), prior = constant(solution, s), float(layout.sigma0[s])
         moves_m = None
         if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:
@@ -103,9 +103,8 @@ def state_verdicts(
         observed = sigma < OBSERVED * prior
         if 0 <= layout.barometer == s - 1 and not observed:
             continue  # at one height nobody asks for it
-        verdicts.append(
-            StateVerdict(name, value, sigma, prior, moves_m, observed, name.startswith(requested))
-        )
+        of_file = requested is None or state.group in requested
+        verdicts.append(StateVerdict(state, value, sigma, prior, moves_m, observed, of_file))
     return tuple(verdicts)
 
 

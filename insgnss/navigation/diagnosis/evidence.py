@@ -19,7 +19,7 @@ from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, U
 from ..filter.filter import make_history, run_filter
 from ..filter.problem import EstimationProblem, InitialState, sub_problem
 from ..filter.solution import Solution
-from ..innovations.innovation_noise import sub_solution
+from ..innovations.pieces import sub_solution
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
 GAIN = 20.0  # in -2 log L, from which a candidate is accepted

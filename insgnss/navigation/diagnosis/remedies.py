@@ -24,10 +24,10 @@ from ..filter.problem import EstimationProblem, InitialState
 from ..filter.solution import Solution, solve
 from ..noise_model.model import NoiseModel
 from .candidates import LayoutFactory, with_layout
-from .code_errors import code_errors, code_message
-from .decision import ErrorModelSearch, diagnose, explain_failure, rescue
+from .decision import ErrorModelSearch, diagnose
 from .drift import hidden_drift
 from .estimated import constant
+from .failure import explain_failure, rescue
 from .incorrect_fixes import (
     Spell,
     incorrect_check,
@@ -36,6 +36,7 @@ from .incorrect_fixes import (
     withhold_incorrect_fixes,
 )
 from .sensitivity import Sensitivity
+from .time_correlated import code_errors, code_message
 from .turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
 
 OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution

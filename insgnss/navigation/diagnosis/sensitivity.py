@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
+from ...records.states import State
 from ..filter.codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from ..filter.kernels.records import Epochs, FilterHistory, IntegrationIntervals
 from ..filter.layout import StateLayout
@@ -47,8 +48,8 @@ class Constants:
 
     Parameters
     ----------
-    names : tuple of str
-        (c,) their names as error states.
+    states : tuple of State
+        (c,) what they are.
     state : ndarray
         (c,) the state of the filter that it is, counted from the first of navigation, or ABSENT.
     like : ndarray
@@ -66,7 +67,7 @@ class Constants:
         (c, 9) errors of navigation that it leaves besides, at the first epoch from then on.
     """
 
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     state: np.ndarray
     like: np.ndarray
     factor: np.ndarray
@@ -97,9 +98,9 @@ class Constants:
         """
         none = np.full(since.size, ABSENT)
         like, factor = np.full_like(none, N_NAV + layout.offset), np.full_like(none, AIDING_ERROR)
-        names = tuple(f"step at {time:.2f} s" for time in since)
+        steps = tuple(State(f"step at {time:.2f} s", unit="s") for time in since)
         zero, wide = np.zeros(since.size), np.full(since.size, wide_s)
-        return cls(names, none, like, factor, zero, wide, since, jump)
+        return cls(steps, none, like, factor, zero, wide, since, jump)
 
     @classmethod
     def of(cls, own: StateLayout, wide: StateLayout, states: list[int]) -> "Constants | None":
@@ -121,9 +122,9 @@ class Constants:
         """
         like, factor, state, stated = [], [], [], []
         for s in states:
-            name, channel = wide.names[s], int(wide.channel[s])
-            if name in own.names:
-                k = own.names.index(name)
+            constant, channel = wide.states[s], int(wide.channel[s])
+            if constant in own.states:
+                k = own.states.index(constant)
                 state.append(N_NAV + k)
                 like.append(ABSENT)
                 factor.append(ABSENT)
@@ -139,9 +140,9 @@ class Constants:
             like.append(N_NAV + acts_like)
             factor.append(times)
             stated.append(0.0)
-        names = tuple(wide.names[s] for s in states)
+        constants = tuple(wide.states[s] for s in states)
         columns = (np.array(each) for each in (state, like, factor, stated, wide.sigma0[states]))
-        return cls(names, *columns)
+        return cls(constants, *columns)
 
 
 def _bias_of(layout: StateLayout, channel: int) -> int:
@@ -175,7 +176,7 @@ class Sensitivity:
     @classmethod
     def before(cls, problem: EstimationProblem, constants: Constants) -> "Sensitivity":
         """Return that before the first epoch."""
-        count = len(constants.names)
+        count = len(constants.states)
         errors = np.zeros((problem.layout.size, count))
         own = np.flatnonzero(constants.state != ABSENT)
         errors[constants.state[own], own] = 1.0

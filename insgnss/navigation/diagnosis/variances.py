@@ -39,8 +39,8 @@ import numpy as np
 from ...records import Array
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.solution import Solution
-from ..innovations.innovation_noise import Search
 from ..innovations.likelihood import LinearSegment, available, evaluate, linear_segment
+from ..innovations.search import Search
 from .candidates import ErrorModel, LayoutFactory, with_time_correlated_error
 from .evidence import liveliest_part
 
@@ -218,11 +218,11 @@ def _averaged(gains: dict[tuple[float, float], float]) -> tuple[float, float]:
 
 def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
     """Linearise about the solution with the states of another layout at zero where they are new."""
-    own = solution.problem.layout.names
-    x = np.zeros((solution.x.shape[0], len(layout.names)))
-    for s, name in enumerate(layout.names):
-        if name in own:
-            x[:, s] = solution.x[:, own.index(name)]
+    own = solution.problem.layout.states
+    x = np.zeros((solution.x.shape[0], len(layout.states)))
+    for s, state in enumerate(layout.states):
+        if state in own:
+            x[:, s] = solution.x[:, own.index(state)]
     other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
     return linear_segment(other, ())
 

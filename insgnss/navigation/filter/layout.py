@@ -22,20 +22,33 @@ a-priori sigma, and the time-correlated error of the fixes, a Gauss-Markov proce
 barometer, its bias, a random walk, and its scale factor, a constant.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...records import Array
+from ...records.states import (
+    BAROMETER_BIAS,
+    CHANNELS,
+    CLOCK_RATE,
+    CORRELATED_ERROR,
+    LEVER_ARM,
+    MISALIGNMENT,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    UNFIXED_ERROR,
+    VELOCITY_ERROR,
+    State,
+)
 from ..noise_model.model import AxisNoise, NoiseModel
 from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
-Row = tuple[str, int, int, float, float, float]  # name, channel, factor, beta, drive, sigma0
+Row = tuple[State, int, int, float, float, float]  # state, channel, factor, beta, drive, sigma0
 
 
 @dataclass(frozen=True)
@@ -112,8 +125,8 @@ class StateLayout:
 
     Parameters
     ----------
-    names : tuple of str
-        (ns,) one name a state.
+    states : tuple of State
+        (ns,) what each is.
     channel, factor : ndarray
         (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
         DRIFT, AIDING_ERROR (`navigation.filter.codes`) or the channel whose measured rate it is.
@@ -125,21 +138,13 @@ class StateLayout:
         (6,) PSD of the channels' white noise, (rad/s)^2/Hz and (m/s^2)^2/Hz.
     quantization : Array
         (6,) rad and m/s, of one increment.
-    lever, offset, rate : int
-        The first state of the lever arm's error, the state of the time offset, that of its rate; -1
-        without.
-    gm, unfixed_gm, velocity_gm : int
-        The first state of the time-correlated error of all fixes, of that which float and code
-        solutions have besides, and of that of the velocities; -1 without.
     white_scale : tuple of float
         (3,) sigma of the fixes' white error in their standard deviations, north, east, down.
     unfixed_white_scale, velocity_white_scale : float
         That of float and code solutions, and that of velocities.
-    barometer : int
-        The state of the barometer's bias, with that of its scale factor behind it; -1 without.
     """
 
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     channel: np.ndarray
     factor: np.ndarray
     beta: Array
@@ -147,21 +152,54 @@ class StateLayout:
     sigma0: Array
     white: Array
     quantization: Array
-    lever: int = ABSENT
-    offset: int = ABSENT
-    rate: int = ABSENT
-    gm: int = ABSENT
-    unfixed_gm: int = ABSENT
-    velocity_gm: int = ABSENT
     white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     unfixed_white_scale: float = 1.0
     velocity_white_scale: float = 1.0
-    barometer: int = ABSENT
+
+    @cached_property
+    def _first(self) -> dict[str, int]:
+        """The first state of each group."""
+        return {state.group: s for s, state in reversed([*enumerate(self.states)])}
+
+    @property
+    def lever(self) -> int:
+        """The first state of the lever arm's error, or ABSENT."""
+        return self._first.get(LEVER_ARM, ABSENT)
+
+    @property
+    def offset(self) -> int:
+        """The state of the time offset, or ABSENT."""
+        return self._first.get(TIME_OFFSET.group, ABSENT)
+
+    @property
+    def rate(self) -> int:
+        """The state of the rate of the time offset, or ABSENT."""
+        return self._first.get(CLOCK_RATE.group, ABSENT)
+
+    @property
+    def gm(self) -> int:
+        """The first state of the time-correlated error of all fixes, or ABSENT."""
+        return self._first.get(CORRELATED_ERROR, ABSENT)
+
+    @property
+    def unfixed_gm(self) -> int:
+        """The first state of that which float and code solutions have besides, or ABSENT."""
+        return self._first.get(UNFIXED_ERROR, ABSENT)
+
+    @property
+    def velocity_gm(self) -> int:
+        """The first state of that of the velocities, or ABSENT."""
+        return self._first.get(VELOCITY_ERROR, ABSENT)
+
+    @property
+    def barometer(self) -> int:
+        """The state of a barometer's bias, with that of its scale factor behind it, or ABSENT."""
+        return self._first.get(BAROMETER_BIAS, ABSENT)
 
     @property
     def size(self) -> int:
         """Number of all states, the nine of navigation included."""
-        return N_NAV + len(self.names)
+        return N_NAV + len(self.states)
 
     def kernel_model(self, block_s: float, aiding_interval_s: float) -> StateModel:
         """Return the arrays as the kernels take them.
@@ -201,7 +239,7 @@ class StateLayout:
 
     def channel_sum(self) -> Array:
         """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
-        M = np.zeros((N_CHANNELS, len(self.names)))
+        M = np.zeros((N_CHANNELS, len(self.states)))
         for s, (c, f) in enumerate(zip(self.channel, self.factor, strict=True)):
             if f == BIAS:
                 M[c, s] = 1.0
@@ -240,30 +278,22 @@ def state_layout(
     for c, axis in enumerate(axes):
         rows += _axis_states(c, axis)
     for c, axis in enumerate(axes):
+        sensor, letter = CHANNELS[c]
         if scale_factor:
-            rows.append(
-                (f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE)
-            )
+            state = State(SCALE_FACTOR, letter, "", sensor)
+            rows.append((state, c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE))
         if misalignment:
             sigma = axis.misalignment or DEFAULT_SCALE
-            triad = range(3 * (c // 3), 3 * (c // 3) + 3)
-            rows += [
-                (f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, sigma)
-                for j in triad
-                if j != c
-            ]
-    first: dict[str, int] = {}
-    for kind, states in _fix_states(fixes):
-        first[kind] = len(rows)
-        rows += states
+            for j in range(3 * (c // 3), 3 * (c // 3) + 3):
+                state = State(MISALIGNMENT, f"{letter} from {CHANNELS[j][1]}", "rad", sensor)
+                if j != c:
+                    rows.append((state, c, j, 0.0, 0.0, sigma))
+    rows += _fix_states(fixes)
     if barometer is not None:
-        first["barometer"] = len(rows)
         rows += _barometer_states(barometer)
-    names, channel, factor, beta, drive, sigma0 = (
-        zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
-    )
+    named, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((),) * 6
     return StateLayout(
-        tuple(names),
+        tuple(named),
         np.array(channel, dtype=np.int64),
         np.array(factor, dtype=np.int64),
         np.array(beta, dtype=np.float64),
@@ -271,68 +301,66 @@ def state_layout(
         np.array(sigma0, dtype=np.float64),
         np.array([a.white_noise**2 for a in axes]),
         np.array([a.quantization for a in axes]),
-        **first,
         white_scale=fixes.white_scale,
         unfixed_white_scale=fixes.unfixed_white_scale,
         velocity_white_scale=fixes.velocity_white_scale,
     )
 
 
-def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
-    """Yield the field of `StateLayout` and the states of each error of the fixes."""
+def _fix_states(fixes: FixErrors) -> list[Row]:
+    """Return the states of the errors of the fixes."""
+    rows = []
     if fixes.lever_arm_m is not None:
-        axes = ("forward", "right", "down")
-        yield (
-            "lever",
-            [
-                (f"antenna lever arm {axis}", 0, AIDING_ERROR, 0.0, 0.0, fixes.lever_arm_m)
-                for axis in axes
-            ],
-        )
+        rows += [_constant(state, fixes.lever_arm_m) for state in OF_LEVER_ARM]
     if fixes.time_offset_s is not None:
-        yield "offset", [("GNSS time offset", 0, AIDING_ERROR, 0.0, 0.0, fixes.time_offset_s)]
+        rows.append(_constant(TIME_OFFSET, fixes.time_offset_s))
         if fixes.clock_rate is not None:
-            yield "rate", [("GNSS clock rate", 0, AIDING_ERROR, 0.0, 0.0, fixes.clock_rate)]
+            rows.append(_constant(CLOCK_RATE, fixes.clock_rate))
     if fixes.gm_sigma is not None:
-        yield "gm", _gauss_markov("GNSS", fixes.gm_sigma, fixes.correlation_time_s)
-    if fixes.unfixed_gm_sigma is not None:
-        sigma = (fixes.unfixed_gm_sigma,) * 3
-        yield "unfixed_gm", _gauss_markov("GNSS unfixed", sigma, fixes.unfixed_correlation_time_s)
-    if fixes.velocity_gm_sigma_mps is not None:
-        sigma = (fixes.velocity_gm_sigma_mps,) * 3
+        rows += _gauss_markov(CORRELATED_ERROR, fixes.gm_sigma, fixes.correlation_time_s)
+    if (unfixed := fixes.unfixed_gm_sigma) is not None:
+        time_s = fixes.unfixed_correlation_time_s
+        rows += _gauss_markov(UNFIXED_ERROR, (unfixed,) * 3, time_s)
+    if (velocity := fixes.velocity_gm_sigma_mps) is not None:
         time_s = fixes.velocity_correlation_time_s
-        yield "velocity_gm", _gauss_markov("GNSS velocity", sigma, time_s)
+        rows += _gauss_markov(VELOCITY_ERROR, (velocity,) * 3, time_s)
+    return rows
+
+
+def _constant(state: State, sigma: float) -> Row:
+    """Return a constant that enters a measurement of its own alone."""
+    return state, 0, AIDING_ERROR, 0.0, 0.0, sigma
 
 
 def _barometer_states(errors: BarometerErrors) -> list[Row]:
     """Return bias and scale factor of a barometer."""
-    walk2 = errors.bias_walk**2
+    bias = State(BAROMETER_BIAS, unit="m")
     return [
-        ("barometer bias", 0, AIDING_ERROR, 0.0, walk2, errors.bias_m),
-        ("barometer scale factor", 0, AIDING_ERROR, 0.0, 0.0, errors.scale_factor),
+        (bias, 0, AIDING_ERROR, 0.0, errors.bias_walk**2, errors.bias_m),
+        _constant(State("barometer scale factor"), errors.scale_factor),
     ]
 
 
-def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
+def _gauss_markov(group: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
     """Return a time-correlated error as three Gauss-Markov states."""
-    beta = 1.0 / time_s
-    named = zip(("north", "east", "down"), sigma, strict=True)
+    beta, unit = 1.0 / time_s, "m/s" if group == VELOCITY_ERROR else ""
     return [
-        (f"{of} time-correlated error {axis}", 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
-        for axis, s in named
+        (State(group, axis, unit), 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
+        for axis, s in zip(("north", "east", "down"), sigma, strict=True)
     ]
 
 
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
     """Return the bias-like states of channel c."""
-    name = CHANNELS[c]
-    rows = []
+    sensor, letter = CHANNELS[c]
+    unit, rows = {"gyro": "rad/s", "accel": "m/s^2"}[sensor], []
     if axis.turn_on_bias > 0.0 or axis.random_walk > 0.0:
-        rows.append((f"{name} bias", c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
+        bias = State("bias", letter, unit, sensor)
+        rows.append((bias, c, BIAS, 0.0, axis.random_walk**2, axis.turn_on_bias))
     if axis.drift > 0.0:
-        rows.append((f"{name} drift", c, DRIFT, 0.0, 0.0, axis.drift))
+        drift = State("drift", letter, f"{unit}/s", sensor)
+        rows.append((drift, c, DRIFT, 0.0, 0.0, axis.drift))
     for k, gm in enumerate(axis.gauss_markov, start=1):
-        rows.append(
-            (f"{name} GM {k}", c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma)
-        )
+        process = State(f"GM {k}", letter, unit, sensor)
+        rows.append((process, c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma))
     return rows

@@ -5,13 +5,8 @@ The estimate comes with what is needed to judge it.
 What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is
 estimated together with what else shapes the innovations: the scale of the fixes' own sigmas, and of
 their time-correlated error where it is a state. Fixes that claim too little would otherwise be
-taken for a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected
-second derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
-
-    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,
-    cov theta = 2 A^-1 at the maximum                                                          (N.1)
-
-from the best of a few starts. The static model is the maximum with the IMU's factors held at one
+taken for a noisy IMU. `search` finds
+the maximum. The static model is the maximum with the IMU's factors held at one
 and everything else free; the gain between the two is chi-square of as many degrees of freedom as
 factors where the static model holds. A factor known to worse than `KNOWN_SIGMA` that may as well be
 one, and a factor at the edge of the search, are not determined by this flight: they are held at one
@@ -26,43 +21,29 @@ tells
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.advance import converged, share, through, within
 from ...base.errors import DataError
 from ...records import Array
-from ..filter.codes import IMU0
-from ..filter.layout import StateLayout
-from ..filter.problem import sub_problem
 from ..filter.solution import Solution
 from .likelihood import (
     CORRELATED,
-    DRIVEN,
+    IMU,
     OF_FIXES,
-    WHITE,
     Evaluated,
-    LinearSegment,
     available,
     evaluate,
     linear_segment,
 )
+from .pieces import FEWEST, SHORTEST_S
+from .search import RANGE, Maximum, Search
 
-IMU = (*WHITE, *DRIVEN)
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
-# a fix is not trusted to less than a fifth of its sigma
-RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
 KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
-STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
-# of the information: standard deviations of a logarithm of 1400 and 45 000
-LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
-STARTED = 0.3  # of the search: by then the best of the starts is known
-STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
 LAGS = 20
-SHORTEST_S, FEWEST = 20.0, 60  # of a segment in motion, and its fixes
 LONGEST_MIN = 600.0  # of a flight that is proposed
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is reported
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
@@ -226,85 +207,6 @@ class InFlightNoise:
         return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
 
 
-def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
-    """Cut a solution into its segments in motion: engines stand still in stationary periods.
-
-    Parameters
-    ----------
-    solution : Solution
-        A solved segment.
-    stationary : ndarray, (k, 2)
-        Begin and end of the stationary periods, s, GPST.
-
-    Returns
-    -------
-    list of Solution
-        Segments of `SHORTEST_S` and `FEWEST` fixes and more.
-    """
-    time, fix = solution.time, solution.problem.epochs.has_position
-    resting = np.zeros(time.size, dtype=np.bool_)
-    for begin, end in stationary:
-        resting |= (time >= begin) & (time <= end)
-    edge = np.flatnonzero(np.diff(np.concatenate([[1], resting.astype(np.int64), [1]])))
-    parts = []
-    for first, stop in edge.reshape(-1, 2):
-        fixes = first + np.flatnonzero(fix[first:stop])
-        if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
-            parts.append(sub_solution(solution, int(fixes[0]), int(fixes[-1])))
-    return parts
-
-
-def sub_solution(solution: Solution, first: int, last: int) -> Solution:
-    """Return the epochs first..last as a solution of their own, its constants as they are there."""
-    epochs = slice(first, last + 1)
-    problem = sub_problem(solution.problem, first, last)
-    x = solution.x[epochs].copy()
-    layout = problem.layout
-    if layout.rate >= 0:  # time begins anew
-        x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
-    arrays = {
-        k: getattr(solution, k)[epochs]
-        for k in ("nav", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
-    }
-    covariances = solution.covariances.piece(first, last)
-    return replace(solution, problem=problem, x=x, covariances=covariances, **arrays)
-
-
-def without_correlated(solution: Solution) -> Solution:
-    """Remove the states of the fixes' time-correlated (Gauss-Markov) error from a solution.
-
-    Parameters
-    ----------
-    solution : Solution
-        A solution with such states.
-
-    Returns
-    -------
-    Solution
-        The same without them, the fixes' sigmas taken as white.
-    """
-    layout = solution.problem.layout
-    gone = np.arange(layout.gm, layout.gm + 3)
-    states: dict[str, Any] = {
-        k: np.delete(getattr(layout, k), gone)
-        for k in ("channel", "factor", "beta", "drive", "sigma0")
-    }
-    first: dict[str, Any] = {
-        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
-        for k in ("lever", "offset", "rate", "unfixed_gm", "velocity_gm", "barometer")
-    }
-    names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
-    bare: StateLayout = replace(
-        layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
-    )
-    return replace(
-        solution,
-        problem=replace(solution.problem, layout=bare),
-        x=np.delete(solution.x, gone, axis=1),
-        covariances=solution.covariances.without(IMU0 + gone),
-    )
-
-
 def in_flight_noise(
     solutions: Sequence[Solution],
     parameters: Sequence[str] = DEFAULT,
@@ -387,111 +289,6 @@ def in_flight_noise(
         duration,
         best.evaluated.cost - every,
     )
-
-
-@dataclass(frozen=True)
-class Maximum:
-    """The likelihood at its maximum over some factors.
-
-    Parameters
-    ----------
-    theta : ndarray, (p,)
-        Logarithms of the factors.
-    evaluated : Evaluated
-        The likelihood there.
-    """
-
-    theta: Array
-    evaluated: Evaluated
-
-    def spread(self, free: np.ndarray) -> tuple[Array, Array]:
-        """Return standard deviations (p,) of theta and correlations (p, p).
-
-        A standard deviation is infinite where nothing determines the parameter, 0 where it is held.
-        """
-        A = self.evaluated.information[np.ix_(free, free)]
-        determined = np.diag(A) > LEAST_INFORMATION
-        index = np.flatnonzero(free)[determined]
-        cov = 2.0 * np.linalg.inv(A[np.ix_(determined, determined)] + RIDGE * np.eye(index.size))
-        sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
-        sigma[index] = np.sqrt(np.diag(cov))
-        correlation[np.ix_(index, index)] = cov / np.outer(sigma[index], sigma[index])
-        return sigma, correlation
-
-
-@dataclass
-class Search:
-    """Maxima of the likelihood of `segments` over some of the parameters `names`.
-
-    Parameters
-    ----------
-    segments : sequence of LinearSegment
-        The segments, with `names` as their parameters.
-    names : tuple of str
-        The parameters.
-    progress : callable
-        Receives the name of each step.
-    range_of_fixes : tuple of float
-        Bounds of the factors of the fixes.
-    """
-
-    segments: Sequence[LinearSegment]
-    names: tuple[str, ...]
-    progress: Callable[[str], None]
-    range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
-
-    def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
-        """Maximise over some parameters, the others at one, from the best start.
-
-        Parameters
-        ----------
-        free : ndarray of bool, (p,)
-            The parameters that vary.
-        starts : sequence of float
-            Logarithms of the IMU's factors from which it is looked for.
-
-        Returns
-        -------
-        Maximum
-            The maximum.
-        """
-        moved = np.array([name in IMU for name in self.names]) & free
-        thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
-        count = int(np.count_nonzero(free))
-        self.progress(f"likelihood of the innovations, {count} factor{'s' if count > 1 else ''}")
-        with within(0.0, STARTED):
-            first = [Maximum(theta, evaluate(self.segments, theta)) for theta in through(thetas)]
-        with within(STARTED, 1.0):
-            return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
-
-    def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
-        """Climb to the maximum by (N.1)."""
-        low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
-        damping, longest = 0.0, 0.0
-        for _ in range(STEPS):
-            theta, g = here.theta, here.evaluated.gradient
-            active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
-            if not active.any():
-                break
-            A = here.evaluated.information[np.ix_(active, active)]
-            step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
-            moved = theta.copy()
-            moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-            moved = np.clip(moved, low, high)
-            there = Maximum(moved, evaluate(self.segments, moved))
-            size = float(np.abs(moved - theta).max())
-            longest = max(longest, size)
-            share(converged(size, longest, DONE))
-            if there.evaluated.cost <= here.evaluated.cost:
-                small = here.evaluated.cost - there.evaluated.cost < DONE or size < DONE
-                here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
-                if small:
-                    break
-            elif size < DONE or damping > 1e6:
-                break
-            else:
-                damping = max(10.0 * damping, 1e-2)
-        return here
 
 
 def _minutes(static: Maximum, minutes: float) -> Array:

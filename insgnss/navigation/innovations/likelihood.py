@@ -74,7 +74,8 @@ CORRELATED_STATES = {
     "fixes.velocity_correlated": "velocity_gm",
 }
 OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
-PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, *CORRELATED_STATES)
+IMU = (*WHITE, *DRIVEN)
+PARAMETERS = (*IMU, *OF_FIXES, *CORRELATED_STATES)
 # of the start, as `navigation.align.initial` has it
 WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
 
@@ -182,7 +183,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
     """Return the states (ns,) bool whose driving noise parameter `name` scales."""
     if name in CORRELATED_STATES:
-        states = np.zeros(len(layout.names), dtype=np.bool_)
+        states = np.zeros(len(layout.states), dtype=np.bool_)
         first = getattr(layout, CORRELATED_STATES[name])
         if first >= 0:
             states[first : first + 3] = True
@@ -315,9 +316,8 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
     """
     p = theta.size
     total, cost = np.zeros((1 + p, p)), 0.0
-    variance = np.exp(
-        2.0 * np.append(theta, 0.0)
-    )  # the last, of index -1, is that of what stays as it is
+    # the last, of index -1, is that of what stays as it is
+    variance = np.exp(2.0 * np.append(theta, 0.0))
     every: list[tuple[Array, Array, np.ndarray]] = []
     for s in segments:
         m, k = s.linear.there.shape

@@ -157,15 +157,11 @@ class _Reader:
         own = self.quantities(
             self.checked_table(table, where, (*QUANTITIES, GAUSS_MARKOV, _ERROR)), sensor, where
         )
-        replaced = {
-            *own,
-            *(
-                name
-                for name in common[_ERROR]
-                if GAUSS_MARKOV in own and name.rstrip("0123456789")[:-1] in GM_KEYS
-            ),
+        inherited = {
+            name: sigma
+            for name, sigma in common[_ERROR].items()
+            if (name if name in QUANTITIES else GAUSS_MARKOV) not in own
         }
-        inherited = {name: sigma for name, sigma in common[_ERROR].items() if name not in replaced}
         merged = {**common, **own, _ERROR: inherited | own[_ERROR]}
         if "white_noise" not in merged:
             raise self.error(

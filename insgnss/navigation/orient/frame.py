@@ -27,8 +27,8 @@ from ...geodesy.frames import TangentPlane
 from ...geodesy.projection import MapProjection
 from ...geodesy.rotation import NED_ENU
 from ...records import Array, ExteriorOrientation, FramedOrientation, MapFrame
+from ...records.cameras.rig import RigImages
 from ...records.framed import GEOCENTRIC, KINDS, PROJECTED, TANGENT
-from ...records.rig import RigImages
 
 
 def in_frame(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array, ExteriorOrientation
-from ...records.rig import RigCamera, RigImages
+from ...records.cameras.rig import RigCamera, RigImages
 
 
 def rig_orientation(
@@ -38,7 +38,7 @@ def rig_orientation(
         Names of the cameras.
     order, number : ndarray
         (n,) rows of the images of all cameras one after the other in the order of time, and their
-        cameras (`records.rig.merged_order`).
+        cameras (`records.cameras.rig.merged_order`).
     cross : tuple of Array
         (n - 1, 6, 6) covariances of neighbours in time, and (n, 6, 6) those with the next image of
         the same camera, in that order.

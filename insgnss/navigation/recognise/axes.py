@@ -14,17 +14,13 @@ from ...records import Array, GnssFixes
 from ..prepare.fix_path import north_east
 from .relation import Relation
 
-WIND_MS, SPEED_MS, GUST_MS = (
-    5.0,
-    30.0,
-    1.0,
-)  # prior standard deviations of wind and airspeed, and least scatter of a speed
+# prior standard deviations of wind and airspeed, and least scatter of a speed
+WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0
 SLOWEST_MS = 2.0  # from here up GNSS has a course
 LEAST_WIDTH_S = 2.0
 INDEPENDENT_S = 10.0  # crab and speed change so slowly
-MOUNT_RAD = np.radians(
-    8.0
-)  # standard deviation of what tilts the mean of a flight against the axis meant
+# standard deviation of what tilts the mean of a flight against the axis meant
+MOUNT_RAD = np.radians(8.0)
 CRAB_RAD = np.radians(5.0)
 MOVING = 0.3  # of the speed that is exceeded a tenth of the time
 ROUNDS = 5

@@ -18,9 +18,9 @@ from .units import ACCEL_UNITS, GYRO_UNITS
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
 LEAST_OFFSET_S = 0.02  # a time offset that is reported
-OFFSET_LIMIT_S = (
-    0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
-)
+# a time offset that stops the job; below it the filter copes, and a note reports it
+OFFSET_LIMIT_S = 0.5
+RECOGNISED = tuple(f"recognised {kind}" for kind in ("units", "axes", "sign", "clock"))
 Remedy = Callable[[tuple[int, int]], str]
 
 
@@ -62,10 +62,9 @@ def compare(
     Returns
     -------
     list of Check
-        "recognised units", "recognised axes", "recognised sign" and "recognised clock":
-        "contradiction" where the data are surer than `SURE` of something else (of a clock: by more
-        than `OFFSET_LIMIT_S`), "note" where they do not determine it or are less sure, "ok"
-        otherwise.
+        Those of `RECOGNISED`: "contradiction" where the data are surer than `SURE` of something
+        else (of a clock: by more than `OFFSET_LIMIT_S`), "note" where they do not determine it or
+        are less sure, "ok" otherwise.
     """
     return [
         _compare_units(recognition, quantity, gyro_unit, accel_unit),

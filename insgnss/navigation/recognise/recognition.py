@@ -32,10 +32,8 @@ from .verdict import (
 EXCHANGED_ADVICE = (
     "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
 )
-COMMON_S, WIDE_S = (
-    10.0,
-    900.0,
-)  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
+# s that clocks must have in common to be one, and how far starts may lie apart if they are not
+COMMON_S, WIDE_S = 10.0, 900.0
 LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed for all that motion can show
 
 

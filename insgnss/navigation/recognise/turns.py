@@ -22,10 +22,8 @@ from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-LAG_S, LAG_CORRELATION = (
-    0.5,
-    0.9,
-)  # a lag that is reported, where the correlation is clear enough for it
+# a lag that is reported, where the correlation is clear enough for it
+LAG_S, LAG_CORRELATION = 0.5, 0.9
 # of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
 LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
@@ -37,10 +35,8 @@ NOSE = "its nose does not follow its course, so the turns do not show the clock"
 SURE, CLOCK_SURE, AT_ONCE_S = 0.99, 0.9, 0.5
 # s from the best lag, and times that it must leave less unexplained than any so far from it
 RIVAL_S, DISTINCT = 5.0, 1.3
-ALIKE, UNLIKE = (
-    0.6,
-    0.3,
-)  # correlations: from the first on the same turns are seen, below the second none of them
+# correlations: from the first on the same turns are seen, below the second none of them
+ALIKE, UNLIKE = 0.6, 0.3
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
 # cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
 # and correlations about its mean tell nothing
@@ -49,20 +45,16 @@ STEADY = 0.95
 RELIABLE = 0.7
 RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
 LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
-LEAST_ROWS, LEAST_TURN = (
-    100,
-    0.02,
-)  # of the grid at speed, and the course rate's standard deviation there, rad/s
+# of the grid at speed, and the course rate's standard deviation there, rad/s
+LEAST_ROWS, LEAST_TURN = 100, 0.02
 FASTEST_TURN = 1.5  # rad/s, of a course
 # s: no other time scale is that near; exposures that would lie as straight there lie so by chance
 NEARER_S, AS_STRAIGHT = 9.0, 2.0
 LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
-TURNING, STRAIGHTER = (
-    0.02,
-    4.0,
-)  # rad/s at the exposures, and how many times less it must be at the other time
+# rad/s at the exposures, and how many times less it must be at the other time
+TURNING, STRAIGHTER = 0.02, 4.0
 ENOUGH_IMAGES = 20
 ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
 # whose clock stamps the exposures, in words

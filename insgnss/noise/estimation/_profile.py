@@ -59,7 +59,7 @@ class Local:
         self.roots = [g.root for g in self.groups]
         self.y = np.concatenate([g.root @ g.mean for g in self.groups])
         names = self.composition.parameters
-        self.time = np.array([name.startswith("correlation_time") for name in names], dtype=bool)
+        self.time = self.composition.is_time
         self.linear = {
             i: [self._unit(name, c) for c in self.groups]
             for i, name in enumerate(names)

@@ -21,9 +21,8 @@ import numpy as np
 from ...base.compilation import njit
 from ...records import Array
 
-_PIVOT = (
-    1e-13  # squared length that columns before it leave of a unit column; below, it is rounding
-)
+# squared length that columns before it leave of a unit column; below, it is rounding
+_PIVOT = 1e-13
 _GRADIENT = 1e-14  # of |y|; below, a variance of zero may stay so
 _STRIDE = 6.0  # candidates, half a decade: longest step of a descent
 # of Q, gain of a step after which a descent ends; Newton's method on the exact columns does the
@@ -39,10 +38,8 @@ def nonnegative(H: Array, b: Array, x: Array, work: Array) -> float:
     H (p, p), b (p,) : inner products.   x (p,) : result.   work (p + 2, p) : scratch.
     """
     p = b.size
-    z, state = (
-        work[p],
-        work[p + 1],
-    )  # state: 1 in use, 0 at zero, -1 refused as dependent on those in use
+    # state: 1 in use, 0 at zero, -1 refused as dependent on those in use
+    z, state = work[p], work[p + 1]
     for i in range(p):
         x[i], state[i] = 0.0, 1.0
     done = _solve(H, b, state, z, work)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Array
+from ..processes.composition import NoiseTerm
 from ._profile import Local
 from .bootstrap import Bootstrap
 from .gmwm import Fit
@@ -41,13 +42,18 @@ class Estimate:
     low, high : low may be 0, high infinite.
     """
 
-    name: str
+    term: NoiseTerm
     value: float
     log_error: float
     low: float
     high: float
     high_99: float
     at_bound: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+        return str(self.term)
 
     @property
     def standard_error(self) -> float:
@@ -61,13 +67,8 @@ class Linearised:
     def __init__(self, fitted: Fit, V: Sequence[Array]) -> None:
         self.local = Local(fitted)
         self.x = self.local.coordinates(fitted.parameters)
-        names = fitted.composition.parameters
-        idle = np.array(
-            [
-                name.startswith("correlation_time") and fitted.parameters[i + 1] == 0.0
-                for i, name in enumerate(names)
-            ]
-        )
+        idle = fitted.composition.is_time
+        idle[idle] = fitted.parameters[1:][idle[:-1]] == 0.0  # a time stands before its density
         self.free = np.flatnonzero(~idle)
         self.D = self.local.derivative(self.x)[:, self.free]
         self.V, self.Omega = _stacked(V), _stacked(fitted.weights)
@@ -136,15 +137,15 @@ def estimates(
         ]
     )
     rows = zip(
-        fitted.composition.parameters,
+        fitted.composition.terms,
         fitted.parameters.tolist(),
         log_error.tolist(),
         ends.tolist(),
         strict=True,
     )
     results = [
-        Estimate(name, value, error, low, high, far, name in fitted.at_bound)
-        for name, value, error, (low, high, far) in rows
+        Estimate(term, value, error, low, high, far, str(term) in fitted.at_bound)
+        for term, value, error, (low, high, far) in rows
     ]
     return tuple(results), log_covariance
 
@@ -165,9 +166,8 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
             linear.parameter(i, _Z_95 * math.sqrt(C[i, i])),
             linear.parameter(i, _Z_99 * math.sqrt(C[i, i])),
         )
-    variance_error = (
-        2.0 * linear.local.s[i] * math.sqrt(C[i, i])
-    )  # of v in (L.1), which is linear at zero
+    # of v in (L.1), which is linear at zero
+    variance_error = 2.0 * linear.local.s[i] * math.sqrt(C[i, i])
     return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
 
 

@@ -25,7 +25,7 @@ from ...base.errors import DataError, UsageError
 from ...navigation.noise_model.model import AxisNoise
 from ...records import Array, WaveletVariance
 from ..moments.theory import Sampling, haar_variance
-from ..processes.composition import Composition
+from ..processes.composition import TIME, Composition
 from ._matching import LONGEST, SHORTEST, Moments, Solution, pooled
 from ._minimum import minimum
 
@@ -254,9 +254,9 @@ def _parameters(moments: Moments, composition: Composition, solution: Solution) 
 
 def _at_bound(moments: Moments, composition: Composition, parameters: Array) -> tuple[str, ...]:
     """Names of the parameters on the edge: times on a bound of the search, densities of zero."""
-    named = zip(composition.parameters, parameters.tolist(), strict=True)
+    valued = zip(composition.terms, parameters.tolist(), strict=True)
     return tuple(
-        name
-        for name, value in named
-        if value in (moments.bounds if name.startswith("correlation_time") else (0.0,))
+        str(term)
+        for term, value in valued
+        if value in (moments.bounds if term.kind == TIME else (0.0,))
     )

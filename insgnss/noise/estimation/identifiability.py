@@ -33,7 +33,7 @@ import numpy as np
 
 from ...records import Array
 from ..moments.theory import haar_variance_parts
-from ..processes.composition import Composition
+from ..processes.composition import GAUSS_MARKOV, NoiseTerm
 from .estimates import Estimate, Linearised, estimates
 from .gmwm import Fit, fit
 
@@ -69,24 +69,16 @@ def verdicts(
     smaller = _smaller(fitted, inverses)
     if smaller is None:
         return _each(fitted, results, inverses)
-    clear = [
-        _clearness(fitted, f"gauss_markov_{k + 1}", inverses)
-        for k in range(fitted.composition.gauss_markov)
-    ]
-    out = int(np.argmin(clear))
+    processes = [p for p in fitted.composition.processes if p.kind == GAUSS_MARKOV]
+    least = min(processes, key=lambda process: _clearness(fitted, process, inverses))
     linear = Linearised(smaller, [np.asarray(np.linalg.inv(W)) for W in inverses])
     inner = verdicts(smaller, estimates(smaller, linear, "profile")[0], inverses)
-    names = {f"gauss_markov_{j + 1}": j + int(j >= out) for j in range(len(clear) - 1)}
-    renamed = {
-        _renamed(v, names).process: _renamed(v, names, f"in {smaller.composition}: ") for v in inner
-    }
-    renamed[f"gauss_markov_{out + 1}"] = _superfluous(fitted, smaller, out)
-    return tuple(renamed[name] for name in _processes(fitted.composition))
-
-
-def _processes(composition: Composition) -> list[str]:
-    names = [name for name in composition.parameters if not name.startswith("driving_noise")]
-    return [name.replace("correlation_time", "gauss_markov") for name in names]
+    where = f"in {smaller.composition}: "
+    pairs = zip(inner, smaller.composition.processes, strict=True)
+    out = [_renumbered(*pair, least) for pair in pairs]
+    out = [replace(verdict, sentence=where + verdict.sentence) for verdict in out]
+    out.insert(fitted.composition.processes.index(least), _superfluous(fitted, smaller, least))
+    return tuple(out)
 
 
 def _smaller(fitted: Fit, inverses: Sequence[Array]) -> Fit | None:
@@ -104,29 +96,28 @@ def _smaller(fitted: Fit, inverses: Sequence[Array]) -> Fit | None:
     return one if one.objective - both.objective < _SUPERFLUOUS else None
 
 
-def _renamed(verdict: ProcessVerdict, names: dict[str, int], where: str = "") -> ProcessVerdict:
-    """A verdict of the smaller model under the numbers of the larger."""
-    if verdict.process not in names:
-        return replace(verdict, sentence=where + verdict.sentence)
-    number = verdict.process.rpartition("_")[2]
-    new = str(names[verdict.process] + 1)
-    parameters = tuple(f"{name.removesuffix(number)}{new}" for name in verdict.parameters)
-    sentence = verdict.sentence.replace(f"Gauss-Markov {number}", f"Gauss-Markov {new}", 1)
-    return replace(
-        verdict, process=f"gauss_markov_{new}", sentence=where + sentence, parameters=parameters
-    )
+def _renumbered(verdict: ProcessVerdict, process: NoiseTerm, least: NoiseTerm) -> ProcessVerdict:
+    """A verdict of the smaller model, without the process `least`, as one of the larger."""
+    if process.kind != GAUSS_MARKOV or process.number < least.number:
+        return verdict
+    new = replace(process, number=process.number + 1)
+    pairs = zip(process.parameters, new.parameters, strict=True)
+    parameters = tuple(str(later) for term, later in pairs if str(term) in verdict.parameters)
+    number = f"Gauss-Markov {process.number}"
+    sentence = verdict.sentence.replace(number, f"Gauss-Markov {new.number}", 1)
+    return replace(verdict, process=str(new), sentence=sentence, parameters=parameters)
 
 
-def _superfluous(fitted: Fit, smaller: Fit, k: int) -> ProcessVerdict:
+def _superfluous(fitted: Fit, smaller: Fit, process: NoiseTerm) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
     there = f" with {times} s" if times else ""
-    about = _time_words(fitted, fitted.axis.gauss_markov[k].correlation_time_s)
+    about = _time_words(fitted, fitted.axis.gauss_markov[process.number - 1].correlation_time_s)
     sentence = (
-        f"Gauss-Markov {k + 1} is not identifiable: {smaller.composition}{there} fits as well, so"
-        f" its {about} and its driving noise mean nothing by themselves; take"
+        f"Gauss-Markov {process.number} is not identifiable: {smaller.composition}{there} fits as"
+        f" well, so its {about} and its driving noise mean nothing by themselves; take"
         f" {smaller.composition}, record longer or add replicates"
     )
-    return ProcessVerdict(f"gauss_markov_{k + 1}", False, "superfluous", sentence, ())
+    return ProcessVerdict(str(process), False, "superfluous", sentence, ())
 
 
 def _time_words(fitted: Fit, time: float) -> str:
@@ -142,48 +133,33 @@ def _each(
     """Verdicts on processes that all are needed."""
     named = {e.name: e for e in results}
     out = []
-    for process in _processes(fitted.composition):
-        if process.startswith("gauss_markov"):
-            k = process.rpartition("_")[2]
-            out.append(
-                _gauss_markov(
-                    fitted, k, named[f"correlation_time_{k}"], named[f"driving_noise_{k}"], inverses
-                )
-            )
+    for process in fitted.composition.processes:
+        parameters = [named[str(term)] for term in process.parameters]
+        if process.kind == GAUSS_MARKOV:
+            time, strength = parameters
+            out.append(_gauss_markov(fitted, process, time, strength, inverses))
             continue
-        strength, name = named[process], process.replace("_", " ")
+        (strength,), name = parameters, process.kind.replace("_", " ")
         if why := _too_weak(fitted, process, strength, inverses):
-            out.append(
-                ProcessVerdict(
-                    process,
-                    False,
-                    "strength",
-                    f"{name} is not identifiable: {why}; leave it out or record longer",
-                    (),
-                )
-            )
+            out.append(_not_identifiable(process, name, why))
         else:
-            out.append(
-                ProcessVerdict(
-                    process, True, "", f"{name} is determined to {_percent(strength)}", (process,)
-                )
-            )
+            sentence = f"{name} is determined to {_percent(strength)}"
+            out.append(ProcessVerdict(str(process), True, "", sentence, (strength.name,)))
     return tuple(out)
 
 
+def _not_identifiable(process: NoiseTerm, name: str, why: str) -> ProcessVerdict:
+    sentence = f"{name} is not identifiable: {why}; leave it out or record longer"
+    return ProcessVerdict(str(process), False, "strength", sentence, ())
+
+
 def _gauss_markov(
-    fitted: Fit, k: str, time: Estimate, strength: Estimate, inverses: Sequence[Array]
+    fitted: Fit, term: NoiseTerm, time: Estimate, strength: Estimate, inverses: Sequence[Array]
 ) -> ProcessVerdict:
-    process, name = f"gauss_markov_{k}", f"Gauss-Markov {k}"
+    process, name = str(term), f"Gauss-Markov {term.number}"
     limit, interval_s = LONGEST_SHARE * _length(fitted), 1.0 / max(c.rate_hz for c in fitted.curves)
-    if why := _too_weak(fitted, process, strength, inverses):
-        return ProcessVerdict(
-            process,
-            False,
-            "strength",
-            f"{name} is not identifiable: {why}; leave it out or record longer",
-            (),
-        )
+    if why := _too_weak(fitted, term, strength, inverses):
+        return _not_identifiable(term, name, why)
     if time.value > limit or time.high_99 > limit:
         top = f"{time.high_99:.3g} s" if math.isfinite(time.high_99) else "any length"
         longer = 3.0 * max(time.value, limit)
@@ -214,9 +190,11 @@ def _gauss_markov(
     return ProcessVerdict(process, True, "", sentence, (time.name, strength.name))
 
 
-def _too_weak(fitted: Fit, process: str, strength: Estimate, inverses: Sequence[Array]) -> str:
+def _too_weak(
+    fitted: Fit, process: NoiseTerm, strength: Estimate, inverses: Sequence[Array]
+) -> str:
     """Why the strength of a process cannot be distinguished from zero, or nothing."""
-    kind = "driving noise" if strength.name.startswith("driving_noise") else "density"
+    kind = "driving noise" if process.kind == GAUSS_MARKOV else "density"
     if strength.value == 0.0:
         return "the best fit has none of it" + (
             "" if math.isfinite(strength.high) else f", and its {kind} is not bounded"
@@ -231,13 +209,14 @@ def _too_weak(fitted: Fit, process: str, strength: Estimate, inverses: Sequence[
     return ""
 
 
-def _clearness(fitted: Fit, process: str, inverses: Sequence[Array]) -> float:
+def _clearness(fitted: Fit, process: NoiseTerm, inverses: Sequence[Array]) -> float:
     """sqrt(p' V^-1 p) over all curves, p the wavelet variance of the process: its size in standard
     deviations if the rest were known.
     """
     total = 0.0
     for curve, W in zip(fitted.curves, inverses, strict=True):
-        p = haar_variance_parts(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)[process]
+        parts = haar_variance_parts(fitted.axis, curve.level, curve.rate_hz, fitted.sampling)
+        p = parts[str(process)]
         total += float(p @ W @ p)
     return math.sqrt(total)
 

@@ -50,6 +50,7 @@ from ...navigation.prepare.calibration import LOWER
 from ...navigation.prepare.gaps import LACKING, nominal_interval
 from ...navigation.prepare.stationarity import StationaryPeriods, stationary_periods
 from ...records import Array, ImuSamples
+from ...records.states import State
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
 
@@ -61,14 +62,19 @@ DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
 GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02
 LONGEST_TURN_S = 60.0
 AXES = "xyz"
-ACCEL_NAMES = (
-    *(f"bias {c}" for c in AXES),
-    *(f"scale_factor {c}" for c in AXES),
-    *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER),
+SCALES = tuple(State("scale_factor", c) for c in AXES)
+ACCEL_STATES = (
+    *(State("bias", c, "m/s^2") for c in AXES),
+    *SCALES,
+    *(State("misalignment", AXES[r] + AXES[c], "rad") for r, c in LOWER),
 )
-GYRO_NAMES = (
-    *(f"bias {c}" for c in AXES),
-    *(f"scale_factor {r}" if r == c else f"misalignment {r}{c}" for r in AXES for c in AXES),
+GYRO_STATES = (
+    *(State("bias", c, "rad/s") for c in AXES),
+    *(
+        SCALES[AXES.index(r)] if r == c else State("misalignment", r + c, "rad")
+        for r in AXES
+        for c in AXES
+    ),
 )
 
 
@@ -203,7 +209,7 @@ def calibrate_accelerometers(
     TriadEstimate
         Bias, scale factors and misalignments.
     """
-    mean, entries = periods.accel_mean, places(ACCEL_NAMES)
+    mean, entries = periods.accel_mean, places(ACCEL_STATES)
     sigma = _mean_sigma(periods.accel_std, periods.samples, "accel")
 
     def gravity_norm(p: Array) -> tuple[Array, Array]:
@@ -217,7 +223,7 @@ def calibrate_accelerometers(
     fit = solve_groups(
         {"gravity": Group(gravity_norm, np.square(sigma)[:, None, None], 9)},
         np.zeros(9),
-        sizes(POSSIBLE, "accel", ACCEL_NAMES),
+        sizes(POSSIBLE, ACCEL_STATES),
     )
     scale = (
         np.concatenate(
@@ -226,9 +232,9 @@ def calibrate_accelerometers(
         / gravity
     )
     covariance = fit.covariance + gravity_sigma**2 * np.outer(scale, scale)
-    blind = blind_directions("accel", ACCEL_NAMES, covariance)
+    blind = blind_directions(ACCEL_STATES, covariance)
     return TriadEstimate(
-        "accel", ACCEL_NAMES, fit.values, covariance, fit.residual, fit.factor, blind
+        "accel", ACCEL_STATES, fit.values, covariance, fit.residual, fit.factor, blind
     )
 
 
@@ -262,7 +268,7 @@ def calibrate_gyroscopes(
     """
     from ...navigation.innovations._kernels import propagate_turn
 
-    up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_NAMES)
+    up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_STATES)
     C, linked = _attitudes(periods, turns, up)
     sigma = _mean_sigma(periods.gyro_std, periods.samples, "gyro")
     # where the heading is unknown, so is the Earth's rate
@@ -299,7 +305,7 @@ def calibrate_gyroscopes(
     fit = solve_groups(
         groups,
         np.concatenate([np.zeros(12), rate]),
-        np.concatenate([sizes(POSSIBLE, "gyro", GYRO_NAMES), rate_sigma]),
+        np.concatenate([sizes(POSSIBLE, GYRO_STATES), rate_sigma]),
     )
     astray = float(np.sqrt(np.mean(turned(fit.values)[0] ** 2))) if turns else 0.0
     if astray > ASTRAY:
@@ -309,9 +315,9 @@ def calibrate_gyroscopes(
             " accelerometers contradict each other"
         )
     covariance = fit.covariance[:12, :12]
-    blind = blind_directions("gyro", GYRO_NAMES, covariance)
+    blind = blind_directions(GYRO_STATES, covariance)
     return TriadEstimate(
-        "gyro", GYRO_NAMES, fit.values[:12], covariance, fit.residual, fit.factor, blind
+        "gyro", GYRO_STATES, fit.values[:12], covariance, fit.residual, fit.factor, blind
     )
 
 
@@ -374,11 +380,11 @@ def _turn_covariance(
     )
     by_period, by_parameter = (
         np.zeros((len(turns), 2, len(up), 3)),
-        np.zeros((len(turns), 2, len(accel.names))),
+        np.zeros((len(turns), 2, len(accel.states))),
     )
-    effect = np.zeros((len(up), 3, len(accel.names)))  # of the parameters on u, to first order
+    effect = np.zeros((len(up), 3, len(accel.states)))  # of the parameters on u, to first order
     effect[:, :, :3] = -np.eye(3) / STANDARD_GRAVITY
-    for column, (j, k) in enumerate(places(accel.names), 3):
+    for column, (j, k) in enumerate(places(accel.states), 3):
         effect[:, j, column] = -up[:, k]
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for row, turn in enumerate(turns):

@@ -17,20 +17,18 @@ from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
 from ...records import Array
+from ...records.states import State, as_named
 from ...records.verdicts import OBSERVED
 
-USUAL = {
-    "bias gyro": 2e-4,
-    "bias accel": 0.01,
-    "scale_factor": 1e-3,
-    "misalignment": 1e-3,
-}  # rad/s, m/s^2, 1, rad; 40 deg/h, 1 mg
-POSSIBLE = {
-    "bias gyro": 0.35,
-    "bias accel": 5.0,
-    "scale_factor": 0.1,
-    "misalignment": 0.1,
-}  # the limits of a calibration file
+# by unit, of biases, scale factors and misalignments: 40 deg/h, 1 mg, 1000 ppm, 1 mrad
+USUAL = {"rad/s": 2e-4, "m/s^2": 0.01, "": 1e-3, "rad": 1e-3}
+POSSIBLE = {"rad/s": 0.35, "m/s^2": 5.0, "": 0.1, "rad": 0.1}  # limits of a calibration file
+SHOWN = {
+    "rad/s": (float(np.degrees(3600.0)), "deg/h"),
+    "m/s^2": (1e3 / STANDARD_GRAVITY, "mg"),
+    "": (1e6, "ppm"),
+    "rad": (1e3, "mrad"),
+}
 NAMED = 0.3  # least component of a blind direction that is named
 
 
@@ -40,8 +38,10 @@ class Parameter:
 
     Parameters
     ----------
-    sensor, name : str
-        "gyro" or "accel", and the parameter's name.
+    sensor : str
+        "gyro" or "accel".
+    state : State
+        What it is.
     value, sigma : float
         Value and standard error: a bias in rad/s or m/s^2, a scale factor in 1, a misalignment in
         rad.
@@ -50,23 +50,21 @@ class Parameter:
     """
 
     sensor: str
-    name: str
+    state: State
     value: float
     sigma: float
     verdict: str
 
     @property
+    def name(self) -> str:
+        """Its name, such as "bias x"."""
+        return str(self.state)
+
+    @property
     def shown(self) -> tuple[float, float, str]:
         """The value and the standard error in the unit that stands third."""
-        if self.name.startswith("bias"):
-            factor, unit = (
-                (np.degrees(3600.0), "deg/h")
-                if self.sensor == "gyro"
-                else (1e3 / STANDARD_GRAVITY, "mg")
-            )
-        else:
-            factor, unit = (1e6, "ppm") if self.name.startswith("scale") else (1e3, "mrad")
-        return float(factor * self.value), float(factor * self.sigma), unit
+        factor, unit = SHOWN[self.state.unit]
+        return factor * self.value, factor * self.sigma, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +75,8 @@ class TriadEstimate:
     ----------
     sensor : str
         "gyro" or "accel".
-    names : tuple of str
-        Names of the p parameters.
+    states : tuple of State
+        The p parameters.
     values : ndarray, (p,)
         Values, SI.
     covariance : ndarray, (p, p)
@@ -92,7 +90,7 @@ class TriadEstimate:
     """
 
     sensor: str
-    names: tuple[str, ...]
+    states: tuple[State, ...]
     values: Array
     covariance: Array
     residual: Array
@@ -113,8 +111,8 @@ class TriadEstimate:
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters, with a verdict on each."""
         out = []
-        for name, value, sigma, size in zip(
-            self.names, self.values, self.sigma, sizes(USUAL, self.sensor, self.names), strict=True
+        for state, value, sigma, size in zip(
+            self.states, self.values, self.sigma, sizes(USUAL, self.states), strict=True
         ):
             share = sigma / size
             verdict = (
@@ -124,14 +122,14 @@ class TriadEstimate:
                 if share < 1.0
                 else "not observed"
             )
-            out.append(Parameter(self.sensor, name, float(value), float(sigma), verdict))
+            out.append(Parameter(self.sensor, state, float(value), float(sigma), verdict))
         return tuple(out)
 
     def triad(self) -> TriadCalibration:
         """Return the estimate for the calibration file."""
         response, sigma = np.eye(3), np.zeros((3, 3))
         for entry, value, error in zip(
-            places(self.names), self.values[3:], self.sigma[3:], strict=True
+            places(self.states), self.values[3:], self.sigma[3:], strict=True
         ):
             response[entry] += value
             sigma[entry] = error
@@ -224,7 +222,7 @@ class MultiPosition:
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {
-                "parameters": [vars(parameter) for parameter in estimate.parameters],
+                "parameters": [as_named(parameter) for parameter in estimate.parameters],
                 "correlation": estimate.correlation.tolist(),
                 "variance_factor": estimate.variance_factor,
                 "largest_residual_sigma": float(np.abs(estimate.residual).max()),
@@ -233,27 +231,23 @@ class MultiPosition:
         return document
 
 
-def sizes(table: Mapping[str, float], sensor: str, names: Sequence[str]) -> Array:
+def sizes(table: Mapping[str, float], states: Sequence[State]) -> Array:
     """Return the sizes (p,) of `USUAL` or `POSSIBLE`, in rad/s, m/s^2, 1 or rad."""
-    kinds = [name.split()[0] for name in names]
-    return np.array([table[f"bias {sensor}" if kind == "bias" else kind] for kind in kinds])
+    return np.array([table[state.unit] for state in states])
 
 
-def places(names: tuple[str, ...]) -> list[tuple[int, int]]:
+def places(states: Sequence[State]) -> list[tuple[int, int]]:
     """Return the entries (row, column) of E of the parameters after the bias."""
-    words = [name.split()[1] for name in names[3:]]
-    return [("xyz".index(word[0]), "xyz".index(word[-1])) for word in words]
+    return [("xyz".index(one.axis[0]), "xyz".index(one.axis[-1])) for one in states[3:]]
 
 
-def blind_directions(sensor: str, names: tuple[str, ...], covariance: Array) -> tuple[str, ...]:
+def blind_directions(states: Sequence[State], covariance: Array) -> tuple[str, ...]:
     """Name the combinations of parameters that are not observed.
 
     Parameters
     ----------
-    sensor : str
-        "gyro" or "accel".
-    names : tuple of str
-        Names of the p parameters.
+    states : sequence of State
+        The p parameters.
     covariance : ndarray, (p, p)
         Their covariance, SI.
 
@@ -262,18 +256,17 @@ def blind_directions(sensor: str, names: tuple[str, ...], covariance: Array) -> 
     tuple of str
         Combinations in words, each with its standard error in units of the usual.
     """
-    size = sizes(USUAL, sensor, names)
+    size = sizes(USUAL, states)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     out = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < 1.0:
             break
-        size_of = np.round(
-            np.abs(vector), 6
-        )  # of equal parts the first leads, whatever their last digits
+        # of equal parts the first leads, whatever their last digits
+        size_of = np.round(np.abs(vector), 6)
         vector = vector * np.sign(vector[np.argmax(size_of)])
         parts = [
-            f"{'+' if vector[i] > 0 else '-'} {names[i]}"
+            f"{'+' if vector[i] > 0 else '-'} {states[i]}"
             for i in np.argsort(-size_of, kind="stable")
             if abs(vector[i]) > NAMED
         ]

@@ -18,15 +18,38 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.errors import UsageError
 from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ...records import Array
 
 MOST_GAUSS_MARKOV = 5
+GAUSS_MARKOV, TIME, DRIVING = "gauss_markov", "correlation_time", "driving_noise"
 _LINEAR = {"QN": "quantization", "WN": "white_noise", "RW": "random_walk", "DR": "drift"}
 _ALIASES = {name: name for name in ("QN", "WN", "GM", "RW", "DR")} | {"AR1": "GM", "AR(1)": "GM"}
 _TERM = re.compile(r"([0-9]*)\s*\*?\s*([^\s*].*)")
+
+
+@dataclass(frozen=True)
+class NoiseTerm:
+    """A process of a composition, or a parameter of one.
+
+    kind : the field of `AxisNoise`, or of a Gauss-Markov process `TIME` or `DRIVING`.
+    number : that of the Gauss-Markov process from the shortest time on, 0 of another process.
+    """
+
+    kind: str
+    number: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.kind}_{self.number}" if self.number else self.kind
+
+    @property
+    def parameters(self) -> tuple["NoiseTerm", ...]:
+        """Those of a process."""
+        kinds = (TIME, DRIVING) if self.kind == GAUSS_MARKOV else (self.kind,)
+        return tuple(NoiseTerm(kind, self.number) for kind in kinds)
 
 
 @dataclass(frozen=True)
@@ -75,15 +98,9 @@ class Composition:
         )
 
     def __str__(self) -> str:
-        names = {parameter: name for name, parameter in _LINEAR.items()}
-        before = [names[p] for p in ("quantization", "white_noise") if getattr(self, p)]
-        after = [names[p] for p in ("random_walk", "drift") if getattr(self, p)]
-        gm = (
-            [f"{self.gauss_markov}GM" if self.gauss_markov > 1 else "GM"]
-            if self.gauss_markov
-            else []
-        )
-        return "+".join(before + gm + after)
+        letters = {parameter: name for name, parameter in _LINEAR.items()}
+        letters[GAUSS_MARKOV] = f"{self.gauss_markov}GM" if self.gauss_markov > 1 else "GM"
+        return "+".join(dict.fromkeys(letters[process.kind] for process in self.processes))
 
     @property
     def linear(self) -> tuple[str, ...]:
@@ -91,15 +108,27 @@ class Composition:
         return tuple(p for p in _LINEAR.values() if getattr(self, p))
 
     @property
+    def processes(self) -> tuple[NoiseTerm, ...]:
+        """The processes in their order."""
+        linear = [NoiseTerm(kind) for kind in self.linear]
+        first = self.quantization + self.white_noise
+        gm = [NoiseTerm(GAUSS_MARKOV, k) for k in range(1, self.gauss_markov + 1)]
+        return (*linear[:first], *gm, *linear[first:])
+
+    @property
+    def terms(self) -> tuple[NoiseTerm, ...]:
+        """The parameters in their order."""
+        return tuple(term for process in self.processes for term in process.parameters)
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters in their order."""
-        gm = [
-            f"{kind}_{k}"
-            for k in range(1, self.gauss_markov + 1)
-            for kind in ("correlation_time", "driving_noise")
-        ]
-        first = [p for p in self.linear if p in ("quantization", "white_noise")]
-        return (*first, *gm, *(p for p in self.linear if p not in first))
+        return tuple(map(str, self.terms))
+
+    @property
+    def is_time(self) -> NDArray[np.bool_]:
+        """(size,) bool, which parameters are correlation times."""
+        return np.array([term.kind == TIME for term in self.terms], dtype=bool)
 
     @property
     def size(self) -> int:
@@ -118,15 +147,11 @@ class Composition:
                 f"{len(values)} values for the {self.size} parameters of {self}:"
                 f" {', '.join(self.parameters)}"
             )
-        named: dict[str, Any] = {
-            name: float(value) for name, value in zip(self.parameters, values, strict=True)
-        }
-        gm = [
-            GaussMarkov(named[f"correlation_time_{k}"], named[f"driving_noise_{k}"])
-            for k in range(1, self.gauss_markov + 1)
-        ]
-        gm.sort(key=lambda process: process.correlation_time_s)
-        return AxisNoise(**{name: named[name] for name in self.linear}, gauss_markov=tuple(gm))
+        named = dict(zip(self.terms, map(float, values), strict=True))
+        linear: dict[str, Any] = {kind: named[NoiseTerm(kind)] for kind in self.linear}
+        pairs = [[named[t] for t in p.parameters] for p in self.processes if p.number]
+        gm = (GaussMarkov(*pair) for pair in sorted(pairs, key=lambda pair: pair[0]))
+        return AxisNoise(**linear, gauss_markov=tuple(gm))
 
     def values(self, axis: AxisNoise) -> Array:
         """Parameters (size,) of an axis, in the order of `parameters`.
@@ -140,15 +165,10 @@ class Composition:
             raise UsageError(
                 f"an axis with {present} processes is not of {self}; take `composition_of`"
             )
-        named = {name: getattr(axis, name) for name in self.linear}
-        for k, process in enumerate(
-            sorted(axis.gauss_markov, key=lambda p: p.correlation_time_s), start=1
-        ):
-            named |= {
-                f"correlation_time_{k}": process.correlation_time_s,
-                f"driving_noise_{k}": process.driving_noise,
-            }
-        return np.array([named[name] for name in self.parameters])
+        gm = sorted(axis.gauss_markov, key=lambda p: p.correlation_time_s)
+        pairs = {k: (p.correlation_time_s, p.driving_noise) for k, p in enumerate(gm, start=1)}
+        values = [pairs.get(p.number) or (getattr(axis, p.kind),) for p in self.processes]
+        return np.array([value for of_process in values for value in of_process])
 
 
 def composition_of(axis: AxisNoise) -> Composition:

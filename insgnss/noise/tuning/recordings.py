@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -210,11 +211,7 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     names = [check.name for check in span.checks]
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
-            advice = (
-                f"{check.advice}; --accept"
-                f" {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it"
-                " all the same"
-            )
+            advice = f"{check.advice}; --accept {quote(check.name)} takes it all the same"
             raise DataError(
                 f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
             )

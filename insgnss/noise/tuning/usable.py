@@ -29,6 +29,7 @@ from ...navigation.noise_model.model import AxisNoise, GaussMarkov
 from ..estimation.gmwm import Fit
 from ..estimation.inference import Inference
 from ..moments.theory import haar_variance
+from ..processes.composition import DRIVING, TIME, NoiseTerm, composition_of
 
 Errors = dict[str, float]
 # of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that
@@ -69,8 +70,7 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
     errors: Errors = {
         e.name: e.standard_error
         for e in inference.estimates
-        if not e.name.startswith(("correlation_time", "driving_noise"))
-        and _is_known(e.standard_error)
+        if e.term.number == 0 and _is_known(e.standard_error)
     }
     processes: list[GaussMarkov] = []
     remarks: list[str] = []
@@ -105,7 +105,7 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
                     f" was fitted, with {process.correlation_time_s:.3g} s"
                 )
             errors |= {
-                f"{e.name.rpartition('_')[0]}_{number}": e.standard_error
+                str(NoiseTerm(e.term.kind, number)): e.standard_error
                 for e in (time, strength)
                 if _is_known(e.standard_error)
             }
@@ -199,13 +199,10 @@ def envelope(axis: AxisNoise, fit: Fit) -> tuple[str, ...]:
 def _undetermined(inference: Inference) -> list[str]:
     """Return a sentence for each identifiable process of which a number is hardly known."""
     remarks = []
-    for v in inference.verdicts:
-        number = v.process.rpartition("_")[2]
-        pair = f"correlation_time_{number}", f"driving_noise_{number}"
-        names = pair if v.process.startswith("gauss_markov") else (v.process,)
+    for process, v in zip(inference.fit.composition.processes, inference.verdicts, strict=True):
         poor = [
             e.name
-            for e in (inference[name] for name in names)
+            for e in (inference[str(term)] for term in process.parameters)
             if not np.isfinite(e.high) or e.log_error > 1.0
         ]
         if v.identifiable and poor:
@@ -232,18 +229,11 @@ def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
 def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
     """Round an axis to six digits, its standard errors to two, in the noise-model file's units."""
 
-    def digits(value: float, name: str, count: int) -> float:
-        return rounded(
-            value,
-            "s" if name.startswith("correlation_time") else units[name.rstrip("_0123456789")],
-            count,
-        )
+    def digits(value: float, kind: str, count: int) -> float:
+        return rounded(value, "s" if kind == TIME else units[kind], count)
 
     processes = tuple(
-        GaussMarkov(
-            digits(p.correlation_time_s, "correlation_time", 6),
-            digits(p.driving_noise, "driving_noise", 6),
-        )
+        GaussMarkov(digits(p.correlation_time_s, TIME, 6), digits(p.driving_noise, DRIVING, 6))
         for p in axis.gauss_markov
     )
     plain = {
@@ -251,5 +241,7 @@ def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
         for name in ("white_noise", "quantization", "random_walk", "drift")
     }
     plain["turn_on_bias"] = digits(axis.turn_on_bias, "turn_on_bias", 3)
-    errors = tuple((name, digits(value, name, 2)) for name, value in axis.standard_error)
+    terms = composition_of(axis).terms if axis.standard_error else ()
+    kinds = {str(term): term.kind for term in terms}
+    errors = tuple((name, digits(value, kinds[name], 2)) for name, value in axis.standard_error)
     return AxisNoise(**plain, gauss_markov=processes, standard_error=errors)

@@ -20,6 +20,7 @@ TOO_CORRELATED = 0.9
 COMMON = ("height", "rotation about y", "rotation about x")
 """Motions that all images of a camera may have in common: mean Z of their projection centres (m),
 and mean rotation about the axes of the camera (rad): roll and pitch where y looks back or ahead."""
+IMAGE = "image observations"
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,9 +256,8 @@ class Precision:
         whitened = residuals_px(self.result) / seen.sigma_px
         of_camera = problem.block.camera[seen.image]
         components = []
-        for c in range(len(problem.block.cameras)):
+        for c, name in enumerate(image_components(problem.block)):
             mine = (of_camera == c) & np.isfinite(self.redundancy[:, 0])
-            name = image_component(problem.block, c)
             cost, r = float((whitened[mine] ** 2).sum()), float(self.redundancy[mine].sum())
             components.append(_component(name, 2 * int(mine.sum()), cost, r))
         for name in dict.fromkeys(test.name for test in self.groups):
@@ -271,23 +271,21 @@ class Precision:
         return tuple(components)
 
 
-def image_component(block: ImageBlock, camera: int) -> str:
-    """Return the name of the variance component of a camera's image observations.
+def image_components(block: ImageBlock) -> tuple[str, ...]:
+    """Return the name of the variance component of each camera's image observations.
 
     Parameters
     ----------
     block : ImageBlock
         The block.
-    camera : int
-        Row of the camera.
 
     Returns
     -------
-    str
-        Its name.
+    tuple of str
+        `IMAGE` of the only camera, with the camera's name of several.
     """
     several = len(block.cameras) > 1
-    return f"image observations{f' of {block.cameras[camera].name}' if several else ''}"
+    return tuple(f"{IMAGE} of {c.name}" if several else IMAGE for c in block.cameras)
 
 
 def _component(name: str, count: int, cost: float, redundancy: float) -> Component:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...records.block import INTERIOR
+from ...records.block import INTERIOR, RADIAL
 from .aerial import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from .aerial import COMMON as COMMON_ERRORS
 from .normals import unknown_name
@@ -156,7 +156,7 @@ def _kind(name: str, position: int, columns: np.ndarray) -> str:
     """Return what an unknown is, whosever it is."""
     if name == CAMERA:
         parameter = INTERIOR[columns[position]]
-        return "k" if parameter.startswith("k") else parameter
+        return "k" if parameter in RADIAL else parameter
     if name in (LEVER_ARM, BORESIGHT, SHIFT, DRIFT):
         return f"{name} {'xyz'[position]}"
     return name

@@ -20,7 +20,7 @@ from ...records.block import ImageObservations
 from .adjustment import adjusted
 from .groups import Rescaled
 from .normals import Problem
-from .precision import Component, Precision, image_component, precision_of
+from .precision import IMAGE, Component, Precision, image_components, precision_of
 from .unknowns import Unknowns
 
 ENOUGH_CHANGE = 0.01
@@ -146,6 +146,7 @@ def reweighted(
     """
     product: dict[str, float] = {}
     trusted: set[str] | None = None
+    of_images = image_components(problem.block)
     for _ in range(MOST_ROUNDS):
         current = with_factors(problem, product)
         result = adjusted(current, values)
@@ -158,7 +159,7 @@ def reweighted(
                 c.name
                 for c in components
                 if _relative(c) <= UNCERTAIN
-                and (kinds is None or c.name.partition(" of ")[0] in kinds)
+                and (kinds is None or (IMAGE if c.name in of_images else c.name) in kinds)
             }
         change = {c.name: c.variance for c in components if c.name in trusted}
         if all(abs(v - 1.0) < ENOUGH_CHANGE for v in change.values()):
@@ -201,8 +202,7 @@ def with_factors(problem: Problem, factors: Mapping[str, float]) -> Problem:
         The same otherwise.
     """
     block = problem.block
-    names = [image_component(block, c) for c in range(len(block.cameras))]
-    of_camera = np.array([factors.get(name, 1.0) for name in names])
+    of_camera = np.array([factors.get(name, 1.0) for name in image_components(block)])
     factor = of_camera[block.camera[block.observations.image]]
     seen = block.observations
     sigma = seen.sigma_px * np.sqrt(factor)[:, None]

@@ -14,10 +14,12 @@ import numpy as np
 from ...base.wording import first_of
 from ...report.rules.wording import Limit, lengths, screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
+from ..adjust.precision import IMAGE
+from ..adjust.separation import NORMAL
 from .aerial.relative import DATUM
 from .pattern import Pattern, patterns
 from .processed import processed_with
-from .solve import GROUND, IMAGE, Solved
+from .solve import GROUND, Solved
 from .trials import Trial, shift_of_check_points, trials
 from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
 
@@ -455,7 +457,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
     seen: set[str] = set()
     for pair in figures["correlations"]:
         strong = abs(pair["correlation"]) > STRONG
-        if not strong or pair["remedy"] in seen or pair["remedy"].startswith("normal"):
+        if not strong or pair["remedy"] in seen or pair["remedy"] == NORMAL:
             continue
         seen.add(pair["remedy"])
         yield Limit(

@@ -36,6 +36,7 @@ from ..adjust.adjustment import Adjusted, redundancy_of, valid
 from ..adjust.direct import direct_precision
 from ..adjust.normals import cost
 from ..adjust.precision import Precision, precision_of
+from ..adjust.separation import NORMAL
 from .aerial.control import Control, control_of
 from .figures import figures_of
 from .inputs import Inputs, calibrated, ground_in_plane
@@ -91,7 +92,7 @@ class Plan:
             f"{c['first']} and {c['second']} will hardly be told apart (correlation"
             f" {c['correlation']:+.2f}): {c['remedy']}"
             for c in f["correlations"]
-            if c["remedy"] and not c["remedy"].startswith("normal")
+            if c["remedy"] not in ("", NORMAL)
         ]
         if self.best is not None:
             where, before, after, image = self.best

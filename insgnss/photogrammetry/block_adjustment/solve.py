@@ -12,7 +12,7 @@ from ..adjust.direct import intersected_points
 from ..adjust.groups import PointObservation, Rescaled, control_points
 from ..adjust.normals import Problem, problem_of
 from ..adjust.outliers import Cleaned, RejectedControl, without_outliers
-from ..adjust.precision import Component, Precision, precision_of
+from ..adjust.precision import IMAGE, Component, Precision, precision_of
 from ..adjust.start import first_values
 from ..adjust.unknowns import Unknowns
 from ..adjust.variance_components import Reweighted, reweighted
@@ -20,7 +20,7 @@ from .aerial.control import Control, control_of
 from .inputs import Inputs
 from .vehicle.control import vehicle_control, with_first_points
 
-IMAGE, GROUND = "image observations", "ground control"
+GROUND = "ground control"
 Progress = Callable[[str], None]
 
 

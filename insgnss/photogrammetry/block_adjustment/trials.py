@@ -27,13 +27,14 @@ from ..adjust.groups import ObservationGroup, PointObservation
 from ..adjust.kinematic import CLOCK
 from ..adjust.normals import Problem, cofactors_of, problem_of
 from ..adjust.outliers import without_outliers
+from ..adjust.precision import image_components
 from ..adjust.unknowns import CAMERA, POINT, Key, Unknowns
 from ..adjust.variance_components import with_factors
 from .aerial.control import control_of
 from .check_points import check_points
 from .inputs import Inputs
 from .mode import CAMERA_HELD
-from .solve import IMAGE, Solved, ground_groups
+from .solve import Solved, ground_groups
 from .solve import solved as adjusted_block
 from .vehicle.control import remedies as vehicle_remedies
 from .vehicle.control import vehicle_control
@@ -219,7 +220,8 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
             again = adjusted_block(replace(inputs, file=file, block=block), lambda _: None)
         except DataError:
             continue
-        held = (c for c in again.components if not c.name.startswith(IMAGE))
+        of_images = image_components(again.result.problem.block)
+        held = (c for c in again.components if c.name not in of_images)
         if any(c.variance > CONVERGED_VARIANCE for c in held):
             continue  # it converges, and to nothing
         if best is not None and best[0] <= again.result.cost:
@@ -326,8 +328,10 @@ def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
         block = _with_usual(block)
     problem = problem_of(block, groups, blocks)
     # image observations have their final variances already
-    rest = {name: f for name, f in solved.factors.items() if not name.startswith(IMAGE)}
-    problem = with_factors(problem, rest)
+    factors = dict(solved.factors)
+    for name in image_components(block):
+        factors.pop(name, None)
+    problem = with_factors(problem, factors)
     values = replace(result.values, blocks=blocks)
     reconnects = (key == DATUM or key in moving.blocks) and bool(alone)
     if reconnects:  # rays that were rejected for the shift's sake take part again

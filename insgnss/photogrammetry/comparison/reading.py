@@ -50,11 +50,8 @@ HEADERS = {  # of files that other programs take, in lower case
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
-UNKNOWN_M = (
-    0.98765,
-    0.98765,
-    0.98765,
-)  # stands in for fixes without standard deviations, and is left out again
+# stands in for fixes without standard deviations, and is left out again
+UNKNOWN_M = 0.98765, 0.98765, 0.98765
 
 
 def read_poses(

@@ -31,6 +31,7 @@ from ...records.cameras.mounting import Mounting
 from .block_errors import FIRST_ATTITUDE, FIRST_POSITION
 from .block_poses import block_poses, common_images
 from .judgement import (
+    GROUPS,
     USEFUL,
     Component,
     components,
@@ -95,7 +96,7 @@ class MountingResult:
         determined = [c for c in judged if c.determined]
         words = f"{len(determined)} of {len(judged)} components determined by"
         words += f" {self.solved.rows.size} images"
-        against = list(dict.fromkeys(_group(c) for c in judged if c.against))
+        against = list(dict.fromkeys(GROUPS.get(c.group, c.name) for c in judged if c.against))
         if against:
             verb = "contradicts" if len(against) == 1 else "contradict"
             words = f"the flight file's {_listed(against)} {verb} the poses; {words}"
@@ -105,15 +106,6 @@ class MountingResult:
                 f" which all standard deviations are multiplied; {words}"
             )
         return words
-
-
-def _group(component: Component) -> str:
-    return (
-        component.name.partition(" about ")[0]
-        .partition(" against ")[0]
-        .partition("arm ")[0]
-        .replace("lever ", "lever arm")
-    )
 
 
 def _listed(names: list[str]) -> str:

@@ -30,6 +30,7 @@ from .solution import Solved, Variant
 DETERMINED, UNDETERMINED, CONTRADICTING = "determined", "not determined", "contradicts"
 USEFUL = {"antenna_m": 0.02, "imu_m": 0.02, "boresight": np.radians(0.05), "delay": 1e-3}
 USEFUL["shift"] = 0.02
+GROUPS = {"antenna_m": "antenna lever arm", "imu_m": "IMU lever arm", "boresight": "bore-sight"}
 STATED_BORESIGHT, STATED_DELAY_S = float(np.radians(0.02)), 5e-4
 ALIKE_M, ALIKE_RAD = 0.005, float(np.radians(0.002))  # of a remedy
 LEAST_LIMIT_M = 1e-3  # a flight file that knows it better is not asked for more
@@ -262,12 +263,12 @@ def linear_functions(
     values: list[float] = []
     before: list[float] = []
     C_cb = solved.C_cb
-    for group, words, J, now, then in (
-        ("antenna_m", "antenna lever arm", J_arms[:3], antenna, stated.mounting.antenna_m),
-        ("imu_m", "IMU lever arm", J_arms[3:], imu, stated.mounting.imu_m),
+    for group, J, now, then in (
+        ("antenna_m", J_arms[:3], antenna, stated.mounting.antenna_m),
+        ("imu_m", J_arms[3:], imu, stated.mounting.imu_m),
     ):
         for axis in range(3):
-            names.append((group, axis, f"{words} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
+            names.append((group, axis, f"{GROUPS[group]} {'xyz'[axis]} ({_direction(C_cb, axis)})"))
             rows.append(J[axis])
             values.append(float(now[axis]))
             before.append(float(then[axis]))

@@ -158,9 +158,8 @@ def _unseen(
     """Say why no ground point lies in any image."""
     n = len(ground.points)
     why = {word: int((seen.visibility == k).sum()) for k, word in enumerate(VISIBILITY)}
-    apart = np.linalg.norm(
-        ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2
-    )  # images x points
+    # images x points
+    apart = np.linalg.norm(ground.position_m[None, :, :2] - eo.position_m[:, None, :2], axis=2)
     i, p = np.unravel_index(int(apart.argmin()), apart.shape)
     above = float(np.median(eo.position_m[:, 2]) - np.median(ground.position_m[:, 2]))
     words = ", ".join(f"{count} {word}" for word, count in why.items() if count)

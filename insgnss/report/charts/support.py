@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Diagnostics
+from ...records.states import State
 from ..marks import Marks
 from ..rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from ..statistics import NIS_95, residual_limit
@@ -189,36 +190,32 @@ def biases(d: Diagnostics, marks: Marks) -> Chart:
 def constants(d: Diagnostics, marks: Marks) -> Chart | None:
     """Lever arm, time offset, scale factors over time; None where no constant was estimated."""
     c = d.constants
-    if c is None or not c.names:
+    if c is None or not c.states:
         return None
     t = marks.minutes(d.time)
     panels = []
-    for label, members in _together(c.names):
-        factor, unit = state_unit(c.names[members[0]])
+    for label, members in _together(c.states):
+        factor, unit = state_unit(c.states[members[0]])
         layers: list[Layer] = []
         for row, k in enumerate(members):
             ink = AXES_INKS[row % 3]
             value = marks.broken(t, factor * c.value[:, k])
             layers.append(band(t, value, 3 * factor * c.filter_sigma[:, k], ink=ink))
             layers.append(band(t, value, 3 * factor * c.sigma[:, k], ink=ink))
-            layers.append(line(t, value, c.names[k].removeprefix(label).strip() or "value", ink))
+            state = c.states[k]
+            name = str(state) if state.sensor else state.axis or "value"
+            layers.append(line(t, value, name, ink))
         reach = _reach(factor * c.value[:, members], 3 * factor * c.filter_sigma[:, members])
         panels.append(Axes(f"{label}, {unit}", layers, limits=reach))
     title = "Constants estimated in flight"
     return over_time("constants", title, _CONSTANTS, panels, marks)
 
 
-def _together(names: Sequence[str]) -> list[tuple[str, list[int]]]:
+def _together(states: Sequence[State]) -> list[tuple[str, list[int]]]:
     """Return constants that share a panel under one name: the three axes of one quantity."""
     groups: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        head = name.rsplit(" ", 1)[0] if name.endswith(("forward", "right", "down")) else name
-        for quantity in ("scale factor",):
-            if name.endswith(quantity):
-                head = f"{name.split(' ', maxsplit=1)[0]} {quantity}"
-        if " from " in name:
-            head = f"{name.split(' ', maxsplit=1)[0]} misalignment"
-        groups.setdefault(head, []).append(k)
+    for k, state in enumerate(states):
+        groups.setdefault(f"{state.sensor} {state.group}".lstrip(), []).append(k)
     return list(groups.items())
 
 

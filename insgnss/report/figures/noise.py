@@ -105,15 +105,14 @@ class SpectrumPanel:
     lines_hz: Sequence[float] = ()
 
 
-def process_label(sensor: Sensor, process: str, value: float, time_s: float | None = None) -> str:
+def process_label(sensor: Sensor, kind: str, value: float, time_s: float | None = None) -> str:
     """Words of a process with its strength in the units of data sheets.
 
     Parameters
     ----------
-    process : name of a part, "gauss_markov_1" and the like with their correlation time, s.
+    kind : "white_noise" and the like; "gauss_markov" with its correlation time, s.
     value : SI; of a Gauss-Markov process its stationary standard deviation.
     """
-    kind = "gauss_markov" if process.startswith("gauss_markov") else process
     units = {
         "white_noise": f"{UNIT[sensor]}/sqrt(Hz)",
         "quantization": "urad" if sensor == "gyro" else "mm/s",

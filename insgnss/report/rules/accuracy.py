@@ -7,6 +7,7 @@ lines, an IMU of the class of a NavChip); the limits stand below.
 import math
 from collections.abc import Iterator, Sequence
 
+from ...records.states import OF_LEVER_ARM
 from .wording import Figures, Limit, degrees, millimetres, tilt
 
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
@@ -17,11 +18,9 @@ OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
-LEVER_ARM = "antenna lever arm"
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
-NEGLIGIBLE_ARM_M = (
-    0.02  # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
-)
+# what a right lever arm may come out off by (`navigation.diagnosis.advice`)
+NEGLIGIBLE_ARM_M = 0.02
 EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
 BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
@@ -203,9 +202,10 @@ def gyro_bias(f: Figures) -> Iterator[Limit]:
     )
 
 
-def arm_states(f: Figures) -> list[Figures]:
-    """Return the states of the lever arm's error."""
-    return [state for state in f["states"] if state["name"].startswith(LEVER_ARM)]
+def arm_states(f: Figures) -> dict[str, Figures]:
+    """Return the states of the lever arm's error by axis."""
+    named = {state["name"]: state for state in f["states"]}
+    return {state.axis: named[str(state)] for state in OF_LEVER_ARM if str(state) in named}
 
 
 def lever_arm(f: Figures) -> Iterator[Limit]:
@@ -224,15 +224,12 @@ def lever_arm(f: Figures) -> Iterator[Limit]:
         stated = max(stated, options["lever_arm_sigma_m"])
     beyond = [
         abs(state["value"]) / math.hypot(state["sigma"], stated)
-        for state in arm
+        for state in arm.values()
         if abs(state["value"]) > NEGLIGIBLE_ARM_M
     ]
     if not beyond or max(beyond) <= SIGNIFICANT:
         return
-    value = [
-        next((s["value"] for s in arm if s["name"].endswith(axis)), 0.0)
-        for axis in ("forward", "right", "down")
-    ]
+    value = [arm[s.axis]["value"] if s.axis in arm else 0.0 for s in OF_LEVER_ARM]
     off = _in_camera(mounting, value)
     antenna = _millimetre_list(mounting["antenna_m"], off, 1.0)
     imu = _millimetre_list(mounting["imu_m"], off, -1.0)
@@ -267,7 +264,8 @@ def states(f: Figures) -> Iterator[Limit]:
     Those that it does not determine come first, then the values of the others.
     """
     typical = max(f["trajectory"]["position_mm"]["median"])
-    of_imu, estimated = [], []
+    of_imu, estimated, of_antenna = [], [], False
+    of_arm = {str(state) for state in OF_LEVER_ARM}
     for state in f["states"]:
         factor, unit = state["per_unit"], state["unit"]
         if not state["observed"] and state["moves_m"] is None:
@@ -286,12 +284,12 @@ def states(f: Figures) -> Iterator[Limit]:
             rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK
             yield Limit("constants", rank, text, help_)
         elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
+            of_antenna = of_antenna or state["name"] in of_arm
             estimated.append(
                 f"{state['name']} {state['value'] * factor:+.3g} +- {state['sigma'] * factor:.2g}"
                 f" {unit}"
             )
     if estimated:
-        of_antenna = any(one.startswith(LEVER_ARM) for one in estimated)
         yield Limit(
             "constants",
             REMARK,

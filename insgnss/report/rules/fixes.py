@@ -22,10 +22,8 @@ SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
 # sigmas at one instant; of a thousand normal variables the largest is beyond once in a million
 SEPARATION_ONCE = 6.0
 SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
-STAYS_S, FEW_MATTER = (
-    300.0,
-    0.02,
-)  # an error that lasts longer is one of the absolute position; share of the fixes
+# an error that lasts longer is one of the absolute position; share of the fixes
+STAYS_S, FEW_MATTER = 300.0, 0.02
 # ranks of notes that stand out: sigmas enlarged without need, a mounting of another camera or time,
 # and images that by the other clock are further away than their sigmas hold
 NOTED = {"sigmas of the fixes": 1.5, "mounting file": 1.5, "exposure clock": 1.5}
@@ -40,11 +38,8 @@ ADOPTED = (
     "incorrect fixes",
 )
 ADOPTED_RANK = 2.0
-OVERRULED, REMARK, UNSUPPORTED = (
-    50.0,
-    0.5,
-    1000.0,
-)  # ranks: a contradiction that was overruled, a note, a result that nothing supports
+# ranks: a contradiction that was overruled, a note, a result that nothing supports
+OVERRULED, REMARK, UNSUPPORTED = 50.0, 0.5, 1000.0
 
 
 def judged(consistency: Figures) -> str:

@@ -278,7 +278,7 @@ def _doubts(f: Figures) -> Iterator[Doubt]:
             span=(time - RESET_S, time + RESET_S),
         )
     if any(accuracy.lever_arm(f)):
-        arm = {s["name"].rsplit(" ", 1)[-1]: abs(s["value"]) for s in accuracy.arm_states(f)}
+        arm = {axis: abs(state["value"]) for axis, state in accuracy.arm_states(f).items()}
         level = math.hypot(arm.get("forward", 0.0), arm.get("right", 0.0))
         yield Doubt(
             "the lever arm from the IMU to the antenna is not what the mounting states, and the"

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.gpstime import calendar_from_gps
+from ...records.states import State
 
 Figures = Mapping[str, Any]
 
@@ -88,10 +89,6 @@ def screen_unit(unit: str) -> tuple[float, str]:
     return {"m": (1e3, "mm"), "rad": (math.degrees(1.0), "deg"), "s": (1e3, "ms")}[unit]
 
 
-def state_unit(name: str) -> tuple[float, str]:
-    """Factor and unit in which a constant of that name is read."""
-    if name.endswith(("scale factor", "clock rate")):
-        return 1e6, "ppm"
-    if " from " in name:
-        return 1e3, "mrad"
-    return (1e3, "ms") if name.endswith("time offset") else (1.0, "m")
+def state_unit(state: State) -> tuple[float, str]:
+    """Factor and unit in which a constant is read."""
+    return {"": (1e6, "ppm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "m": (1.0, "m")}[state.unit]

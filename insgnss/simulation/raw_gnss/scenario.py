@@ -49,12 +49,8 @@ SIGNALS = ("C1", "P2", "L1", "L2", "D1", "D2", "S1", "S2")
 GPS_HZ = (1575.42e6, 1227.60e6)
 GLONASS_HZ, GLONASS_STEP_HZ = (1602.0e6, 1246.0e6), (0.5625e6, 0.4375e6)
 BASE_MARGIN_S = 5.0  # of the base's record beyond the rover's
-STRENGTH_DBHZ = (
-    30.0,
-    20.0,
-    6.0,
-    0.7,
-)  # in the antenna's plane, more at its zenith, less on L2, noise
+# in the antenna's plane, more at its zenith, less on L2, noise
+STRENGTH_DBHZ = 30.0, 20.0, 6.0, 0.7
 FEWEST = 5
 CHANNELS = 14
 LOWEST_DEG = 3.0

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from insgnss.batch.season.row import COLUMNS, LEVER
+from insgnss.batch.season.row import COLUMNS
+from insgnss.records.states import AXES
 from insgnss.simulation.dataset import write_dataset
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
@@ -30,7 +31,7 @@ def row(k: int, rng: np.random.Generator | None = None, **values: Any) -> dict[s
     made |= {"report": f"f{k:03d}/out/report.html", "nis_ratio": 1.0, "duration_s": 60.0}
     for axis in "enu":
         made[f"sigma_{axis}_mm"], made[f"sigma_att_{axis}_deg"] = 3.0, 0.01
-    for axis in LEVER:
+    for axis in AXES:
         made[f"lever_arm_{axis}_m"] = 0.1 + SIGMA_M * draw()
         made[f"lever_arm_{axis}_sigma_m"] = SIGMA_M
     made |= {"time_offset_s": 3e-4 * draw(), "time_offset_sigma_s": 3e-4}

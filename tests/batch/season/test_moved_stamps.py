@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from oracles import oracle
 
-from insgnss.batch.season.row import LEVER
 from insgnss.batch.season.tables import read_season
+from insgnss.records.states import AXES
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.sensors import Rig
 
@@ -108,8 +108,8 @@ def test_a_season_has_the_offset_that_the_stamps_have(
     for late in late_ms:
         assert abs(row["time_offset_s"] + 1e-3 * late) < 4.0 * row["time_offset_sigma_s"]
     assert (row["time_offset_sigma_s"] > 3e-3) == (late_ms[0] != late_ms[1])
-    found = np.array([row[f"lever_arm_{axis}_m"] for axis in LEVER])
-    sigma = np.array([row[f"lever_arm_{axis}_sigma_m"] for axis in LEVER])
+    found = np.array([row[f"lever_arm_{axis}_m"] for axis in AXES])
+    sigma = np.array([row[f"lever_arm_{axis}_sigma_m"] for axis in AXES])
     assert (np.abs(found - Rig().antenna_lever_b) < 4.0 * sigma).all()
     if name != "one_refused":
         one = constants(directory, name)[OFFSET]

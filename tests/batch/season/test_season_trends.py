@@ -68,7 +68,7 @@ def test_a_drift_is_named_with_its_equipment_and_its_rate() -> None:
     rows = season(40, np.random.default_rng(6), 0.15)
     rows += [row(k, np.random.default_rng(k), equipment="wing4") for k in range(40)]
     odd = [trend for trend in trends(rows) if trend.odd]
-    assert [(t.equipment, t.quantity.name, t.finding) for t in odd] == [
+    assert [(t.equipment, str(t.quantity.state), t.finding) for t in odd] == [
         ("wing3", "antenna lever arm forward", "drift")
     ]
     trend = odd[0]
@@ -111,7 +111,7 @@ def test_too_few_flights_or_one_time_say_nothing() -> None:
 def test_one_calibration_counts_once() -> None:
     """Oracle: a bore-sight of three calibrations under thirty flights is three measurements."""
     rows = [row(k, boresight_x_deg=0.1 * (k // 10), boresight_x_sigma_deg=0.001) for k in range(30)]
-    found = next(t for t in trends(rows) if t.quantity.name == "bore-sight x")
+    found = next(t for t in trends(rows) if str(t.quantity.state) == "bore-sight x")
     assert (found.days.size, found.finding) == (3, "too few")
 
 

@@ -20,6 +20,7 @@ from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
 from insgnss.records import StateVerdict
+from insgnss.records.states import TIME_OFFSET
 from insgnss.simulation.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulation.description import FIXES, Units, flight_toml, imu_file, true_tables
 from insgnss.simulation.ground import drive
@@ -308,7 +309,7 @@ def test_time_offset_is_held_by_its_sigma(air):
     wide, tight = (_state(result, "GNSS time offset") for result in results)
     series = results[0].diagnostics.constants
     assert series is not None
-    column = series.names.index("GNSS time offset")
+    column = series.states.index(TIME_OFFSET)
     assert series.value[-1, column] == pytest.approx(wide.value, rel=1e-9)
     assert series.sigma[-1, column] == pytest.approx(wide.sigma, rel=1e-9)
     assert series.filter_sigma[0, column] > 10.0 * series.filter_sigma[-1, column]

@@ -29,7 +29,7 @@ from insgnss.io.options.camera_options import CameraInput, CameraMounting
 from insgnss.navigation.orient.exterior import exterior_orientation
 from insgnss.records import CameraEvents, Trajectory
 from insgnss.records.cameras.mounting import Mounting
-from insgnss.records.rig import merged_order
+from insgnss.records.cameras.rig import merged_order
 
 READY = """
 [imu]

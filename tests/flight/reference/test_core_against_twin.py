@@ -165,7 +165,8 @@ def test_states_and_covariances_are_the_twins(name):
         assert found.in_sigmas < case.sigmas, found
         assert abs(found.sigma_ratio) < RATIO * case.sigmas, found
     sigma = np.sqrt(core.variance(np.arange(core.time.size))[:, 9:]).min(axis=0)
-    named = [case.determined != "" and case.determined in state for state in problem.layout.names]
+    states = map(str, problem.layout.states)
+    named = [case.determined != "" and case.determined in state for state in states]
     assert not any(named) or (sigma / problem.layout.sigma0)[named].min() < 0.5
 
 

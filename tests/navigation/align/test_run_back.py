@@ -38,7 +38,7 @@ def test_an_error_state_takes_off_what_was_put_into_the_readings(problem, sensor
     given, true = problem
     layout, inc = given.layout, given.inc
     last = inc.marks.size - 1
-    s = next(k for k, name in enumerate(layout.names) if name.startswith(sensor) and kind in name)
+    s = [str(state) for state in layout.states].index(f"{sensor} x {kind}")
     c, f, x = layout.channel[s], layout.factor[s], np.zeros(layout.size - 9)
     x[s] = {"bias": 1e-2, "drift": 1e-3, "scale factor": 1e-2, "from z": 1e-2}[kind]
     since = np.cumsum(inc.dt) - 0.5 * inc.dt - (inc.marks[-1] - inc.marks[0])

@@ -14,6 +14,14 @@ from insgnss.navigation.diagnosis.advice import advice, unseen, variance_check
 from insgnss.navigation.diagnosis.constants import ConstantsEvidence, Hypothesis
 from insgnss.navigation.diagnosis.variances import VarianceHypothesis
 from insgnss.records.cameras.mounting import Mounting, boresight_from_angles
+from insgnss.records.states import (
+    CLOCK_RATE,
+    MISALIGNMENT,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 
 ASKEW = Mounting(
     antenna_m=[0.46, 0.1, -0.6],
@@ -22,7 +30,7 @@ ASKEW = Mounting(
     boresight=boresight_from_angles("opk", [4.0, -3.0, 30.0]),
 )
 LEVEL = Mounting(antenna_m=[0.31, -0.12, 0.55], imu_m=[0.03, 0.0, 0.01], camera_from_body=np.eye(3))
-LEVER = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
+ACCEL_SCALES = State(SCALE_FACTOR, sensor="accel")
 # ten minutes at 10 m/s
 SOLUTION: Any = SimpleNamespace(
     nav=np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]]),
@@ -31,12 +39,12 @@ SOLUTION: Any = SimpleNamespace(
 )
 
 
-def hypothesis(values: dict[str, tuple[float, float]], evidence: float = 50.0) -> Hypothesis:
+def hypothesis(values: dict[State, tuple[float, float]], evidence: float = 50.0) -> Hypothesis:
     value, sigma = np.array(list(values.values())).T
     return Hypothesis(tuple(values), evidence, tuple(values), value, sigma, 1.0, evidence)
 
 
-def told(values: dict[str, tuple[float, float]], evidence: float = 50.0):
+def told(values: dict[State, tuple[float, float]], evidence: float = 50.0):
     return advice(ASKEW, SOLUTION, hypothesis(values, evidence))
 
 
@@ -45,64 +53,72 @@ def test_advised_numbers_are_what_the_flight_file_lacks():
     estimated, to its last digit, whichever components are suspected.
     """
     for lever in ([0.2, -0.05, 0.15], [0.2, 0.0, 0.0]):
-        values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True) if v}
+        values = {state: (v, 0.004) for state, v in zip(OF_LEVER_ARM, lever, strict=True) if v}
         (arm,) = told(values)
         numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", arm.advice)
         assert numbers is not None
         advised = replace(ASKEW, antenna_m=[float(v) for v in numbers[1].split(",")])
         wanted = ASKEW.antenna_lever_b + np.array(lever)
         assert np.abs(advised.antenna_lever_b - wanted).max() < 1e-3
-    (clock,) = told({"GNSS time offset": (-0.02, 0.001)})
+    (clock,) = told({TIME_OFFSET: (-0.02, 0.001)})
     assert "add -0.0200 to gnss.time_offset_s" in clock.advice
     assert "0.20 m at 10.0 m/s" in clock.found
-    (rate,) = told({"GNSS clock rate": (2e-5, 2e-6)})
+    (rate,) = told({CLOCK_RATE: (2e-5, 2e-6)})
     assert "gains +20 +- 2 ppm" in rate.found
     assert "0.06 m of half the flight" in rate.found
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "sigma", "evidence", "verdict"),
+    ("state", "value", "sigma", "evidence", "verdict"),
     [
-        (LEVER[0], 0.021, 0.004, 5.1, "contradiction"),
-        (LEVER[0], 0.021, 0.004, 4.9, "note"),  # not strong
-        (LEVER[0], -0.019, 0.001, 50.0, "note"),  # negligible
-        (LEVER[2], -0.3, 0.049, 50.0, "contradiction"),
-        (LEVER[2], -0.3, 0.051, 50.0, "note"),  # the flight determines it to no better than 5 cm
-        ("GNSS time offset", 0.0021, 1e-4, 5.1, "contradiction"),  # 21 mm at 10 m/s
-        ("GNSS time offset", -0.0019, 1e-4, 50.0, "note"),
-        ("GNSS clock rate", 7e-6, 1e-6, 50.0, "contradiction"),  # 21 mm after five minutes
-        ("GNSS clock rate", -6e-6, 1e-6, 50.0, "note"),
-        ("GNSS clock rate", 7e-6, 1e-6, 4.9, "note"),
-        ("gyro z scale factor", 0.01, 1e-4, 500.0, "note"),
-        ("accel x from y", 0.01, 1e-4, 500.0, "note"),
+        (OF_LEVER_ARM[0], 0.021, 0.004, 5.1, "contradiction"),
+        (OF_LEVER_ARM[0], 0.021, 0.004, 4.9, "note"),  # not strong
+        (OF_LEVER_ARM[0], -0.019, 0.001, 50.0, "note"),  # negligible
+        (OF_LEVER_ARM[2], -0.3, 0.049, 50.0, "contradiction"),
+        (
+            OF_LEVER_ARM[2],
+            -0.3,
+            0.051,
+            50.0,
+            "note",
+        ),  # the flight determines it to no better than 5 cm
+        (TIME_OFFSET, 0.0021, 1e-4, 5.1, "contradiction"),  # 21 mm at 10 m/s
+        (TIME_OFFSET, -0.0019, 1e-4, 50.0, "note"),
+        (CLOCK_RATE, 7e-6, 1e-6, 50.0, "contradiction"),  # 21 mm after five minutes
+        (CLOCK_RATE, -6e-6, 1e-6, 50.0, "note"),
+        (CLOCK_RATE, 7e-6, 1e-6, 4.9, "note"),
+        (State(SCALE_FACTOR, "z", "", "gyro"), 0.01, 1e-4, 500.0, "note"),
+        (State(MISALIGNMENT, "x from y", "rad", "accel"), 0.01, 1e-4, 500.0, "note"),
     ],
 )
-def test_what_contradicts_the_flight_file(name, value, sigma, evidence, verdict):
+def test_what_contradicts_the_flight_file(state, value, sigma, evidence, verdict):
     """Oracle: the rule of `navigation.diagnosis.advice`: strong evidence (5), and 2 cm of
     position.
     """
-    (check,) = told({name: (value, sigma)}, evidence)
+    (check,) = told({state: (value, sigma)}, evidence)
     assert check.verdict == verdict
 
 
 def test_the_most_significant_comes_first_and_rivals_are_named():
     """Oracle: sigmas by hand; the groups of the rivals."""
-    values = {LEVER[0]: (0.05, 0.015), "GNSS time offset": (-0.047, 0.001)}
+    values = {OF_LEVER_ARM[0]: (0.05, 0.015), TIME_OFFSET: (-0.047, 0.001)}
     assert [check.name for check in told(values)] == ["GNSS time offset", "antenna lever arm"]
-    rival = replace(hypothesis({LEVER[0]: (0.1, 0.01)}), groups=(LEVER[0], LEVER[2]))
-    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [rival])
+    rival = replace(
+        hypothesis({OF_LEVER_ARM[0]: (0.1, 0.01)}), groups=(OF_LEVER_ARM[0], OF_LEVER_ARM[2])
+    )
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({TIME_OFFSET: (0.01, 0.001)}), [rival])
     assert (
         "does not tell it from antenna lever arm forward and antenna lever arm down" in check.found
     )
     assert check.verdict == "contradiction"
-    of_imu = replace(rival, groups=("accelerometer scale factors",))
-    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [of_imu])
+    of_imu = replace(rival, groups=(ACCEL_SCALES,))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({TIME_OFFSET: (0.01, 0.001)}), [of_imu])
     assert check.verdict == "note"
-    both = replace(rival, groups=("accelerometer scale factors", "GNSS time offset"))
-    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [both])
+    both = replace(rival, groups=(ACCEL_SCALES, TIME_OFFSET))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({TIME_OFFSET: (0.01, 0.001)}), [both])
     assert check.verdict == "contradiction"
     assert "camera.clock" in check.advice
-    assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
+    assert "does not tell it" not in told({TIME_OFFSET: (0.01, 0.001)})[0].found
 
 
 @pytest.mark.parametrize(
@@ -113,14 +129,14 @@ def test_samples_that_are_no_means_are_named_with_the_key_that_mends_them(offset
     after the middle of the interval that it is taken for, the second of two halves 5 ms; both have
     the fixes look early. Following the advice about the fixes instead moved images by 16 sigmas.
     """
-    (check,) = told({"GNSS time offset": (offset, 1e-4)})
+    (check,) = told({TIME_OFFSET: (offset, 1e-4)})
     assert ("imu.quantity" in check.advice) == named
     assert (f"add {-offset:+.4f} to imu.time_offset_s" in check.advice) == named
 
 
 def test_scale_factors_in_percent_the_most_significant_first():
     """Oracle: by hand."""
-    values = {f"gyro {axis} scale factor": (0.01 * k, 1e-3) for k, axis in enumerate("xyz", 1)}
+    values = {State(SCALE_FACTOR, x, "", "gyro"): (0.01 * k, 1e-3) for k, x in enumerate("xyz", 1)}
     (check,) = told(values)
     assert check.name == "IMU scale factors"
     assert check.found.startswith("gyro z scale factor +3.00 +- 0.10 %, gyro y scale factor +2.00")
@@ -143,11 +159,11 @@ def test_an_offset_that_the_exposures_share_costs_them_nothing():
     not show 200 mm; where the same clock stamps the exposures neither is said.
     """
     flight: Any = SimpleNamespace(**vars(SOLUTION), nav_covariance=lambda: np.eye(9)[None] * 1e-4)
-    names = (*LEVER, "GNSS time offset")
+    states = (*OF_LEVER_ARM, TIME_OFFSET)
     wide = np.array([0.2, 0.2, 0.2, 0.05])
     known = np.array([1e-3, 1e-3, 1e-3, 5e-3])  # m, s
     evidence = ConstantsEvidence(
-        names, names, wide, np.zeros(4), np.diag((wide / known) ** 2), np.zeros(4)
+        states, wide, np.zeros(4), np.diag((wide / known) ** 2), np.zeros(4)
     )
     own = unseen(flight, evidence)
     assert own is not None
@@ -165,7 +181,7 @@ def test_antenna_and_imu_are_offered_alike_where_images_depend_on_both():
     that was estimated, and the camera stands elsewhere by as much.
     """
     lever = np.array([0.2, -0.05, 0.15])
-    values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True)}
+    values = {state: (v, 0.004) for state, v in zip(OF_LEVER_ARM, lever, strict=True)}
     (arm,) = advice(ASKEW, SOLUTION, hypothesis(values), exposures=True)
     assert arm.advice.startswith("mounting.imu_m = [")
     assert "filter.lever_arm" not in arm.advice
@@ -186,7 +202,7 @@ def test_antenna_and_imu_are_offered_alike_where_images_depend_on_both():
 
 def test_an_exact_lever_arm_is_contradicted_and_not_estimated():
     """Oracle: the contract; a sigma of 0 states it as exact."""
-    values = {LEVER[0]: (0.2, 0.004)}
+    values = {OF_LEVER_ARM[0]: (0.2, 0.004)}
     (arm,) = advice(replace(ASKEW, antenna_sigma_m=0.0), SOLUTION, hypothesis(values))
     assert arm.verdict == "contradiction"
     assert arm.found.startswith("another one explains the innovations, from the IMU off by")
@@ -205,7 +221,7 @@ def test_what_a_flight_would_not_show_is_said(forward_m, position_m, hidden):
     """Oracle: four sigma of what the flight tells, against 2 cm and three sigma of the positions.
     A lever arm 2 cm off, known to 7 mm, moved images of 5 mm by 4 sigma in silence.
     """
-    alone = dict(zip(LEVER, (forward_m, 0.003, 0.003), strict=True)) | {"GNSS time offset": 1e-4}
+    alone = dict(zip(OF_LEVER_ARM, (forward_m, 0.003, 0.003), strict=True)) | {TIME_OFFSET: 1e-4}
     constants: Any = SimpleNamespace(requested=(), exact=(), known_to=lambda: alone)
     P = np.diag([position_m**2] * 3)[None]
     solution = SimpleNamespace(nav=SOLUTION.nav, time=SOLUTION.time, nav_covariance=lambda: P)
@@ -226,19 +242,21 @@ def test_a_camera_that_is_turned_is_named_with_its_matrix():
     for stated, T in product((LEVEL, turned), right_angle_rotations()[1:]):
         true = replace(stated, camera_from_body=T)
         off = true.antenna_lever_b - stated.antenna_lever_b
-        values = {name: (v, 0.002) for name, v in zip(LEVER, off, strict=True) if abs(v) > 1e-9}
+        values = {
+            state: (v, 0.002) for state, v in zip(OF_LEVER_ARM, off, strict=True) if abs(v) > 1e-9
+        }
         (arm,) = advice(stated, SOLUTION, hypothesis(values, 50.0))
         if np.abs(off).max() > 0.02:
             matrix = T.astype(int).tolist()
             assert f"another mounting.camera_from_body = {matrix} would" in arm.advice
-    off = dict(zip(LEVER, [(0.1, 0.002), (0.0, 0.002), (0.0, 0.002)], strict=True))
+    off = dict(zip(OF_LEVER_ARM, [(0.1, 0.002), (0.0, 0.002), (0.0, 0.002)], strict=True))
     (arm,) = advice(LEVEL, SOLUTION, hypothesis(off, 50.0))
     assert "camera_from_body" not in arm.advice
 
 
 def test_what_a_right_flight_may_show_does_not_stand_out():
     """Oracle: the largest evidence with wide sigmas of 160 right flights, 2.7."""
-    values = {LEVER[0]: (0.05, 0.01)}
+    values = {OF_LEVER_ARM[0]: (0.05, 0.01)}
     (weak,) = advice(LEVEL, SOLUTION, hypothesis(values, 2.7))
     (shown,) = advice(LEVEL, SOLUTION, hypothesis(values, 3.1))
     assert (weak.beyond_chance, shown.beyond_chance) == (False, True)

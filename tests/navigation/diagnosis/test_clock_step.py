@@ -19,6 +19,7 @@ from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.navigation.prepare.clock import cut_fixes
 from insgnss.navigation.prepare.increments import body_increments, merge_marks
 from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records.states import TIME_OFFSET
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 LONG_S, AT_S = 200.0, 90.0
@@ -26,7 +27,7 @@ Times = Callable[[np.ndarray], np.ndarray]
 
 
 def with_clock() -> StateLayout:
-    model = with_constants(ErrorModel(FixErrors()), ["GNSS time offset"], FAR)
+    model = with_constants(ErrorModel(FixErrors()), [TIME_OFFSET], FAR)
     return state_layout(load_noise_model("navchip"), False, False, model.fixes)
 
 

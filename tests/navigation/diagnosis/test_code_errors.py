@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flown import fly, start_near
 
-from insgnss.navigation.diagnosis.code_errors import code_errors, code_message
+from insgnss.navigation.diagnosis.time_correlated import code_errors, code_message
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import solve
 from insgnss.navigation.noise_model.model import load_noise_model

@@ -27,12 +27,21 @@ from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layou
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records.states import (
+    CLOCK_RATE,
+    LEVER_ARM,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 from insgnss.records.verdicts import ConstantEstimate
 
 NAVCHIP = load_noise_model("navchip")
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 NOTHING = ErrorModel(FixErrors())
 LONG_S = 240.0
+GYRO_SCALES = State(SCALE_FACTOR, sensor="gyro")
 
 
 def layout(model: ErrorModel) -> StateLayout:
@@ -74,8 +83,8 @@ def test_what_is_stated_as_exact_gives_way_to_what_explains_as_much(clean):
     """Oracle: by hand; of two hypotheses within three of each other the one that leaves the exact
     lever arm alone is taken, and it has no rival that does not; a weaker one is no explanation.
     """
-    arm, scale = "antenna lever arm right", "gyro scale factors"
-    found = replace(evidence(clean), exact=("antenna lever arm",))
+    arm, scale = OF_LEVER_ARM[1], GYRO_SCALES
+    found = replace(evidence(clean), exact=(LEVER_ARM,))
     one = max(found.hypotheses, key=lambda each: each.groups == (arm,))
     for weaker, taken in ((58.0, scale), (50.0, arm)):
         every = (
@@ -100,10 +109,8 @@ def test_a_constant_is_no_state_by_chance(log_evidence: float, taken: bool) -> N
     """
     i = 400.0
     e = np.sqrt((2.0 * log_evidence + np.log1p(i)) * (1.0 + 1.0 / i))
-    names, one = ("gyro x scale factor",), np.ones(1)
-    found = ConstantsEvidence(
-        names, ("gyro scale factors",), 0.05 * one, 0.0 * one, i * np.eye(1), e * i**0.5 * one
-    )
+    states, one = (replace(GYRO_SCALES, axis="x"),), np.ones(1)
+    found = ConstantsEvidence(states, 0.05 * one, 0.0 * one, i * np.eye(1), e * i**0.5 * one)
     assert found.hypotheses[0].evidence == pytest.approx(log_evidence)
     assert (found.strongest() is not None) == taken
 
@@ -116,9 +123,8 @@ def test_evidence_is_the_ratio_of_two_likelihoods(clean, lever):
     """
     found = evidence(clean, lever)
     problem, start = posed(clean, lever)
-    arms = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
-    (together,) = [one for one in found.hypotheses if set(one.groups) == set(arms)]
-    model = with_constants(NOTHING, ["antenna lever arm"], together.factor)
+    (together,) = [one for one in found.hypotheses if set(one.groups) == set(OF_LEVER_ARM)]
+    model = with_constants(NOTHING, OF_LEVER_ARM, together.factor)
     with_states = layout(model)
     wide = replace(problem, layout=with_states)
     P = np.diag(np.concatenate([SIGMA, with_states.sigma0]) ** 2)
@@ -135,8 +141,8 @@ def test_nothing_is_suspected_where_nothing_is_wrong(clean):
     found = evidence(clean)
     assert found.strongest() is None
     known = found.known_to()
-    assert 0.002 < known["antenna lever arm down"] < 0.02
-    assert 1e-4 < known["GNSS time offset"] < 2e-3
+    assert 0.002 < known[OF_LEVER_ARM[2]] < 0.02
+    assert 1e-4 < known[TIME_OFFSET] < 2e-3
 
 
 def late(seconds: float) -> Callable[[Any], Any]:
@@ -170,23 +176,23 @@ def faster(imu: ImuSamples) -> ImuSamples:
 @pytest.mark.parametrize(
     ("plant", "lever", "groups", "value"),
     [
-        (late(0.008), (0, 0, 0), ("GNSS time offset",), -0.008),
-        (late(-0.008), (0, 0, 0), ("GNSS time offset",), 0.008),
-        (lambda f: f, (0, 0, 0.06), ("antenna lever arm down",), 0.06),
-        (lambda f: f, (0, -0.08, 0), ("antenna lever arm right",), -0.08),
-        (lambda f: f, (0.1, 0, 0), ("antenna lever arm forward",), 0.1),
-        (lambda f: f, (0, 0, 1.5), ("antenna lever arm down",), 1.5),
-        (lambda f: _with(f, imu=faster), (0, 0, 0), ("GNSS clock rate",), 1e-4),
+        (late(0.008), (0, 0, 0), (TIME_OFFSET,), -0.008),
+        (late(-0.008), (0, 0, 0), (TIME_OFFSET,), 0.008),
+        (lambda f: f, (0, 0, 0.06), OF_LEVER_ARM[2:], 0.06),
+        (lambda f: f, (0, -0.08, 0), OF_LEVER_ARM[1:2], -0.08),
+        (lambda f: f, (0.1, 0, 0), OF_LEVER_ARM[:1], 0.1),
+        (lambda f: f, (0, 0, 1.5), OF_LEVER_ARM[2:], 1.5),
+        (lambda f: _with(f, imu=faster), (0, 0, 0), (CLOCK_RATE,), 1e-4),
         (
             lambda f: _with(f, imu=lambda i: replace(i, gyro=1.01 * i.gyro)),
             (0, 0, 0),
-            ("gyro scale factors",),
+            (GYRO_SCALES,),
             0.01,
         ),
         (
             lambda f: _with(f, imu=lambda i: replace(i, accel=1.01 * i.accel)),
             (0, 0, 0),
-            ("accelerometer scale factors",),
+            (replace(GYRO_SCALES, sensor="accel"),),
             0.01,
         ),
     ],
@@ -225,10 +231,10 @@ def test_a_constant_that_is_estimated_already_is_not_suspected(clean):
     """Oracle: the lever arm is a state of the flight file's own; 0.1 m are within its sigma."""
     own = ErrorModel(FixErrors(lever_arm_m=0.3), AS_STATED)
     wide = layout(with_every_constant(own))
-    requested = ("antenna lever arm",)
+    requested = (LEVER_ARM,)
     found = constants_evidence(*posed(clean, (0.0, 0.1, 0.0)), layout(own), wide, requested)
     assert found is not None
-    assert not any("lever arm" in g for one in found.hypotheses for g in one.groups)
+    assert not any(g in OF_LEVER_ARM for one in found.hypotheses for g in one.groups)
     strongest = found.strongest()
     assert strongest is None or strongest.evidence < STRONG
 
@@ -239,7 +245,7 @@ def test_what_no_sensor_has_is_no_hypothesis(clean):
     """
     turned = _with(clean, imu=lambda i: replace(i, gyro=1.2 * i.gyro))
     for one in evidence(turned).hypotheses:
-        scale = [v for n, v in zip(one.names, one.value, strict=True) if "scale" in n]
+        scale = [v for s, v in zip(one.states, one.value, strict=True) if s.group == SCALE_FACTOR]
         assert all(abs(v) <= 4.0 * ImuErrors(0.01).scale_factor + 1e-12 for v in scale)
 
 
@@ -249,24 +255,23 @@ def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
     segments as one by their weights.
     """
     rng = np.random.default_rng(2)
-    names = (*(f"antenna lever arm {axis}" for axis in ("forward", "right", "down")),)
-    names = (*names, "GNSS time offset")
+    states = (*OF_LEVER_ARM, TIME_OFFSET)
     wide, stated = np.array([2.0, 2.0, 2.0, 0.5]), np.array([0.005, 0.005, 0.005, 2e-4])
     root = rng.normal(size=(4, 4)) * 100.0
     information, vector = root @ root.T, rng.normal(size=4) * 100.0
-    evidence = ConstantsEvidence(names, names, wide, stated, information, vector)
+    evidence = ConstantsEvidence(states, wide, stated, information, vector)
     estimates = evidence.estimates()
     prior = np.diag([1.0, 1.0, 1.0, (wide[3] / stated[3]) ** 2])
     cov = np.linalg.inv(information + prior)
     expected = wide * (cov @ vector)
     sigma = wide * np.sqrt(np.diag(cov))
-    assert [one.name for one in estimates] == list(names)
+    assert [one.state for one in estimates] == list(states)
     assert [one.correction for one in estimates[:3]] == pytest.approx(expected[:3])
     assert [one.sigma for one in estimates[:3]] == pytest.approx(sigma[:3])
     same = combined([estimates, estimates])
     assert [one.correction for one in same] == pytest.approx([one.correction for one in estimates])
     assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
-    blind = ConstantsEvidence(names, names, wide, stated, np.zeros((4, 4)), np.zeros(4))
+    blind = ConstantsEvidence(states, wide, stated, np.zeros((4, 4)), np.zeros(4))
     assert blind.estimates() == ()
 
 
@@ -278,8 +283,8 @@ def test_an_offset_that_changes_is_that_of_the_middle() -> None:
     wide, stated = np.array([0.5, 2e-3]), np.array([0.1, 1e-4])
     value = -0.02 + 3e-5 * time + sigma_s * np.random.default_rng(5).normal(size=time.size)
     A = np.column_stack([np.ones(time.size), time]) * wide / sigma_s
-    names = ("GNSS time offset", "GNSS clock rate")
-    evidence = ConstantsEvidence(names, names, wide, stated, A.T @ A, A.T @ value / sigma_s)
+    states = (TIME_OFFSET, CLOCK_RATE)
+    evidence = ConstantsEvidence(states, wide, stated, A.T @ A, A.T @ value / sigma_s)
     offset, rate = evidence.estimates(100.0)
     assert offset.correction == pytest.approx(value.mean(), abs=2e-6)
     assert offset.sigma == pytest.approx(sigma_s / time.size**0.5, rel=1e-3)
@@ -290,9 +295,11 @@ def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
     """Oracle: by hand: -10 and -30 ms of 1 and 2 ms weigh 4 to 1, mean -14, X = 36 + 64 = 80 of the
     variance 0.8 ms^2: a sigma of 8 ms; three that agree have the sigma of their weights.
     """
-    name = "GNSS time offset"
-    apart = [[ConstantEstimate(name, -10.0, 1.0)], [ConstantEstimate(name, -30.0, 2.0)]]
+    apart = [
+        [ConstantEstimate(TIME_OFFSET, -10.0, 1.0)],
+        [ConstantEstimate(TIME_OFFSET, -30.0, 2.0)],
+    ]
     (one,) = combined(apart)
     assert (one.correction, one.sigma) == pytest.approx((-14.0, 8.0))
-    (same,) = combined([*[[ConstantEstimate(name, -10.0, 3.0)]] * 3, []])
+    (same,) = combined([*[[ConstantEstimate(TIME_OFFSET, -10.0, 3.0)]] * 3, []])
     assert (same.correction, same.sigma) == pytest.approx((-10.0, 3.0**0.5))

@@ -10,9 +10,8 @@ from numpy.testing import assert_array_equal
 
 from insgnss.navigation.diagnosis import decision
 from insgnss.navigation.diagnosis.candidates import ErrorModel, with_layout
-from insgnss.navigation.diagnosis.decision import is_suspicious
 from insgnss.navigation.diagnosis.estimated import state_verdicts
-from insgnss.navigation.diagnosis.time_correlated import time_correlated_error
+from insgnss.navigation.diagnosis.time_correlated import is_suspicious, time_correlated_error
 from insgnss.navigation.filter.layout import FixErrors, state_layout
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.noise_model.model import load_noise_model
@@ -94,15 +93,15 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
 
 
 def test_states_keep_their_place_and_value_in_another_layout(clean):
-    """Oracle: the names."""
+    """Oracle: the states."""
     problem, start = clean.problem, start_near(clean, SIGMA)
     start = replace(start, x=np.arange(start.x.size, dtype=float))
     wide, wide_start = with_layout(
         problem, start, layout_factory(FixErrors(lever_arm_m=0.2, gm_sigma=(1.0, 1.0, 1.0)))
     )
-    for s, name in enumerate(wide.layout.names):
-        if name in problem.layout.names:
-            k = problem.layout.names.index(name)
+    for s, state in enumerate(wide.layout.states):
+        if state in problem.layout.states:
+            k = problem.layout.states.index(state)
             assert wide_start.x[s] == start.x[k]
             assert wide_start.P[9 + s, 9 + s] == start.P[9 + k, 9 + k]
         else:
@@ -130,11 +129,10 @@ def test_how_white_a_time_correlated_error_leaves_the_fixes(monkeypatch, tries, 
     before = SimpleNamespace(gain=0.0)
     solutions = [SimpleNamespace(gain=gain, loses=loses) for gain, loses in tries]
     left = iter(solutions)
-    monkeypatch.setattr(decision, "_solved", lambda *_: next(left))
     monkeypatch.setattr(decision, "misfit", lambda solution: -solution.gain)
     monkeypatch.setattr(decision, "loses_fixes", lambda solution, _: solution.loses)
     monkeypatch.setattr(decision, "follows", lambda _: True)
-    search = SimpleNamespace(progress=lambda _: None)
+    search = SimpleNamespace(progress=lambda _: None, solved=lambda *_: next(left))
     here = decision._State(before, ErrorModel(FixErrors()))
     after = decision._adopted(search, None, here, model)
     assert after.solution is (before if taken is None else solutions[taken])

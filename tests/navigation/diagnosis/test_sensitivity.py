@@ -22,6 +22,14 @@ from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layou
 from insgnss.navigation.filter.problem import EstimationProblem
 from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.noise_model.model import load_noise_model
+from insgnss.records.states import (
+    CLOCK_RATE,
+    MISALIGNMENT,
+    OF_LEVER_ARM,
+    SCALE_FACTOR,
+    TIME_OFFSET,
+    State,
+)
 
 NAVCHIP = load_noise_model("navchip")
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -84,39 +92,39 @@ def with_readings(flown: Flown, channel: int, of: int, share: float) -> Estimati
     return replace(problem, inc=inc, epochs=problem.epochs._replace(rate=rate))
 
 
-def with_constant(flown: Flown, name: str, size: float) -> EstimationProblem:
+def with_constant(flown: Flown, state: State, size: float) -> EstimationProblem:
     """The flight whose data, or whose flight file, have a constant of another size."""
-    problem, k = flown.problem, WIDE.names.index(name)
-    if name.startswith("antenna"):
+    problem, k = flown.problem, WIDE.states.index(state)
+    if state in OF_LEVER_ARM:
         arm = problem.antenna_lever_b.copy()
-        arm[["forward", "right", "down"].index(name.split()[-1])] -= size
+        arm[OF_LEVER_ARM.index(state)] -= size
         return replace(problem, antenna_lever_b=arm)
     return with_readings(flown, int(WIDE.channel[k]), int(WIDE.factor[k]), size)
 
 
 @pytest.mark.parametrize(
-    ("name", "size"),
+    ("state", "size"),
     [
-        ("antenna lever arm forward", 1e-4),
-        ("antenna lever arm down", 1e-4),
-        ("gyro x scale factor", 1e-6),
-        ("gyro z from y", 1e-6),
-        ("accel z scale factor", 1e-6),
-        ("accel y from z", 1e-6),
+        (OF_LEVER_ARM[0], 1e-4),
+        (OF_LEVER_ARM[2], 1e-4),
+        (State(SCALE_FACTOR, "x", "", "gyro"), 1e-6),
+        (State(MISALIGNMENT, "z from y", "rad", "gyro"), 1e-6),
+        (State(SCALE_FACTOR, "z", "", "accel"), 1e-6),
+        (State(MISALIGNMENT, "y from z", "rad", "accel"), 1e-6),
     ],
 )
-def test_a_constant_moves_the_innovations_as_is_followed(clean, name, size):
+def test_a_constant_moves_the_innovations_as_is_followed(clean, state, size):
     """Oracle: the innovations of the same filter over data, or with a lever arm, that are moved by
     a little, whose difference is V: J holds its squares, to a thousandth, as the product of means
     stands for the mean of products over a tenth of a second. j grows by J times what was moved, to
     a hundredth: a lever arm moves the gains as well, and with them what the filter makes of noise.
     """
     before = passed(clean.problem, clean)
-    moved = with_constant(clean, name, size)
+    moved = with_constant(clean, state, size)
     after = passed(moved, clean)
     V, S = (after.y - before.y) / size, np.where(before.S > 0.0, before.S, np.inf)
     of_before, of_after = followed(clean, before), followed(replace(clean, problem=moved), after)
-    k, J = of_before.constants.names.index(name), of_before.information
+    k, J = of_before.constants.states.index(state), of_before.information
     assert_allclose(J[k, k], np.sum(V**2 / S), rtol=1e-3)
     scale = np.sqrt(np.diag(J))
     growth = (of_after.vector - of_before.vector) / (size * scale * scale[k])
@@ -133,10 +141,10 @@ def test_the_evidence_is_that_of_a_filter_with_every_constant_as_a_state(clean):
     wide = constants_evidence(clean.problem, start, layout(STATED), WIDE)
     assert settled is not None
     assert wide is not None
-    assert (settled.names, settled.group) == (wide.names, wide.group)
+    assert settled.states == wide.states
     assert_allclose(settled.stated, wide.stated)
     for mine, other in zip(settled.estimates(), wide.estimates(), strict=True):
-        assert mine.name == other.name
+        assert mine.state == other.state
         assert_allclose(mine.sigma, other.sigma, rtol=0.02)
         assert_allclose(mine.correction, other.correction, atol=0.1 * other.sigma)
     theirs = {one.groups: one.evidence for one in wide.hypotheses}
@@ -151,7 +159,7 @@ def test_both_say_what_the_stamps_of_the_file_lack(moved_s):
     """
     of_file = fly(60.0, seed=31, imu_hz=50.0)
     estimated = ErrorModel(FixErrors(lever_arm_m=2e-3, time_offset_s=0.1, clock_rate=1e-4))
-    own, requested = layout(estimated), ("GNSS time offset", "GNSS clock rate")
+    own, requested = layout(estimated), (TIME_OFFSET.group, CLOCK_RATE.group)
     problem = replace(of_file.problem, layout=own)
     start = start_near(replace(of_file, problem=problem), SIGMA)
     start.mean[NAV.stop + own.offset] = -moved_s
@@ -162,13 +170,13 @@ def test_both_say_what_the_stamps_of_the_file_lack(moved_s):
     pass_ = constants_evidence(problem, start, own, WIDE, requested)
     for found in (beside, pass_):
         assert found is not None
-        offset = {one.name: one for one in found.estimates()}["GNSS time offset"]
+        offset = {one.state: one for one in found.estimates()}[TIME_OFFSET]
         assert abs(offset.correction - moved_s) < 4.0 * offset.sigma < 0.02
 
 
 def test_a_wrong_lever_arm_is_not_settled(clean):
     """Oracle: the lever arm, five centimetres off: ten times what such a flight tells."""
-    wrong = replace(clean, problem=with_constant(clean, "antenna lever arm right", 0.05))
+    wrong = replace(clean, problem=with_constant(clean, OF_LEVER_ARM[1], 0.05))
     assert settled_evidence(*solved(wrong)) is None
     assert settled_evidence(*solved(clean)) is not None
 
@@ -198,5 +206,5 @@ def test_what_cannot_be_followed_is_left_to_the_pass(clean):
     assert followed_constants(clean.problem, WIDE) is not None
     for problem in others:
         assert followed_constants(problem, WIDE) is None
-    states = [s for s, name in enumerate(WIDE.names) if group_of(name)]
+    states = [s for s, state in enumerate(WIDE.states) if group_of(state)]
     assert Constants.of(state_layout(NAVCHIP), WIDE, states) is None

@@ -16,10 +16,9 @@ from insgnss.navigation.filter.solution import Solution, solve
 from insgnss.navigation.innovations.innovation_noise import (
     InFlightNoise,
     in_flight_noise,
-    moving_parts,
     whiteness,
-    without_correlated,
 )
+from insgnss.navigation.innovations.pieces import moving_parts, without_correlated
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 
@@ -214,7 +213,7 @@ def test_a_solution_without_its_correlated_error_is_that_of_a_layout_without(qui
     bare = state_layout(NAVCHIP, fixes=white, barometer=baro)
     flight = fly(30.0, 14, imu_hz=100.0, layout=wide)
     solution = without_correlated(solved(flight))
-    for name in ("names", "lever", "gm", "unfixed_gm", "barometer", "white_scale"):
+    for name in ("states", "lever", "gm", "unfixed_gm", "barometer", "white_scale"):
         assert getattr(solution.problem.layout, name) == getattr(bare, name)
     for name in ("channel", "factor", "beta", "drive", "sigma0"):
         assert_allclose(getattr(solution.problem.layout, name), getattr(bare, name))

@@ -22,7 +22,7 @@ from insgnss.navigation.orient.relative import GyroFigures, relative_control
 from insgnss.navigation.orient.rig import rig_orientation
 from insgnss.records import CameraEvents, ExteriorOrientation, Trajectory
 from insgnss.records.cameras.mounting import Mounting
-from insgnss.records.rig import merged_order
+from insgnss.records.cameras.rig import merged_order
 
 MICROMETRE, MICRORADIAN = 1e-6, 1e-6
 PLANE = TangentPlane(np.radians(46.57), np.radians(6.54), 400.0)

@@ -29,6 +29,7 @@ from insgnss.noise.multi_position.calibration import (
     local_gravity,
 )
 from insgnss.noise.multi_position.result import USUAL, sizes
+from insgnss.records.states import State
 
 
 @pytest.fixture(scope="module")
@@ -259,7 +260,9 @@ def test_what_is_shown(ideal):
     assert rows["gyro", "bias y"].shown[0] == pytest.approx(-0.007 * 206264.806, abs=20.0)
     assert sigma < 1.0
     assert rows["accel", "scale_factor z"].verdict == "not observed"  # for want of the latitude
-    np.testing.assert_array_equal(sizes(USUAL, "gyro", ["bias x", "scale_factor x"]), [2e-4, 1e-3])
+    np.testing.assert_array_equal(
+        sizes(USUAL, [State("bias", "x", "rad/s"), State("scale_factor", "x")]), [2e-4, 1e-3]
+    )
     np.testing.assert_array_equal(got.calibration.accel.bias, got.accel.values[:3])
     assert got.calibration.gyro.response[0, 1] == got.gyro.values[4]
     assert "24 stationary periods in 22 positions, 23 turns between them" in got.summary()

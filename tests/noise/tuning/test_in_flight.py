@@ -18,8 +18,9 @@ from insgnss.base.errors import InputError, UsageError
 from insgnss.flight.processing.pipeline import process
 from insgnss.navigation.filter.layout import state_layout
 from insgnss.navigation.filter.solution import solve
-from insgnss.navigation.innovations.innovation_noise import KNOWN_SIGMA, Maximum, _minutes, _untold
+from insgnss.navigation.innovations.innovation_noise import KNOWN_SIGMA, _minutes, _untold
 from insgnss.navigation.innovations.likelihood import Evaluated
+from insgnss.navigation.innovations.search import Maximum
 from insgnss.navigation.noise_model.model import NoiseModel, load_noise_model
 from insgnss.noise.tuning.in_flight.estimation import (
     FlightTuning,
@@ -316,9 +317,9 @@ def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, ga
             at_best=SimpleNamespace(cost=cost),
         )
 
-    room = "insgnss.navigation.innovations.innovation_noise."
-    monkeypatch.setattr(room + "without_correlated", lambda _: part(-1, gain))
-    monkeypatch.setattr(room + "in_flight_noise", lambda parts, *_: parts[0])
+    room = "insgnss.navigation.innovations."
+    monkeypatch.setattr(room + "pieces.without_correlated", lambda _: part(-1, gain))
+    monkeypatch.setattr(room + "innovation_noise.in_flight_noise", lambda parts, *_: parts[0])
     flight = SimpleNamespace(gnss=SimpleNamespace(gm_sigma=asked))
     found, dropped = _estimated(
         flight, [part(3 if has else -1, 0.0) for has in adopted], (), lambda _: None

@@ -19,6 +19,7 @@ from insgnss.noise.estimation.estimates import Estimate
 from insgnss.noise.estimation.gmwm import fit
 from insgnss.noise.estimation.inference import infer
 from insgnss.noise.moments.theory import haar_variance
+from insgnss.noise.processes.composition import DRIVING, TIME, NoiseTerm
 from insgnss.noise.tuning.products.table import interval, plus_minus, printed, unit_text
 from insgnss.noise.tuning.products.words import with_names
 from insgnss.noise.tuning.recordings import StaticRecording
@@ -223,8 +224,7 @@ def testintervals_without_an_end_are_said_to_have_none():
         (0.0, math.inf, "not bounded"),
     ):
         assert (
-            interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False))
-            == text
+            interval("gyro", Estimate(NoiseTerm(TIME, 1), 1.5, 0.1, low, high, high, False)) == text
         )
 
 
@@ -232,7 +232,7 @@ def test_printed_units_are_those_of_table_5():
     """Oracle: Table 5 of paper 000; 4.943 of 1e-3 deg/s^2/sqrt(Hz), 10.825 deg/h/sqrt(Hz), 6.546
     ug/s/sqrt(Hz).
     """
-    assert_allclose(printed("gyro", "driving_noise_1", np.radians(4.943e-3)), 4.943)
+    assert_allclose(printed("gyro", DRIVING, np.radians(4.943e-3)), 4.943)
     assert_allclose(printed("gyro", "white_noise", 10.825 * DEG_H), 10.825)
-    assert_allclose(printed("accel", "driving_noise_2", 6.546 * 9.80665e-6), 6.546)
-    assert unit_text("gyro", "driving_noise_3") == "1e-3 deg/s^2/sqrt(Hz)"
+    assert_allclose(printed("accel", DRIVING, 6.546 * 9.80665e-6), 6.546)
+    assert unit_text("gyro", DRIVING) == "1e-3 deg/s^2/sqrt(Hz)"

@@ -10,9 +10,8 @@ from ....io.formats.text.headers import LONGEST_NAME, factor_of, unit_in, withou
 from ....io.formats.text.units import usual_unit
 from ....records import Array
 
-OF_VALUES = tuple(
-    kind for kind in UNITS if kind != "time"
-)  # kinds of the units of what is no clock
+# kinds of the units of what is no clock
+OF_VALUES = tuple(kind for kind in UNITS if kind != "time")
 
 
 def squashed(name: str) -> str:

@@ -131,9 +131,8 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     ):
         units["length"] = "mm"  # receivers that count so write whole millimetres
     if "course" in columns:
-        units["course"] = (
-            "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
-        )  # loggers name it wrongly
+        # loggers name it wrongly
+        units["course"] = "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
     ticks = clocks(grid, 30.0)
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}

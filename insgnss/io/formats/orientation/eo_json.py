@@ -25,8 +25,8 @@ from ....base.received.nesting import parse_json
 from ....geodesy.frames import TangentPlane
 from ....geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ....records import ExteriorOrientation
+from ....records.cameras.rig import RigCamera, RigImages
 from ....records.relative import RelativeControl
-from ....records.rig import RigCamera, RigImages
 from ..text.numbers import EXACT, array_of
 from ..text.text import Source
 from . import eo_packed

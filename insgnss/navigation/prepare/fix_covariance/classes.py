@@ -115,16 +115,8 @@ Index = NDArray[np.int64]
 # indices of `CLASSES`
 FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
 VALIDATED = (FIXED, DEGRADED)
-CLASS_OF_QUALITY = (
-    SINGLE,
-    FIXED,
-    FLOAT,
-    SBAS,
-    DGPS,
-    SINGLE,
-    PPP,
-    SINGLE,
-)  # RTKLIB's 0 to 7; of what is unknown the largest
+# RTKLIB's 0 to 7; of what is unknown the largest
+CLASS_OF_QUALITY = SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE
 FLOAT_QUALITY = 2
 # fixed ones that are needed, and epochs to either side that count where they are rarer than in
 # `support_s`

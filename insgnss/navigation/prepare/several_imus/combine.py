@@ -45,10 +45,8 @@ from .parity import Parity, parity_of
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S, SMOOTH_S = 0.02, 0.1
 LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
-APPLIED_SIGMAS, SETTLED_SIGMAS = (
-    5.0,
-    0.1,
-)  # of an offset that is added, and of the change that ends its refinement
+# of an offset that is added, and of the change that ends its refinement
+APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
 TURNING = 0.01  # rad/s, rms: less does not show the clocks
@@ -359,9 +357,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         power = float(np.sum(s * s))
         change = -float(np.sum(s * d)) / power
         tau += change
-        sigma = float(
-            np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S)
-        )  # neighbours within the window are one
+        # neighbours within the window are one
+        sigma = float(np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S))
         if abs(change) < SETTLED_SIGMAS * sigma:
             break
     applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)

@@ -37,10 +37,8 @@ BLOCK_S, WINDOW_BLOCKS = 0.1, 10
 SLOW_S = 60.0
 DYNAMIC = 0.003
 MATRIX_LIMIT = 0.03  # of scale factors
-TURN_NOTE, TURN_LIMIT = (
-    0.01,
-    0.1,
-)  # rad, of one IMU's axes against the other's: mounted askew, and not as declared
+# rad, of one IMU's axes against the other's: mounted askew, and not as declared
+TURN_NOTE, TURN_LIMIT = 0.01, 0.1
 ROOT2 = 2.0**0.5
 LIMIT, LEVEL_LIMIT = 4.0, 25.0
 WINDOWS = 3  # contradicting windows that make a fault
@@ -119,9 +117,8 @@ def parity_of(
         / total[:, None]
     )
     full = np.stack([np.add.reduceat((~x).astype(np.int64), starts) == 0 for x in there])
-    duration = (
-        total**2 / np.add.reduceat(bell**2, starts) * nominal_interval(time)
-    )  # of a plain mean as noisy
+    # of a plain mean as noisy
+    duration = total**2 / np.add.reduceat(bell**2, starts) * nominal_interval(time)
     pairs = tuple(combinations(range(m), 2))
     results = [_pair(mean, full[i] & full[j], duration, sigma, i, j) for i, j in pairs]
     level = np.array(

@@ -101,8 +101,8 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
     UsageError
         For an unknown parameter, and for one given twice.
     """
-    from ....navigation.innovations.innovation_noise import DEFAULT, IMU
-    from ....navigation.innovations.likelihood import one_factor_each
+    from ....navigation.innovations.innovation_noise import DEFAULT
+    from ....navigation.innovations.likelihood import IMU, one_factor_each
 
     chosen = tuple(dict.fromkeys(parameters or DEFAULT))
     for name in chosen:
@@ -193,7 +193,7 @@ def _read(flight: Flight) -> Recording:
 
 
 def _moving(segment: "Segment", recording: Recording) -> "list[Solution]":
-    from ....navigation.innovations.innovation_noise import moving_parts
+    from ....navigation.innovations.pieces import moving_parts
 
     return moving_parts(segment.solution, recording.stationary.time)
 
@@ -204,11 +204,8 @@ def _estimated(
     """The estimate, and whether it goes without the correlated error of the fixes that the solution
     adopted on its own.
     """
-    from ....navigation.innovations.innovation_noise import (
-        EXPLAINED,
-        in_flight_noise,
-        without_correlated,
-    )
+    from ....navigation.innovations.innovation_noise import EXPLAINED, in_flight_noise
+    from ....navigation.innovations.pieces import without_correlated
 
     adopted = [piece.problem.layout.gm >= 0 for piece in parts]
     if not any(adopted) or flight.gnss.gm_sigma != "auto":

@@ -32,10 +32,10 @@ from itertools import pairwise
 import numpy as np
 
 from ....navigation.filter.codes import VEL
-from ....navigation.filter.layout import CHANNELS
 from ....navigation.filter.solution import Solution
 from ....navigation.prepare.gaps import nominal_interval
 from ....records import Array, ImuSamples
+from ....records.states import CHANNELS
 
 WINDOW_S, SHORTEST_S = 4.0, 8.0
 GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that show straight flight
@@ -208,7 +208,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     floor = _floor(frequency, S, freedom)
     above = floor * _line_ratio(freedom) < S
     lines = [
-        line for c in range(6) for line in _lines(CHANNELS[c], frequency, S[c], floor[c], above[c])
+        line
+        for channel, *of_channel in zip(CHANNELS, S, floor, above, strict=True)
+        for line in _lines(" ".join(channel), frequency, *of_channel)
     ]
     without = np.where(_spread(above), np.minimum(S, floor), S)
     band = frequency >= LOWEST_HZ

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....base.units import parse_unit
 from ....navigation.noise_model.model import NOISE_UNITS, AxisNoise, NoiseModel
+from ....records.states import CHANNELS
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import InFlightNoise, Innovations
@@ -29,10 +30,8 @@ NAMES = {
 DOUBTFUL = 0.1  # chance below which a longer flight is proposed
 WANTED = 0.05  # standard error of a factor that a longer flight is proposed for
 MANY_LINES = 6
-TOO_MUCH, SURE = (
-    1.2,
-    2.0,
-)  # white noise over its limit by the spectrum, less so many standard errors
+# white noise over its limit by the spectrum, less so many standard errors
+TOO_MUCH, SURE = 1.2, 2.0
 Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
@@ -115,12 +114,10 @@ def _length(n: "InFlightNoise") -> list[str]:
 
     Standard errors fall with the root of time.
     """
+    from ....navigation.innovations.likelihood import WHITE
+
     worst = max(
-        (
-            sigma
-            for name, sigma in zip(n.names, n.log_sigma, strict=True)
-            if name.endswith("white_noise")
-        ),
+        (sigma for name, sigma in zip(n.names, n.log_sigma, strict=True) if name in WHITE),
         default=0.0,
     )
     if worst <= WANTED:
@@ -196,8 +193,9 @@ def spectrum_lines(tuning: "FlightTuningData") -> list[str]:
         out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in ratios))
     out += _limits(straight, tuning)
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)[:MANY_LINES]
+    gyros = [" ".join(channel) for channel in CHANNELS[:3]]
     for line in strongest:
-        rate, angle = ("rad/s", "rad") if line.channel.startswith("gyro") else ("m/s^2", "m/s")
+        rate, angle = ("rad/s", "rad") if line.channel in gyros else ("m/s^2", "m/s")
         folded = f"{line.frequency_hz:.2f} Hz (or folded from +-{straight.rate_hz:.0f} Hz)"
         out.append(
             f"  line {line.channel} {folded}: rms {line.rms:.2g} {rate}; swings by {line.swing:.2g}"

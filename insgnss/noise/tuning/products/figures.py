@@ -7,6 +7,7 @@ from ....report.charts.chart import Chart
 from ....report.figures.noise import NAMES, NoisePanel, Sensor, noise_chart, process_label
 from ...estimation.goodness import p_text
 from ...moments.theory import haar_variance, haar_variance_parts
+from ...processes.composition import GAUSS_MARKOV, NoiseTerm
 from ..recordings import AXES, StaticRecording
 from .table import duration
 from .words import FITS, goodness_p
@@ -64,7 +65,8 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
         for name, variance in haar_variance_parts(axis, longest.level, rate, sampling).items()
         if variance.max() > 0.0
     }
-    words = {name: _label(t, name) for name in parts}
+    processes = t.kept.composition.processes
+    words = {str(process): _label(t, process) for process in processes if str(process) in parts}
     p = goodness_p(t)
     tested = f"J test: {p_text(p)}" if math.isfinite(p) else ""
     for v in t.inference.verdicts:
@@ -78,9 +80,9 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     )
 
 
-def _label(t: "Tuned", name: str) -> str:
+def _label(t: "Tuned", term: NoiseTerm) -> str:
     sensor = cast(Sensor, t.sensor)
-    if name.startswith("gauss_markov"):
-        process = t.kept.axis.gauss_markov[int(name.rpartition("_")[2]) - 1]
-        return process_label(sensor, name, process.sigma, process.correlation_time_s)
-    return process_label(sensor, name, getattr(t.kept.axis, name))
+    if term.kind == GAUSS_MARKOV:
+        process = t.kept.axis.gauss_markov[term.number - 1]
+        return process_label(sensor, term.kind, process.sigma, process.correlation_time_s)
+    return process_label(sensor, term.kind, getattr(t.kept.axis, term.kind))

@@ -10,7 +10,7 @@ from ...estimation.goodness import p_text
 from ..options import TuneOptions
 from ..recordings import SENSORS
 from .figures import sensor_chart, sensor_words
-from .table import duration, interval, kind_of, symbol, unit_text, value_text
+from .table import duration, interval, symbol, unit_text, value_text
 from .words import FITS, goodness_p, sentences, trends
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _rows(t: "Tuned") -> Iterator[tuple[str, ...]]:
     p = goodness_p(t)
     test = p_text(p) if math.isfinite(p) else "no test"
     for e in t.inference.estimates:
-        name = f"{symbol(e.name)} {kind_of(e.name).replace('_', ' ')}"
+        name = f"{symbol(e.term)} {e.term.kind.replace('_', ' ')}"
         estimate = value_text(t.sensor, e).replace("+-", "±")
-        unit = unit_text(t.sensor, e.name)
+        unit = unit_text(t.sensor, e.term.kind)
         yield (t.name, name, estimate, unit, interval(t.sensor, e), test)

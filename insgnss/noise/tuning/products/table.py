@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ....base.units import parse_unit
 from ...estimation.estimates import Estimate
 from ...estimation.goodness import p_text
+from ...processes.composition import TIME, NoiseTerm
 from ..recordings import StaticRecording
 from .words import FITS, goodness_p, sentences, trends
 
@@ -49,21 +50,15 @@ SENSOR_NAMES = {"gyro": "gyroscopes", "accel": "accelerometers"}
 WIDTH = 130
 
 
-def printed(sensor: str, name: str, value: float) -> float:
-    """`value`, SI, in the printed unit of the parameter `name` (correlation_time_1, ...)."""
-    unit, power = PRINTED[sensor][kind_of(name)]
+def printed(sensor: str, kind: str, value: float) -> float:
+    """`value`, SI, in the printed unit of a kind of parameter."""
+    unit, power = PRINTED[sensor][kind]
     return value / parse_unit(unit).scale / 10.0**power
 
 
-def kind_of(name: str) -> str:
-    """A parameter's name without its number."""
-    head, _, tail = name.rpartition("_")
-    return head if tail.isdigit() else name
-
-
-def unit_text(sensor: str, name: str) -> str:
+def unit_text(sensor: str, kind: str) -> str:
     """The printed unit, with its power of ten."""
-    unit, power = PRINTED[sensor][kind_of(name)]
+    unit, power = PRINTED[sensor][kind]
     return f"1e{power} {unit}" if power else unit
 
 
@@ -139,9 +134,9 @@ def _same_composition(tuned: Sequence["Tuned"]) -> Iterator[list["Tuned"]]:
 
 
 def _parameters(sensor: str, tuned: Sequence["Tuned"]) -> Iterator[str]:
-    names = tuned[0].kept.composition.parameters
-    rows = [["", *(symbol(name) for name in names), "fit"]]
-    rows.append(["", *(f"[{unit_text(sensor, name)}]" for name in names), ""])
+    terms = tuned[0].kept.composition.terms
+    rows = [["", *(symbol(term) for term in terms), "fit"]]
+    rows.append(["", *(f"[{unit_text(sensor, term.kind)}]" for term in terms), ""])
     for t in tuned:
         estimates, p = t.inference.estimates, goodness_p(t)
         verdict = "no test" if not math.isfinite(p) else "fits" if p >= FITS else "misfit"
@@ -158,16 +153,15 @@ def _parameters(sensor: str, tuned: Sequence["Tuned"]) -> Iterator[str]:
     yield from _aligned(rows)
 
 
-def symbol(name: str) -> str:
+def symbol(term: NoiseTerm) -> str:
     """Letters of a parameter, with its number."""
-    number = name.rpartition("_")[2] if name != kind_of(name) else ""
-    return f"{SYMBOL[kind_of(name)]}{number}"
+    return f"{SYMBOL[term.kind]}{term.number or ''}"
 
 
 def value_text(sensor: str, e: Estimate) -> str:
     """An estimate with its standard error in the printed unit."""
-    value, error = printed(sensor, e.name, e.value), printed(sensor, e.name, e.standard_error)
-    if e.at_bound and (e.value == 0.0 or e.name.startswith("correlation_time")):
+    value, error = (printed(sensor, e.term.kind, x) for x in (e.value, e.standard_error))
+    if e.at_bound and (e.value == 0.0 or e.term.kind == TIME):
         return "0" if e.value == 0.0 else "at the limit"
     return plus_minus(value, error)
 
@@ -186,7 +180,7 @@ def plus_minus(value: float, error: float) -> str:
 
 def interval(sensor: str, e: Estimate) -> str:
     """The 95 % interval of an estimate in the printed unit."""
-    low, high = (printed(sensor, e.name, x) for x in (e.low, e.high))
+    low, high = (printed(sensor, e.term.kind, x) for x in (e.low, e.high))
     if math.isfinite(high):
         return f"{low:.4g} to {high:.4g}"
     return f"from {low:.4g}, not bounded" if low > 0.0 else "not bounded"

@@ -46,9 +46,8 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     if t.stationarity is not None:
         yield with_names(t.stationarity.sentence, t, recordings)
     yield from superfluous(t)
-    stood_in = (
-        t.noise.white_noise > t.kept.axis.white_noise
-    )  # a process that is too short stands in the model as white noise
+    # a process that is too short stands in the model as white noise
+    stood_in = t.noise.white_noise > t.kept.axis.white_noise
     for v in t.inference.verdicts:  # but for what `superfluous` and `remarks` say
         if (
             not v.identifiable
@@ -61,9 +60,8 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
 
 def superfluous(t: "Tuned") -> Iterator[str]:
     """The processes without which the model fits as well, together."""
-    numbers = [
-        v.process.rpartition("_")[2] for v in t.inference.verdicts if v.reason == "superfluous"
-    ]
+    verdicts = zip(t.kept.composition.processes, t.inference.verdicts, strict=True)
+    numbers = [str(process.number) for process, v in verdicts if v.reason == "superfluous"]
     if numbers:
         smaller = replace(
             t.kept.composition, gauss_markov=t.kept.composition.gauss_markov - len(numbers)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from ._checked import Array, frozen
+from ...base.errors import InputError
+from .._checked import Array, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,144 @@
+"""What becomes of a flight that has no solution: its cause in the flight file, or in the IMU."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ...base.errors import DataError
+from ...records import Check
+from ...records.states import OF_FIXES
+from ..filter.problem import EstimationProblem, InitialState
+from ..filter.solution import Solution, solve
+from .advice import advice, variance_check
+from .candidates import ErrorModel, widened, with_constants, with_layout
+from .constants import STRONG, Hypothesis
+from .decision import OF_CLOCK, ROUNDS, ErrorModelSearch, as_solved, step_under, together
+from .evidence import follows
+from .variances import VarianceSearch, with_variances
+
+
+def explain_failure(
+    search: ErrorModelSearch,
+    problem: EstimationProblem,
+    align: Callable[[EstimationProblem], InitialState],
+) -> Check | None:
+    """Look for the lever arm or time offset without which a flight has no solution.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    problem : EstimationProblem
+        The problem that has no solution with the requested errors.
+    align : callable
+        Gives the initial state of a problem, or raises DataError.
+
+    Returns
+    -------
+    Check or None
+        What contradicts the flight file; None where nothing explains the failure.
+    """
+    search.progress("what the fixes say with an open gate")
+    open_gate = replace(problem, gate=np.inf)
+    try:
+        start = align(open_gate)
+    except DataError:
+        return None
+    shown = _shown_by(search, open_gate, start)
+    if shown is None:
+        return None
+    suspected, rivals = shown
+    quiet = replace(search, second_pass="off", progress=lambda _: None)
+    model = ErrorModel(search.requested_errors)
+    model = with_constants(model, suspected.groups, suspected.factor)
+    candidate = quiet.solved((problem, start), model)
+    if candidate is not None and not follows(candidate):
+        candidate = None
+    if not set(OF_CLOCK).isdisjoint(suspected.groups):
+        own = ErrorModel(search.requested_errors)
+        step = step_under(search, (problem, start), own, candidate)
+        if step is not None:
+            return step
+    if candidate is None:
+        return None
+    solved = as_solved(suspected, candidate)
+    checks = advice(search.mounting, candidate, solved, rivals, search.exposures)
+    return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def rescue(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Solution, tuple[Check, ...]] | None:
+    """Look for the error of the IMU with which a flight has a solution that has none without.
+
+    Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
+    which would take them for vibration, after.
+
+    Parameters
+    ----------
+    search : ErrorModelSearch
+        What the search may vary.
+    problem, start : EstimationProblem, InitialState
+        The problem that has no solution with the requested errors, and its initial state.
+
+    Returns
+    -------
+    tuple of Solution and tuple of Check, or None
+        The solution with these states or larger variances, and what says so; None where neither is
+        a remedy.
+    """
+    calibrated = _with_errors_of_imu(search, problem, start)
+    if calibrated is not None or not search.variances:
+        return calibrated
+    model = ErrorModel(search.requested_errors)
+    try:
+        shown = solve(replace(problem, gate=np.inf), start, "off", search.progress, separations=0)
+        for _ in range(ROUNDS):
+            winner = VarianceSearch(shown, search.progress).strongest()
+            larger = None if winner is None else with_variances(model, winner)
+            if winner is None or larger is None:
+                return None
+            model, check = larger, variance_check(winner)
+            solution = search.solved((problem, start), model)
+            if solution is not None and follows(solution):
+                return solution, (check,)
+            again = widened(*with_layout(problem, start, search.layout(model)), problem.layout)
+            shown = solve(replace(again[0], gate=np.inf), again[1], "off", search.progress, 0)
+    except DataError:
+        return None
+    return None
+
+
+def _with_errors_of_imu(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Solution, tuple[Check, ...]] | None:
+    """Solve with the scale factors or misalignments that an open gate shows; None without."""
+    open_gate = replace(problem, gate=np.inf)
+    shown = _shown_by(search, open_gate, start)
+    if shown is None or not set(OF_FIXES).isdisjoint(shown[0].groups):
+        return None
+    suspected, rivals = shown
+    model = with_constants(ErrorModel(search.requested_errors), together(suspected, rivals))
+    search.progress(f"filter, with {', '.join(map(str, suspected.groups))} estimated")
+    posed = widened(*with_layout(open_gate, start, search.layout(model)), problem.layout)
+    try:
+        first = solve(*posed, search.second_pass, search.progress, separations=0)
+        gated = replace(posed[0], gate=problem.gate)
+        solution = solve(gated, posed[1], search.second_pass, search.progress, about=first)
+    except DataError:
+        return None
+    if not follows(solution):
+        return None
+    return solution, tuple(advice(search.mounting, solution, suspected, rivals))
+
+
+def _shown_by(
+    search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
+) -> tuple[Hypothesis, list[Hypothesis]] | None:
+    """Return the constants that a problem shows to be wrong, and their rivals; None without."""
+    constants = search.constants(problem, start, ErrorModel(search.requested_errors))
+    suspected = None if constants is None else constants.strongest()
+    if constants is None or suspected is None or suspected.wide_evidence < STRONG:
+        return None
+    return suspected, constants.rivals(suspected)
