@@ -8,7 +8,7 @@ the row and the time. Readers turn such a refusal into a message with file and l
 before they build (`insgnss/io/formats/`).
 
 The way of the data: `ImuSamples`, `GnssFixes` and `CameraEvents` are recorded, `Increments` are
-integrated, `Trajectory` and `ExteriorOrientation` are estimated, `Check` and `Verdict` are judged.
+integrated, `Trajectory` and `ExteriorOrientation` are estimated, `Finding`s are judged.
 
 Where to look
     samples, fixes (with satellites, ratio, age, PDOP), exposures, air pressure: `observations.py`
@@ -29,6 +29,7 @@ Where to look
     what a record checks at its birth: `_checked.py`
 """
 
+from ..base.findings import Finding, Question, Verdict
 from ._checked import Array
 from .framed import FramedOrientation, MapFrame
 from .from_tables import barometer_heights, camera_events, gnss_fixes, imu_samples
@@ -45,7 +46,7 @@ from .rows import Rows
 from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
-from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError, Verdict
+from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 
 __all__ = [
     "QUANTITIES",
@@ -55,6 +56,7 @@ __all__ = [
     "Check",
     "Diagnostics",
     "ExteriorOrientation",
+    "Finding",
     "FramedOrientation",
     "GnssFixes",
     "ImuBiases",
@@ -64,6 +66,7 @@ __all__ = [
     "MapFrame",
     "MeanResidual",
     "Quantity",
+    "Question",
     "Rows",
     "StateVerdict",
     "TimeCorrelatedError",

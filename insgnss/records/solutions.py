@@ -14,7 +14,7 @@ from ._checked import Array, frozen, increasing
 from .rig import RigImages
 from .rows import Chosen, Rows
 from .series import ConstantSeries, ImuBiases, Innovations
-from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from .verdicts import Finding, MeanResidual, StateVerdict, TimeCorrelatedError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -386,7 +386,7 @@ class Diagnostics:
         without such.
     barometer_used : ndarray, optional
         Whether each of its heights was used; None without such.
-    checks : tuple of Check
+    checks : tuple of Finding
         All checks of the run.
     stationary : ndarray, optional
         (k, 2) first and last instant of each stationary period, s.
@@ -430,7 +430,7 @@ class Diagnostics:
     velocity_used: NDArray[np.bool_] | None = None
     barometer_nis: Array | None = None
     barometer_used: NDArray[np.bool_] | None = None
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     stationary: Array | None = None
     states: tuple[StateVerdict, ...] = ()
     segments: tuple[tuple[float, float], ...] = ()

@@ -1,36 +1,80 @@
 """What is found of a recording or a run besides its numbers: checks, states, residuals and errors
 with a verdict.
+
+A check that a flight file may accept has its line in `CHECKS`, and nowhere else.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
-Verdict = Literal["ok", "note", "contradiction"]
+from ..base.findings import Finding
 
 # of the a-priori sigma: what is known better after a flight or a recording was observed by it
 OBSERVED = 1.0 / 3.0
 
+REMARK = 0.5
+"""Rank of a note that does not change the result; from one on a finding stands out."""
+NOTED, ADOPTED = 1.5, 2.0
+"""Ranks of notes that stand out: of what enlarges sigmas without need or may be of another camera,
+time or clock, and of what the solution has otherwise than the flight file asks for.
+"""
 
-@dataclass(frozen=True)
-class Check:
-    """One plausibility check of a recording or a run.
+CHECKS: Mapping[str, float] = {
+    "IMU rate": REMARK,
+    "silent sensor": REMARK,
+    "specific force": REMARK,
+    "axes, vertical": REMARK,
+    "IMU readings": REMARK,
+    "GNSS rate": REMARK,
+    "GNSS speed": REMARK,
+    "GNSS position": REMARK,
+    "GNSS velocity": REMARK,
+    "tangent plane origin": REMARK,
+    "turn rate, gyro against GNSS course": REMARK,
+    "camera events": REMARK,
+    "heading against course": REMARK,
+    "recognised units": REMARK,
+    "recognised axes": REMARK,
+    "recognised sign": REMARK,
+    "recognised clock": REMARK,
+    "IMU rows": REMARK,
+    "GNSS rows": REMARK,
+    "event rows": REMARK,
+    "barometer rows": REMARK,
+    "standing": REMARK,
+    "IMU parity": REMARK,
+    "IMU clocks": REMARK,
+    "IMU overlap": REMARK,
+    "IMU calibration": REMARK,
+    "IMU gaps": REMARK,
+    "images": REMARK,
+    "motion": REMARK,
+    "mounting": REMARK,
+    "mounting file": NOTED,
+    "bore-sight": REMARK,
+    "barometer": REMARK,
+    "GNSS quality": REMARK,
+    "antenna lever arm": ADOPTED,
+    "GNSS time offset": ADOPTED,
+    "clock rate": ADOPTED,
+    "clock step": REMARK,
+    "exposure clock": NOTED,
+    "IMU scale factors": REMARK,
+    "IMU misalignments": REMARK,
+    "IMU noise": ADOPTED,
+    "drift": ADOPTED,
+    "GNSS sigmas": ADOPTED,
+    "sigmas of the fixes": NOTED,
+    "unseen constants": REMARK,
+    "incorrect fixes": ADOPTED,
+    "turn-on bias": REMARK,
+}
+"""Every check that `accept` of a flight file takes, in the order in which to act on them, with the
+rank of its note in the report.
+"""
 
-    Parameters
-    ----------
-    name : what was looked at; `accept` of a flight file takes it.
-    found : what was found, with the number and its unit.
-    expected : what was expected, with the limit.
-    verdict : "ok", "note" or "contradiction"; a contradiction stops `process`.
-    advice : what to do about it.
-    beyond_chance : False of what a right flight may show as well, by chance.
-    """
-
-    name: str
-    found: str
-    expected: str
-    verdict: Verdict = "ok"
-    advice: str = ""
-    beyond_chance: bool = True
+Check = Finding
+"""The public name of a finding of a recording or a run."""
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def run_summary(
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
     ranked = limits(figures)
-    listed = [asdict(limit) for limit in ranked]
+    listed = [limit.limit for limit in ranked]
     return {"headline": headline(figures), "verdict": verdict(ranked), "limits": listed} | figures
 
 
@@ -136,7 +136,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "rests": stationary_periods(d),
         "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
-        "checks": [asdict(check) for check in d.checks],
+        "checks": [check.as_dict() for check in d.checks],
     }
 
 

@@ -74,7 +74,6 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
             f"calibrate imu: latitude {options.latitude} deg is beyond 90; give degrees, north"
             " positive"
         )
-    from ...flight.processing.checks import sentence
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
@@ -91,7 +90,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     result = calibrate_multi_position(
         imu, None if options.latitude is None else math.radians(options.latitude), options.height
     )
-    notes = [f"note: {sentence(note)}" for note in imu.notes]
+    notes = [f"note: {note.named_sentence}" for note in imu.notes]
     summary = "\n".join([*notes, result.summary()])
     figures = result.as_dict() | {"file": out, "notes": notes}
     flight = () if options.flight is None else (options.flight,)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...navigation.prepare.gaps import nominal_interval
 from ...navigation.recognise.streams import classes_apart
-from ...records import Check, GnssFixes, ImuSamples
+from ...records import Finding, GnssFixes, ImuSamples, Question
 from ..config.flight_file import ROLLOVER
 from .alone import Alone
 from .draft import Draft
@@ -265,7 +265,7 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 
 
-def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
+def unit_contradictions(source: Source, recognition: "Recognition") -> list[Finding]:
     """Check the units that the file gives against the data.
 
     A contradiction is a note where the draft can follow the data.
@@ -292,24 +292,20 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Chec
         )
         if source.header_units is None:
             checks.append(
-                Check(
-                    f"unit of {key}",
-                    finding_text,
-                    expected,
-                    "contradiction",
-                    "the file is not what its format says; convert it",
+                Question(f"unit of {key}", expected).contradiction(
+                    finding_text, "the file is not what its format says; convert it"
                 )
             )
         else:
             checks.append(
-                Check(
-                    f"unit of {key}", finding_text, expected, "note", "the draft follows the data"
+                Question(f"unit of {key}", expected).note(
+                    finding_text, "the draft follows the data"
                 )
             )
     return checks
 
 
-def counts(source: Source, recognition: "Recognition") -> list[Check]:
+def counts(source: Source, recognition: "Recognition") -> list[Finding]:
     """Return a contradiction for each sensor whose numbers are in no known unit.
 
     The flight file must give what one count is worth.
@@ -331,18 +327,14 @@ def counts(source: Source, recognition: "Recognition") -> list[Check]:
                 " it, and whether they are increments"
             )
             checks.append(
-                Check(
-                    f"unit of {key}",
-                    finding.evidence,
-                    "a unit that is known, or the value of a count",
-                    "contradiction",
-                    advice,
-                )
+                Question(
+                    f"unit of {key}", "a unit that is known, or the value of a count"
+                ).contradiction(finding.evidence, advice)
             )
     return checks
 
 
-def assumed_rate(source: Source) -> list[Check]:
+def assumed_rate(source: Source) -> list[Finding]:
     """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
     if "rate_hz" not in source.keys:
         return []
@@ -352,22 +344,18 @@ def assumed_rate(source: Source) -> list[Check]:
     )
     finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
     return [
-        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
+        Question("IMU rate", "a clock, or the rate of the sensor").contradiction(finding, advice)
     ]
 
 
-def strangers(recognition: "Recognition") -> list[Check]:
+def strangers(recognition: "Recognition") -> list[Finding]:
     """Check that samples and fixes are of one recording, latitude and longitude in their order."""
     from ...navigation.recognise.recognition import EXCHANGED_ADVICE
 
     if recognition.exchanged:
         return [
-            Check(
-                "GNSS position",
-                recognition.finding("force sign").evidence,
-                "latitude and longitude in their order",
-                "contradiction",
-                EXCHANGED_ADVICE,
+            Question("GNSS position", "latitude and longitude in their order").contradiction(
+                recognition.finding("force sign").evidence, EXCHANGED_ADVICE
             )
         ]
     clock = recognition.finding("time offset")
@@ -378,12 +366,8 @@ def strangers(recognition: "Recognition") -> list[Check]:
         " than all others"
     )
     return [
-        Check(
-            "common motion",
-            clock.evidence,
-            "one time offset that explains the motion",
-            "note",
-            advice,
+        Question("common motion", "one time offset that explains the motion").note(
+            clock.evidence, advice
         )
     ]
 
@@ -398,10 +382,10 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
             header_unit is not None
             and finding.confidence > 0.0
             and abs(factor - 1.0) < SAME
-            and header_unit != finding.value
+            and header_unit != finding.found
         ):
             evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
-            findings[name] = replace(finding, value=header_unit, evidence=evidence)
+            findings[name] = replace(finding, found=header_unit, evidence=evidence)
     return replace(recognition, findings=tuple(findings.values()))
 
 
@@ -498,7 +482,7 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
         return
     scale = recognition.finding("time scale")
     why = _evidence(recognition.finding("time offset")) + (
-        f"; time scale {scale.value}: {scale.evidence}" if recognition.time_scale != "same" else ""
+        f"; time scale {scale.found}: {scale.evidence}" if recognition.time_scale != "same" else ""
     )
     significant = abs(recognition.time_offset_s) > 2.0 * recognition.time_offset_sigma_s
     draft.add(
@@ -567,5 +551,5 @@ def left_out(source: Source) -> str:
 
 def _evidence(finding: Any) -> str:
     return (
-        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+        f"{finding.name}: {finding.found} (confidence {finding.confidence:.3f}): {finding.evidence}"
     )

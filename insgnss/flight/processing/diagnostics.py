@@ -23,7 +23,7 @@ from ...navigation.filter.codes import (
     VELOCITY,
 )
 from ...navigation.filter.solution import trajectory
-from ...records import Array, Check, Diagnostics, Trajectory
+from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries
 from ...records.verdicts import ConstantEstimate
 from ..config.flight_file import Flight
@@ -73,7 +73,7 @@ def run_diagnostics(
     segments: Sequence[Segment],
     rows: Sequence[ReportRows],
     stationary: Array,
-    checks: tuple[Check, ...],
+    checks: tuple[Finding, ...],
 ) -> Diagnostics:
     """Gather the diagnostics of a run.
 
@@ -85,7 +85,7 @@ def run_diagnostics(
         The rows of each segment that the report shows.
     stationary : ndarray, shape (k, 2), s
         First and last instant of each stationary period.
-    checks : tuple of Check
+    checks : tuple of Finding
         All checks of the run.
 
     Returns

@@ -21,9 +21,9 @@ from ...base.wording import relative
 from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
 from ...records import (
-    Check,
     Diagnostics,
     ExteriorOrientation,
+    Finding,
     ImuBiases,
     Innovations,
     StateVerdict,
@@ -93,7 +93,7 @@ class ProcessResult:
     common: CommonErrors | None = None
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Finding, ...]:
         """Every check of the run, those that found nothing wrong among them."""
         return self.diagnostics.checks
 
@@ -240,7 +240,7 @@ def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
 
 def _solve(
     flight: Flight, recording: Recording, prepared: PreparedFlight, step: Progress
-) -> tuple[list[Segment], tuple[Check, ...]]:
+) -> tuple[list[Segment], tuple[Finding, ...]]:
     """Solve the segments of a flight; return them and all checks up to there."""
     segments, gaps = solve_segments(flight, recording, step, prepared)
     checks = [check for segment in segments for check in segment.checks]

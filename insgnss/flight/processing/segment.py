@@ -9,7 +9,7 @@ import numpy as np
 from ...io.exposures.rig import ExposedRows
 from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import mean_residuals
-from ...records import Check, GnssFixes, MeanResidual
+from ...records import Finding, GnssFixes, MeanResidual
 from ...records.verdicts import ConstantEstimate
 
 
@@ -31,7 +31,7 @@ class Segment:
         Which exposures of each camera are at which of these instants.
     history : tuple of str
         What was done, sentence by sentence.
-    checks : tuple of Check
+    checks : tuple of Finding
         What the solution says of the flight file.
     time_offset_s : float
         By how much the stamps of the fixes were moved before the solution, s.
@@ -50,7 +50,7 @@ class Segment:
     at_event: np.ndarray
     exposed: tuple[ExposedRows, ...]
     history: tuple[str, ...]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
     requested: tuple[str, ...] = ()

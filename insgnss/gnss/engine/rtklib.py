@@ -37,7 +37,7 @@ from ...base.files import atomic_write
 from ...base.output.scratch import refuse_cut_off, scratch_directory
 from ...base.wording import DOCTOR, named
 from ...io.formats.gnss.rtklib_pos import PosRows, read_rtklib_pos
-from ...records import Check, GnssFixes
+from ...records import Finding, GnssFixes, Question
 from ..options import (
     ANTENNAS,
     DIRECTIONS,
@@ -102,7 +102,7 @@ class EngineRun:
         Option files by direction.
     rows : mapping
         Rows of combined, forward and backward as numbers.
-    checks : tuple of Check
+    checks : tuple of Finding
         Findings to report.
     """
 
@@ -114,7 +114,7 @@ class EngineRun:
     cpu_of: Mapping[str, float]
     option_files: Mapping[str, Path]
     rows: Mapping[str, PosRows]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
 
 
 def solve(
@@ -246,14 +246,14 @@ def engine_command(engine: str = "auto") -> list[str]:
     return [str(Path(program).resolve())]
 
 
-def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
+def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Finding, ...]:
     """Check whether an rnx2rtkp knows the options of an option file.
 
     Its binary holds them as strings.
 
     Returns
     -------
-    tuple of Check
+    tuple of Finding
         A note for options of ours that it does not know, or where a wrapper does not show what the
         program holds.
 
@@ -274,8 +274,8 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         names = " ".join(options.rtklib_options)
         return (
             (
-                Check(
-                    "engine options", f"{finding}: {names}", "options that it knows", "note", advice
+                Question("engine options", "options that it knows").note(
+                    f"{finding}: {names}", advice
                 ),
             )
             if options.rtklib_options
@@ -297,12 +297,8 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
     return (
-        Check(
-            "engine options",
-            f"unknown to {command[0]}: {' '.join(unknown)}",
-            "options that it knows",
-            "note",
-            advice,
+        Question("engine options", "options that it knows").note(
+            f"unknown to {command[0]}: {' '.join(unknown)}", advice
         ),
     )
 
@@ -315,18 +311,14 @@ def _binary(program: Path) -> bytes:
         return b""
 
 
-def _check_refused(ends: Mapping[str, "_End"]) -> tuple[Check, ...]:
+def _check_refused(ends: Mapping[str, "_End"]) -> tuple[Finding, ...]:
     names = sorted({name for end in ends.values() for name in end.refused})
     if not names:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 takes them"
     return (
-        Check(
-            "engine options",
-            f"values that it refused: {' '.join(names)}",
-            "values that it takes",
-            "note",
-            advice,
+        Question("engine options", "values that it takes").note(
+            f"values that it refused: {' '.join(names)}", advice
         ),
     )
 
@@ -587,7 +579,7 @@ def _version(path: Path, command: Sequence[str]) -> str:
     return f"RTKLIB {match[1].strip()} ({name})" if match else f"RTKLIB of unknown version ({name})"
 
 
-def _check_version(engine: str) -> tuple[Check, ...]:
+def _check_version(engine: str) -> tuple[Finding, ...]:
     match = EX_VERSION.search(engine)
     if match and tuple(int(number) for number in match.groups()) >= HOLDS:
         return ()
@@ -596,7 +588,7 @@ def _check_version(engine: str) -> tuple[Check, ...]:
         f" which EX 2.5.0 fixed 98 %; {DOCTOR}"
     )
     return (
-        Check(
-            "engine", engine, "RTKLIB EX 2.5.0 or later, for which the options hold", "note", advice
+        Question("engine", "RTKLIB EX 2.5.0 or later, for which the options hold").note(
+            engine, advice
         ),
     )

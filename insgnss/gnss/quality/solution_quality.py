@@ -33,7 +33,7 @@ from ...navigation.prepare.fix_covariance.classes import (
     Separation,
 )
 from ...navigation.prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
-from ...records import Array, Check, GnssFixes
+from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals
 
@@ -115,7 +115,7 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         f"they get {size} m and count as single; dynamics of an engine need epochs every second"
         " or so"
     )
-    note = Check("GNSS covariance", finding, "a covariance each", "note", advice)
+    note = Question("GNSS covariance", "a covariance each").note(finding, advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
     return replace(fixes, notes=(*others, note))
 
@@ -271,15 +271,15 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
 
 
 def verdict(
-    numbers: Mapping[str, Any], before: Iterable[Check] = ()
-) -> tuple[str, tuple[Check, ...]]:
+    numbers: Mapping[str, Any], before: Iterable[Finding] = ()
+) -> tuple[str, tuple[Finding, ...]]:
     """Return one sentence for the whole, and a check for each of its causes.
 
     Parameters
     ----------
     numbers : mapping
         Of `solution_numbers` and `coverage_numbers`, and those of `signal_numbers` under "signals".
-    before : iterable of Check
+    before : iterable of Finding
         Checks of inputs and steps.
     """
     checks = [_check_rate(numbers), _check_unsolved(numbers), _check_degraded(numbers)]
@@ -321,11 +321,11 @@ def verdict(
     )
 
 
-def _check(name: str, finding: str, expected: str, bad: bool, advice: str) -> Check:
-    return Check(name, finding, expected, "note" if bad else "ok", advice if bad else "")
+def _check(name: str, finding: str, expected: str, bad: bool, advice: str) -> Finding:
+    return Question(name, expected).note(finding, advice, when=bad)
 
 
-def _check_rate(n: Mapping[str, Any]) -> Check:
+def _check_rate(n: Mapping[str, Any]) -> Finding:
     isolated = n["classes"][CLASSES[ISOLATED]] + n["classes"][CLASSES[UNSUPPORTED]]
     finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
     finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
@@ -342,7 +342,7 @@ def _check_rate(n: Mapping[str, Any]) -> Check:
     )
 
 
-def _check_unsolved(n: Mapping[str, Any]) -> Check:
+def _check_unsolved(n: Mapping[str, Any]) -> Finding:
     name, expected = (
         "GNSS epochs",
         f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without",
@@ -352,7 +352,7 @@ def _check_unsolved(n: Mapping[str, Any]) -> Check:
         n["unsolved_periods"],
     )
     if n["unsolved_s"] is None:
-        return Check(name, finding, expected)
+        return Question(name, expected).ok(finding)
     first, last = n["unsolved_s"]
     finding += (
         f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {first:.1f} s"
@@ -368,7 +368,7 @@ def _check_unsolved(n: Mapping[str, Any]) -> Check:
     )
 
 
-def _check_degraded(n: Mapping[str, Any]) -> Check:
+def _check_degraded(n: Mapping[str, Any]) -> Finding:
     degraded = n["classes"][CLASSES[DEGRADED]]
     finding = f"{degraded} fixed epochs, in minutes of which a good part is not fixed"
     advice = (
@@ -378,7 +378,7 @@ def _check_degraded(n: Mapping[str, Any]) -> Check:
     return _check("GNSS degraded fixes", finding, "none", degraded > 0, advice)
 
 
-def _check_satellites(n: Mapping[str, Any]) -> Check:
+def _check_satellites(n: Mapping[str, Any]) -> Finding:
     s = n["satellites"]
     finding = f"{s['median']:.0f} in the median, {s['least']} at least"
     advice = (
@@ -395,7 +395,7 @@ def _check_satellites(n: Mapping[str, Any]) -> Check:
     )
 
 
-def _check_distance(n: Mapping[str, Any]) -> Check:
+def _check_distance(n: Mapping[str, Any]) -> Finding:
     d = n["base_distance_m"]
     low, high = n["height_above_base_m"]
     finding = (
@@ -414,7 +414,7 @@ def _check_distance(n: Mapping[str, Any]) -> Check:
     )
 
 
-def _check_age(n: Mapping[str, Any]) -> Check:
+def _check_age(n: Mapping[str, Any]) -> Finding:
     finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
     return _check(
@@ -422,7 +422,7 @@ def _check_age(n: Mapping[str, Any]) -> Check:
     )
 
 
-def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
+def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
     rms = s["fixed_rms_m"]
     finding = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
     finding += (
@@ -446,7 +446,7 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
     )
 
 
-def _check_signals(n: Mapping[str, Any]) -> list[Check]:
+def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
     rate, slips = n["cycle_slips_per_satellite_hour"], n["cycle_slips"]
     slip_finding = (
         f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"

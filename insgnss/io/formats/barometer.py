@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...geodesy.atmosphere import LOWEST_PA, standard_height
-from ...records import Array, BarometerHeights, Check
+from ...records import Array, BarometerHeights, Finding
 from .text.columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
 from .text.headers import Kinds, settled_units
 from .text.order import Lines, open_end, put_in_order
@@ -86,7 +86,7 @@ def heights_from_columns(
     lines: Lines,
     source: str,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> BarometerHeights:
     """Make heights of columns: each stamp once, in order.
 
@@ -102,7 +102,7 @@ def heights_from_columns(
         Name of the file.
     gps_week : int, optional
         The week of `time`.
-    notes : tuple of Check
+    notes : tuple of Finding
         What the reader found odd.
 
     Returns

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...base.remedies import joined
 from ...geodesy.rotation import right_angle_rotations
-from ...records import Array, Check
+from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
 from ..filter.codes import POS
 from ..filter.layout import FixErrors
@@ -53,7 +54,7 @@ def advice(
     suspected: Hypothesis,
     rivals: Sequence[Hypothesis] = (),
     exposures: bool = False,
-) -> list[Check]:
+) -> list[Finding]:
     """Say which constants contradict the flight file, and what would put them right.
 
     Parameters
@@ -72,7 +73,7 @@ def advice(
 
     Returns
     -------
-    list of Check
+    list of Finding
         One for each kind of constant, the most significant first.
     """
     values = {
@@ -88,11 +89,11 @@ def advice(
     )
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
-    checks: list[tuple[float, Check]] = []
+    checks: list[tuple[float, Finding]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
     sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
 
-    def add(of: str, check: Check) -> None:
+    def add(of: str, check: Finding) -> None:
         check = replace(check, beyond_chance=beyond_chance)
         checks.append((max(size for name, size in sizes.items() if of in name), check))
 
@@ -103,7 +104,7 @@ def advice(
         strong = _shown(OFFSET, suspected, rivals)
         check = _time_offset(*values[OFFSET], speed, by, strong)
         of_samples = _late_samples(*values[OFFSET], solution.problem.inc.nominal_s)
-        add(OFFSET, replace(check, advice=f"{check.advice}{of_samples}"))
+        add(OFFSET, replace(check, remedy=joined((check.remedy, of_samples), "")))
     if RATE in values:
         strong = _shown(RATE, suspected, rivals)
         add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
@@ -132,7 +133,7 @@ def _shown(of: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> bool
 
 def unseen(
     solution: Solution, constants: ConstantsEvidence, events_with_fixes: bool = False
-) -> Check | None:
+) -> Finding | None:
     """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
 
     Parameters
@@ -147,7 +148,7 @@ def unseen(
 
     Returns
     -------
-    Check or None
+    Finding or None
         A note where an error could stay unseen (`SEEN` sigmas of what the flight tells) that moves
         positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
         of them are estimated in any case.
@@ -183,15 +184,11 @@ def unseen(
     text = f"this flight tells {' and '.join(parts)}"
     if hidden:
         text += f"; it would not show errors of {', '.join(hidden)}"
-    return Check(
-        "unseen constants",
+    return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
         text,
-        f"errors of more than {1e3 * limit:.0f} mm seen",
-        "note" if hidden else "ok",
         "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"
-        " tilts and changes of speed show them"
-        if hidden
-        else "",
+        " tilts and changes of speed show them",
+        when=hidden,
     )
 
 
@@ -200,7 +197,7 @@ def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
-def variance_check(suspected: "VarianceHypothesis") -> Check:
+def variance_check(suspected: "VarianceHypothesis") -> Finding:
     """Say whose noise is larger than its model says.
 
     Parameters
@@ -210,7 +207,7 @@ def variance_check(suspected: "VarianceHypothesis") -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A note: the flight is solved with the larger noise.
     """
     # smaller noise than the model's is not adopted
@@ -222,12 +219,9 @@ def variance_check(suspected: "VarianceHypothesis") -> Check:
     else:
         remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
         name = "IMU noise"
-    return Check(
-        name,
+    return Question(name, "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, log evidence"
         f" {suspected.evidence:.0f}; solved with it",
-        "factors of one",
-        "note",
         remedy,
     )
 
@@ -251,7 +245,7 @@ def _lever_arm(
     by: str,
     strong: bool,
     exposures: bool,
-) -> Check:
+) -> Finding:
     """Check the antenna lever arm."""
     value: Array = np.array([0.0 if one is None else one[0] for one in lever])
     sigma = max(one[1] for one in lever if one is not None)
@@ -275,10 +269,11 @@ def _lever_arm(
             " and turn the images as well: look at it first, nothing else of a flight shows it;"
             f" else {advised}"
         )
-    return Check(
+    return Question(
         LEVER_ARM,
-        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
         f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off",
+    ).answer(
+        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
         "contradiction" if contradicts else "note",
         advised,
     )
@@ -335,14 +330,12 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
     ]
 
 
-def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:
+def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Finding:
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
-    return Check(
-        OFFSET,
+    return Question(OFFSET, f"none, or less than {NEGLIGIBLE_M:g} m").answer(
         f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
         f"{speed:.1f} m/s{by}",
-        f"none, or less than {NEGLIGIBLE_M:g} m",
         "contradiction" if contradicts else "note",
         f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
         f"estimated; {STAMPED}",
@@ -365,14 +358,12 @@ def _late_samples(offset: float, sigma: float, interval_s: float) -> str:
 
 def _clock_rate(
     rate: float, sigma: float, minutes: float, speed: float, by: str, strong: bool
-) -> Check:
+) -> Finding:
     """Check the rate of the IMU's clock against that of the fixes."""
     moves = 0.5 * abs(rate) * 60.0 * minutes * speed
-    return Check(
-        "clock rate",
+    return Question("clock rate", f"one clock, or less than {NEGLIGIBLE_M:g} m").answer(
         f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
         f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
-        f"one clock, or less than {NEGLIGIBLE_M:g} m",
         "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
         "set filter.time_offset = true, which estimates offset and rate of the clocks; " + STAMPED,
     )
@@ -380,17 +371,17 @@ def _clock_rate(
 
 def _of_imu(
     values: dict[str, tuple[float, float]], unit: str, factor: float, key: str, by: str
-) -> Check:
+) -> Finding:
     """Note scale factors or misalignments of the IMU, which are estimated."""
     largest = sorted(values, key=lambda name: -abs(values[name][0] / values[name][1]))[:3]
     numbers = ", ".join(
         f"{name} {factor * values[name][0]:+.2f} +- {factor * values[name][1]:.2f} {unit}"
         for name in largest
     )
-    return Check(
+    return Question(
         "IMU scale factors" if key == "scale_factor" else "IMU misalignments",
-        f"{numbers}{by}; estimated",
         "within what the noise model has",
-        "note",
+    ).note(
+        f"{numbers}{by}; estimated",
         f"calibrate the IMU (imu.calibration), or set filter.{key} = true",
     )

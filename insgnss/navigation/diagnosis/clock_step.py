@@ -36,7 +36,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...geodesy.rotation import rotation_from_quaternion
-from ...records import Array, Check
+from ...records import Array, Finding, Question
 from ..filter.codes import (
     COVARIANCE_RESET,
     N_NAV,
@@ -243,7 +243,7 @@ def _refined(
     return _moved(problem, solution, since, step_s), step_s, float(sigma[0])
 
 
-def step_check(step: ClockStep) -> Check:
+def step_check(step: ClockStep) -> Finding:
     """Say that a clock steps, and how to mend it.
 
     Parameters
@@ -253,7 +253,7 @@ def step_check(step: ClockStep) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A contradiction: one time scale holds for a whole flight.
     """
     speed = rms_speed(step.solution)
@@ -280,13 +280,12 @@ def step_check(step: ClockStep) -> Check:
         f" start_tow = {step.after:.2f} and {step.size:+.4f} added to gnss.time_offset_s"
     )
     about = "some seconds about " if back else ""
-    return Check(
-        STEP,
+    return Question(
+        STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m"
+    ).contradiction(
         f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
         f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
         f" {speed:.1f} m/s{beyond}{whose}",
-        f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m",
-        "contradiction",
         f"{mended}: solved so, the flight follows its fixes{parts}",
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.beside import Beside
 from ...base.errors import DataError
-from ...records import Check
+from ...records import Finding
 from ...records.cameras.mounting import Mounting
 from ...records.verdicts import ConstantEstimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
@@ -153,7 +153,7 @@ class Diagnosis:
     ----------
     solution : Solution
         The solution to go on with.
-    checks : tuple of Check
+    checks : tuple of Finding
         What it says of the flight file.
     history : tuple of str
         What was done, sentence by sentence.
@@ -162,7 +162,7 @@ class Diagnosis:
     """
 
     solution: Solution
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     constants: tuple[ConstantEstimate, ...] = ()
 
@@ -223,7 +223,7 @@ class _State:
 
     solution: Solution
     model: ErrorModel
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     attempted: frozenset[str] = frozenset()
 
@@ -232,7 +232,7 @@ Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check | None:
+def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Finding | None:
     """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
@@ -247,7 +247,7 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check |
 
 def _step_under(
     search: ErrorModelSearch, posed: Posed, model: ErrorModel, against: Solution | None
-) -> Check | None:
+) -> Finding | None:
     """Say that a clock steps, if that explains more under an error model than another solution."""
     layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))
     step = find_clock_step(*posed, layout, against, search.second_pass, search.progress)
@@ -433,7 +433,7 @@ def explain_failure(
     search: ErrorModelSearch,
     problem: EstimationProblem,
     align: Callable[[EstimationProblem], InitialState],
-) -> Check | None:
+) -> Finding | None:
     """Look for the lever arm or time offset without which a flight has no solution.
 
     Parameters
@@ -447,7 +447,7 @@ def explain_failure(
 
     Returns
     -------
-    Check or None
+    Finding or None
         What contradicts the flight file; None where nothing explains the failure.
     """
     search.progress("what the fixes say with an open gate")
@@ -480,7 +480,7 @@ def explain_failure(
 
 def rescue(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
+) -> tuple[Solution, tuple[Finding, ...]] | None:
     """Look for the error of the IMU with which a flight has a solution that has none without.
 
     Scale factors and misalignments are tried first, where the evidence is for them; larger noise,
@@ -495,7 +495,7 @@ def rescue(
 
     Returns
     -------
-    tuple of Solution and tuple of Check, or None
+    tuple of Solution and tuple of Finding, or None
         The solution with these states or larger variances, and what says so; None where neither is
         a remedy.
     """
@@ -523,7 +523,7 @@ def rescue(
 
 def _with_errors_of_imu(
     search: ErrorModelSearch, problem: EstimationProblem, start: InitialState
-) -> tuple[Solution, tuple[Check, ...]] | None:
+) -> tuple[Solution, tuple[Finding, ...]] | None:
     """Solve with the scale factors or misalignments that an open gate shows; None without."""
     open_gate = replace(problem, gate=np.inf)
     shown = _shown_by(search, open_gate, start)

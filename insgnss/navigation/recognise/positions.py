@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records import Array, Check, GnssFixes
+from ...base.remedies import Remedy, SetKey, Step, joined
+from ...records import Array, Finding, GnssFixes, Question
 from ...records.observations import UNKNOWN_MPS
 from ..prepare.fix_path import north_east
 
@@ -43,12 +44,12 @@ Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 class Misreading:
     """Fixes as they would be, and what to do if that is right."""
 
-    advice: str
+    advice: Remedy
     displaced: Array
     moving: Array
 
 
-def check_velocity(gnss: GnssFixes) -> Check:
+def check_velocity(gnss: GnssFixes) -> Finding:
     """Check the positions against the velocities of the same fixes.
 
     Parameters
@@ -58,7 +59,7 @@ def check_velocity(gnss: GnssFixes) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A contradiction names the misreading; a note says that nothing explains the difference.
     """
     expected = f"displacements are the velocity times the time, within {AGREE:.0%} in the median"
@@ -66,34 +67,38 @@ def check_velocity(gnss: GnssFixes) -> Check:
     assert gnss.velocity_cov_ned is not None
     pairs = _pairs(gnss.time)
     if pairs is None:
-        return Check(NAME, "too few fixes to compare displacements with", expected)
+        return Question(NAME, expected).ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
     rows = _fast(mean[:, :2], LEAST_MPS)
     if rows.sum() < LEAST_ROWS:
-        return Check(NAME, f"never faster than {LEAST_MPS:g} m/s for long", expected)
+        return Question(NAME, expected).ok(f"never faster than {LEAST_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
     off = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off:.0%} off the velocities in the median"
     if off > AGREE:
         close = _explaining(gnss, pairs, mean, rows, off)
         if close:
-            return Check(NAME, finding, expected, "contradiction", f"{' or '.join(close)}")
-        advice = "one of them is wrong: check gnss.columns and their units, or leave velocities out"
-        return Check(NAME, finding, expected, "note", advice)
+            return Question(NAME, expected).contradiction(finding, joined(close))
+        advice = Step(
+            "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
+        )
+        return Question(NAME, expected).note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)
     if measured and climbs.sum() >= LEAST_ROWS:
         down, stated = moved[climbs, 2:], mean[climbs, 2:]
         if np.corrcoef(down[:, 0], stated[:, 0])[0, 1] < REVERSED:
             finding = "the heights rise where the vertical velocity falls"
-            advice = (
-                "it is of the other sense: in gnss.columns call it vu instead of vd, or vd of vu"
+            advice = Step(
+                "it is of the other sense: in {gnss.columns} call it vu instead of vd, or vd of vu"
             )
-            return Check(NAME, finding, expected, "contradiction", advice)
-    return Check(NAME, finding, expected)
+            return Question(NAME, expected).contradiction(finding, advice)
+    return Question(NAME, expected).ok(finding)
 
 
-def _explaining(gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: float) -> list[str]:
+def _explaining(
+    gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: float
+) -> list[Remedy]:
     """What to do by the misreadings that explain the difference: the best, and its equals."""
     trials = [
         (_off(m.displaced[rows, :2], m.moving[rows, :2]), m.advice)
@@ -107,17 +112,18 @@ def _explaining(gnss: GnssFixes, pairs: Pairs, mean: Array, rows: Array, off: fl
 
 def _misreadings(gnss: GnssFixes, pairs: Pairs, mean: Array) -> Iterator[Misreading]:
     """What files are known for, applied to the fixes."""
-    exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
-    radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
-    places = [
+    exchange = Step("latitude and longitude are exchanged: exchange their names in {gnss.columns}")
+    radians, degrees = (
+        Step(
+            f"latitude and longitude are in {name}: set {{}}", SetKey("gnss.units", {"angle": unit})
+        )
+        for name, unit in (("radians", "rad"), ("degrees", "deg"))
+    )
+    places: list[tuple[Remedy, Array, Array]] = [
         (exchange, gnss.lon, gnss.lat),
         (radians, gnss.lat / DEG, gnss.lon / DEG),
-        (f"{radians}; and {exchange}", gnss.lon / DEG, gnss.lat / DEG),
-        (
-            'latitude and longitude are in degrees: set gnss.units = { angle = "deg" }',
-            gnss.lat * DEG,
-            gnss.lon * DEG,
-        ),
+        (joined((radians, exchange), "; and "), gnss.lon / DEG, gnss.lat / DEG),
+        (degrees, gnss.lat * DEG, gnss.lon * DEG),
         ("the sign of the latitude is wrong", -gnss.lat, gnss.lon),
         ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
     ]
@@ -127,12 +133,14 @@ def _misreadings(gnss: GnssFixes, pairs: Pairs, mean: Array) -> Iterator[Misread
     moved = _displaced(gnss, pairs)
     for unit, factor in VELOCITY_UNITS.items():
         yield Misreading(
-            f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}',
+            Step(
+                f"the velocities are in {unit}: set {{}}", SetKey("gnss.units", {"velocity": unit})
+            ),
             moved,
             factor * mean,
         )
     yield Misreading(
-        "vn and ve are exchanged: exchange their names in gnss.columns",
+        Step("vn and ve are exchanged: exchange their names in {gnss.columns}"),
         moved,
         mean[:, [1, 0, 2]],
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....base.files import atomic_write
 from ....base.wording import named
-from ....records import Array, CameraEvents, Check
+from ....records import Array, CameraEvents, Finding
 from ..orientation.exported import quoted_names
 from ..text.columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
 from ..text.headers import Kinds, settled_units
@@ -94,7 +94,7 @@ def events_in_order(
     lines: Lines,
     source: str,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
@@ -116,7 +116,7 @@ def events_in_order(
     return CameraEvents(images, time, gps_week, source, (*notes, *odd))
 
 
-def numbered(count: int) -> tuple[tuple[str, ...], Check]:
+def numbered(count: int) -> tuple[tuple[str, ...], Finding]:
     """Return numbers from 1 in place of names, and the note that says so."""
     finding = f"no image names; the {count} events are numbered from 1"
     advice = (

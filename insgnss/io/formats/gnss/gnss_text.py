@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.files import atomic_write
-from ....records import Check, GnssFixes
+from ....records import Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION
 from ..orientation.exported import quoted_names
 from ..text.columns import (
@@ -195,7 +195,7 @@ def _described(table: Table, index: Mapping[str, int]) -> dict[str, int]:
 
 def fix_scales(
     path: str, line: int | None, fields: Mapping[str, Sequence[str]], units: Mapping[str, str]
-) -> tuple[FixScales, tuple[Check, ...]]:
+) -> tuple[FixScales, tuple[Finding, ...]]:
     """Settle the units of fixes: the caller's, else those that the header gives, else the defaults.
 
     Parameters
@@ -213,7 +213,7 @@ def fix_scales(
     -------
     FixScales
         The factors.
-    tuple of Check
+    tuple of Finding
         A note for each of the caller's units where the fields give another one.
 
     Raises

@@ -21,7 +21,7 @@ from ....base.errors import InputError
 from ....base.files import atomic_write
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
-from ....records import Check, GnssFixes
+from ....records import Finding, GnssFixes
 from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order
 from ..text.sentences import BAD_SHARE_LIMIT
@@ -69,7 +69,7 @@ class PosRows:
         The week of the first row.
     complete : bool
         Whether the last line has its end.
-    notes : tuple of Check
+    notes : tuple of Finding
         Notes on rows left out or sorted.
     """
 
@@ -79,7 +79,7 @@ class PosRows:
     time: Array
     gps_week: int
     complete: bool
-    notes: tuple[Check, ...]
+    notes: tuple[Finding, ...]
 
     @property
     def base_ecef(self) -> Array | None:
@@ -432,7 +432,7 @@ def _quality(table: Table, q: Array) -> NDArray[np.int64]:
 
 
 def _velocity(
-    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Check]
+    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Finding]
 ) -> tuple[Array | None, Array | None]:
     """Return velocity and covariances in north, east, down, where the file has estimated them."""
     names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]
@@ -467,7 +467,7 @@ def _covariance(
     cols: dict[str, Array],
     names: tuple[str, ...],
     C: Array,
-    notes: list[Check],
+    notes: list[Finding],
     sigma: ArrayLike | None,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
@@ -516,7 +516,7 @@ def _covariance(
 
 
 def _drop_odd_correlations(
-    table: Table, P: Array, names: tuple[str, ...], notes: list[Check]
+    table: Table, P: Array, names: tuple[str, ...], notes: list[Finding]
 ) -> None:
     """Take the correlations out of matrices that are not positive definite, where they are few."""
     bad = without_inverse(P)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
-from ....records import Check, ImuSamples, Quantity
+from ....records import Finding, ImuSamples, Quantity
 from ..text.columns import (
     FINE,
     TIME,
@@ -37,7 +37,7 @@ from ..text.units import check_units, imu_kinds, usual_unit
 from .apart import joined
 
 Array = NDArray[np.float64]
-Notes = tuple[Check, ...]
+Notes = tuple[Finding, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 COLUMNS = ("tow", *GYRO, *ACCEL)
@@ -289,7 +289,7 @@ def scales_of(
     units: Mapping[str, str],
     quantity: Quantity,
     rate_hz: float | None,
-) -> tuple[Scales, tuple[Check, ...]]:
+) -> tuple[Scales, tuple[Finding, ...]]:
     """Settle the units of gyro, accel and time: the caller's, else those of the header, else SI.
 
     Parameters
@@ -311,7 +311,7 @@ def scales_of(
     -------
     Scales
         The factors.
-    tuple of Check
+    tuple of Finding
         A note for each of the caller's units where the fields give another one.
 
     Raises
@@ -341,7 +341,7 @@ def imu_from_columns(
     scales: Scales,
     quantity: Quantity,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> ImuSamples:
     """Make samples of columns (n,) by canonical name, each stamp once, in order.
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.advance import through
 from ....base.errors import InputError, UsageError
 from ....base.wording import DOCTOR
-from ....records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
@@ -58,7 +58,7 @@ class Log:
     tables: Tables
     odd: tuple[str, ...] = ()
 
-    def notes(self, name: str) -> tuple[Check, ...]:
+    def notes(self, name: str) -> tuple[Finding, ...]:
         """Return the notes on what was odd in the log, for the record `name`."""
         return tuple(
             note(name, text, "a whole log", "copy it again from the card") for text in self.odd
@@ -357,7 +357,7 @@ def read_imu_ardupilot(
         "GYR"
     )
     name, table = log.table(IMU_MESSAGES, variable, IMU_FIELDS[:3] if raw else IMU_FIELDS)
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
     if raw:
         table, notes = _raw_pair(log, name, table)
     clock = _clock(log)
@@ -374,7 +374,7 @@ def read_imu_ardupilot(
 
 def _raw_pair(
     log: Log, name: str, gyro: dict[str, Array]
-) -> tuple[dict[str, Array], tuple[Check, ...]]:
+) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """Return columns of a raw gyro message with those of its accelerometer.
 
     The latter are interpolated to the gyro's stamps, where both have data.

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError, UsageError
 from ....base.wording import DOCTOR
 from ....geodesy.gpstime import gps_from_unix_utc
-from ....records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ....records import BarometerHeights, CameraEvents, Finding, GnssFixes, ImuSamples, Quantity
 from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
@@ -115,7 +115,7 @@ def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
     return tables, tuple(odd)
 
 
-def _notes(odd: tuple[str, ...], name: str) -> tuple[Check, ...]:
+def _notes(odd: tuple[str, ...], name: str) -> tuple[Finding, ...]:
     return tuple(note(name, text, "a whole log", "copy it again from the card") for text in odd)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
-from ....records import Check
+from ....records import Finding
 from .dates import UNIT as DATES_UNIT
 from .headers import Kinds, names_of, normalised
 from .layout import Layout, shown
@@ -225,7 +225,7 @@ def check_increasing(lines: Lines, time: Array) -> None:
 
 def clock_of_dates(
     table: Table, index: Mapping[str, int], units: Mapping[str, str], name: str
-) -> tuple[Mapping[str, str], tuple[Check, ...]]:
+) -> tuple[Mapping[str, str], tuple[Finding, ...]]:
     """Return the units with that of the clock where the column of time holds dates, and the note.
 
     Parameters

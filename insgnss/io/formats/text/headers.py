@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from ....base.errors import InputError, UsageError
-from ....records import Check
+from ....records import Finding
 from .order import note
 from .units import UNITS, unit_factor, unit_name
 
@@ -179,7 +179,7 @@ def settled_units(
     fields: Mapping[str, Sequence[str]],
     given: Mapping[str, str],
     of: str,
-) -> tuple[dict[str, str], dict[str, float], tuple[Check, ...]]:
+) -> tuple[dict[str, str], dict[str, float], tuple[Finding, ...]]:
     """Settle units: the caller's, else those that the fields give, else the first of their kind.
 
     Parameters
@@ -201,7 +201,7 @@ def settled_units(
     -------
     units, factors : dict
         By key.
-    notes : tuple of Check
+    notes : tuple of Finding
         One for each of the caller's units where the fields give another one.
 
     Raises

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....records import Array, Check, ImuSamples, Quantity, Verdict
+from ....records import Array, Finding, ImuSamples, Quantity, Question, Verdict
 from ..gaps import LACKING, nominal_interval
 from ._kernels import interpolate, running_sum
 from .parity import Parity, parity_of
@@ -76,7 +76,7 @@ class CombinedImu:
         Shares of each in gyro and accelerometer, of sum 1: a process of density q_j in IMU j
         becomes sqrt(sum (weight q_j)^2).
     parity : Parity
-    checks : tuple of Check
+    checks : tuple of Finding
         Of clocks, gaps and parity.
     """
 
@@ -88,7 +88,7 @@ class CombinedImu:
     accel_noise: float
     weight: Array
     parity: Parity
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
 
 
 def combine(
@@ -151,7 +151,9 @@ def combine(
                 " end_tow"
             )
             checks.append(
-                Check("IMU overlap", finding, "all IMUs over the whole recording", verdict, advice)
+                Question("IMU overlap", "all IMUs over the whole recording").answer(
+                    finding, verdict, advice
+                )
             )
     weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
@@ -314,7 +316,7 @@ class _Track:
         return rates, inside & (breaks[hi] == breaks[lo])
 
 
-def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Check]:
+def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Finding]:
     """Time offset to add to the stamps of `other`, its standard deviation, and the check (K.3).
 
     first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
@@ -329,10 +331,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         return (
             0.0,
             np.nan,
-            Check(
-                check_name,
-                f"{name}: the body hardly turns; taken as one clock with the first",
-                expected,
+            Question(check_name, expected).ok(
+                f"{name}: the body hardly turns; taken as one clock with the first"
             ),
         )
     tau, alike = _coarse_offset(a, b)
@@ -341,12 +341,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         return (
             0.0,
             np.nan,
-            Check(
-                check_name,
-                finding,
-                f"{ALIKE} and more of one body",
-                "contradiction",
-                "check imu.further: file, axes and clock",
+            Question(check_name, f"{ALIKE} and more of one body").contradiction(
+                finding, "check imu.further: file, axes and clock"
             ),
         )
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
@@ -372,7 +368,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
     return (
         tau if applied else 0.0,
         sigma,
-        Check(check_name, finding, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
+        Question(check_name, expected).note(finding, when=applied and abs(tau) > 1e-3),
     )
 
 

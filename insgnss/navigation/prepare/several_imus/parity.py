@@ -29,7 +29,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ....records import Array, Check, ImuSamples
+from ....records import Array, Finding, ImuSamples, Question
 from ....records.variances import MAD_TO_SIGMA
 from ..gaps import nominal_interval
 
@@ -68,7 +68,7 @@ class Parity:
         Difference of response, gyro and accelerometer.
     faulty : int or None
         Index of the faulty IMU; None where none is named.
-    check : Check
+    check : Finding
         The verdict.
     """
 
@@ -79,7 +79,7 @@ class Parity:
     contradicts: NDArray[np.bool_]
     matrix: Array
     faulty: int | None
-    check: Check
+    check: Finding
 
 
 def parity_of(
@@ -150,11 +150,8 @@ def parity_of(
     )
     faulty, check = None, _agreement(level, turned[:, 0], pairs, names)
     if not np.isfinite(ratio).any():
-        check = Check(
-            "IMU parity",
-            "less than two seconds in common",
-            "all pairs agree within their noise",
-            "note",
+        check = Question("IMU parity", "all pairs agree within their noise").note(
+            "less than two seconds in common"
         )
     if (contradicts.sum(axis=1) >= WINDOWS).any():
         faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma)
@@ -233,7 +230,7 @@ def _slow(x: Array) -> Array:
 
 def _agreement(
     level: Array, turned: Array, pairs: tuple[tuple[int, int], ...], names: Sequence[str]
-) -> Check:
+) -> Finding:
     """The check where no pair contradicts.
 
     level : (p, 2) of q. turned : (p,) rad, of one IMU's axes against the other's.
@@ -245,17 +242,13 @@ def _agreement(
     )
     expected = "all pairs agree within their noise"
     if turned[k] < TURN_NOTE:
-        return Check("IMU parity", finding, expected)
+        return Question("IMU parity", expected).ok(finding)
     finding += (
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
-    return Check(
-        "IMU parity",
-        finding,
-        expected,
-        "note",
-        "a calibration file with a common reference for both takes it off",
+    return Question("IMU parity", expected).note(
+        finding, "a calibration file with a common reference for both takes it off"
     )
 
 
@@ -365,7 +358,7 @@ def _fault(
     faulty: int | None,
     why: str,
     names: Sequence[str],
-) -> Check:
+) -> Finding:
     bad = np.flatnonzero(contradicts.any(axis=0))
     span = (
         f"{bad.size} of {contradicts.shape[1]} seconds contradict, from {middle[bad[0]]:.1f} to"
@@ -373,10 +366,6 @@ def _fault(
     )
     who = f"one of {', '.join(names)} is faulty" if faulty is None else f"{names[faulty]} is faulty"
     advice = "process each alone and compare" if faulty is None else f"leave {names[faulty]} out"
-    return Check(
-        "IMU parity",
-        f"{who}: {why}; {span}",
-        "all pairs agree within their noise",
-        "contradiction",
-        advice,
+    return Question("IMU parity", "all pairs agree within their noise").contradiction(
+        f"{who}: {why}; {span}", advice
     )

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ....base.findings import Finding, ranked
 from ....records.block import Array
-from ....report.rules.wording import Limit, lengths, screen_unit
+from ....report.rules.wording import lengths, screen_unit
 from ...adjust.groups import Rescaled
 from ...adjust.kinematic import (
     CLOCK,
@@ -123,7 +124,7 @@ def _parameters(vehicle: Vehicle, precision: Precision) -> Iterator[tuple[str, d
         )
 
 
-def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Say which measurements of the target do not fit, and that they are too many.
 
     Parameters
@@ -133,7 +134,7 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
     Yields
     ------
-    Limit
+    Finding
         The finding.
     """
     own = figures["vehicle"]
@@ -145,14 +146,14 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
     share = k / n
     text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {some}"
     if k > 1 and share > MANY_LEFT_OUT:
-        yield Limit(KINEMATIC, DISCONNECTED * share + 1.0, text)
+        yield ranked(KINEMATIC, DISCONNECTED * share + 1.0, text)
     else:
-        yield Limit(
+        yield ranked(
             KINEMATIC, 0.6, text, "see these images: another target, a shadow, a wrong name"
         )
 
 
-def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Say that sizes of the target are all off by one factor, where they are.
 
     Parameters
@@ -162,7 +163,7 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
     Yields
     ------
-    Limit
+    Finding
         The finding.
     """
     own = figures["vehicle"]
@@ -173,7 +174,7 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
     if len(share) < 5 or abs(np.median(off)) < 3.0:
         return
     middle = float(np.median(share))
-    yield Limit(
+    yield ranked(
         SIZES,
         float(abs(np.median(off))) / 3.0,
         f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
