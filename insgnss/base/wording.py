@@ -84,8 +84,8 @@ def named(key: str) -> str:
 def set_to(key: str, value: Any, instead: str = "") -> str:
     """The option `key` with a value that can be copied, or what the caller does instead of it."""
     door = _DOOR.get()
-    if (said := door.settings.get(key)) is not None:
-        return said(value, instead)
+    if (action := door.settings.get(key)) is not None:
+        return action(value, instead)
     option = door.name(key)
     if option.startswith("--"):
         return setting(key, value)

@@ -46,7 +46,7 @@ from .rows import Rows
 from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
-from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from .verdicts import Check, Estimate, MeanResidual, TimeCorrelatedError
 
 __all__ = [
     "QUANTITIES",
@@ -55,6 +55,7 @@ __all__ = [
     "CameraEvents",
     "Check",
     "Diagnostics",
+    "Estimate",
     "ExteriorOrientation",
     "Finding",
     "FramedOrientation",
@@ -68,7 +69,6 @@ __all__ = [
     "Quantity",
     "Question",
     "Rows",
-    "StateVerdict",
     "TimeCorrelatedError",
     "Trajectory",
     "Verdict",

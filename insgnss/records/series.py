@@ -113,7 +113,7 @@ class ConstantSeries:
     Parameters
     ----------
     names : tuple of str
-        (c,) the constants, as in `StateVerdict`.
+        (c,) the constants, as in `Estimate`.
     value, sigma : ndarray
         (m, c) smoothed value and standard deviation, SI.
     filter_sigma : ndarray

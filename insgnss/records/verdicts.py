@@ -4,13 +4,14 @@ with a verdict.
 A check that a flight file may accept has its line in `CHECKS`, and nowhere else.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..base.findings import Finding
 
-# of the a-priori sigma: what is known better after a flight or a recording was observed by it
-OBSERVED = 1.0 / 3.0
+# of the a-priori sigma: what is known better afterwards was observed, what is known worse was not
+OBSERVED, UNOBSERVED = 1.0 / 3.0, 0.9
 
 REMARK = 0.5
 """Rank of a note that does not change the result; from one on a finding stands out."""
@@ -78,33 +79,58 @@ Check = Finding
 
 
 @dataclass(frozen=True)
-class StateVerdict:
-    """A constant that the flight estimates besides biases; numbers are in SI units.
+class Estimate:
+    """A constant that was estimated; numbers are in SI units.
 
     Parameters
     ----------
     name : str
-        The state.
+        The state, such as "antenna lever arm forward".
     value, sigma : float
-        Its estimate and standard deviation.
+        Its estimate and standard deviation; of a correction of `stated`, that of a segment as of a
+        flight of several segments, which have one `stated`: stamps that were moved before a segment
+        was solved again are part of it. A time offset that changes is that of the middle of the
+        segment.
     prior : float
-        Its a-priori standard deviation.
+        Its a-priori standard deviation, or how well such constants are known otherwise.
     moves_m : float or None
         How far its sigma moves the fixes, m; None for an error of the IMU.
-    observed : bool
-        Whether the flight determines it.
     requested : bool
         Whether the flight file asks for it; what the innovations led to is weighed by the check
         that says so.
+    stated : float
+        The flight file's value and nothing else; 0 of a clock rate.
     """
 
     name: str
     value: float
     sigma: float
-    prior: float
-    moves_m: float | None
-    observed: bool
+    prior: float = math.inf
+    moves_m: float | None = None
     requested: bool = True
+    stated: float = 0.0
+
+    @property
+    def observed(self) -> bool:
+        """Whether the data determine it."""
+        return self.sigma < OBSERVED * self.prior
+
+    def degree(self, determined: str, improved: str, undetermined: str) -> str:
+        """How far the data determine it, in the words of those who read it.
+
+        Parameters
+        ----------
+        determined, improved, undetermined : str
+            Below `OBSERVED` of the a-priori sigma, below `UNOBSERVED`, and above.
+
+        Returns
+        -------
+        str
+            One of the three.
+        """
+        if self.observed:
+            return determined
+        return improved if self.sigma < UNOBSERVED * self.prior else undetermined
 
 
 @dataclass(frozen=True)
@@ -153,31 +179,3 @@ class MeanResidual:
     fixes: int
     mean_m: tuple[float, ...]
     sigma_m: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class ConstantEstimate:
-    """What a flight by itself says of a constant, whatever the flight file states of it.
-
-    Its value is `assumed` + `correction`, of a segment as of a flight of several segments, which
-    have one `assumed`: stamps that were moved before a segment was solved again are part of the
-    correction. Several segments give the mean of their corrections by weights.
-
-    Parameters
-    ----------
-    name : str
-        Name of its error state, such as "antenna lever arm forward".
-    correction : float
-        What the flight finds beyond `assumed`, m or s; a time offset that changes is that of the
-        middle of the segment.
-    sigma : float
-        Standard deviation, m or s, of the flight alone.
-    assumed : float
-        The flight file's value and nothing else, m (lever arm IMU to antenna, body axes) or s; 0 of
-        a clock rate.
-    """
-
-    name: str
-    correction: float
-    sigma: float
-    assumed: float = 0.0

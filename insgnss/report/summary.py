@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.rotation import rpy_from_rotation
-from ..records import Diagnostics, ExteriorOrientation, StateVerdict
+from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
@@ -362,7 +362,8 @@ def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array
     }
 
 
-def _state(state: StateVerdict) -> dict[str, Any]:
+def _state(state: Estimate) -> dict[str, Any]:
     """A constant in SI, and the unit in which a person reads it."""
     factor, unit = state_unit(state.name)
-    return asdict(state) | {"unit": unit, "per_unit": factor}
+    keys = ("name", "value", "sigma", "prior", "moves_m", "observed", "requested")
+    return {key: getattr(state, key) for key in keys} | {"unit": unit, "per_unit": factor}

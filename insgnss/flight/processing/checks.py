@@ -91,11 +91,11 @@ def refusal(
         as Python does.
     """
     if _of_files(flight):
-        text, where = check.named_sentence, " in the flight file"
+        text, overrules = check.named_sentence, "in the flight file overrules"
     else:
         with spoken_as(_of_objects, _INSTEAD):
-            text, where = check.named_sentence, ""
-    accepting = f"; accept = {toml(overruled)}{where} overrules" if overruled else ""
+            text, overrules = check.named_sentence, "overrules"
+    accepting = f"; accept = {toml(overruled)} {overrules}" if overruled else ""
     return InputError(f"{flight.path}: {text}{remark}{accepting}")
 
 

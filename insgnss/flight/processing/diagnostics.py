@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from ...navigation.filter.codes import (
 from ...navigation.filter.solution import trajectory
 from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries
-from ...records.verdicts import ConstantEstimate
 from ..config.flight_file import Flight
 from .segment import Segment
 
@@ -97,8 +97,8 @@ def run_diagnostics(
     return replace(Diagnostics.joined(of_segments), checks=checks)
 
 
-def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEstimate]:
-    """Return what a flight by itself says of the constants of its fixes.
+def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[dict[str, Any]]:
+    """Return what a flight by itself says of the constants of its fixes, as report.json has it.
 
     Parameters
     ----------
@@ -109,15 +109,22 @@ def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEs
 
     Returns
     -------
-    list of ConstantEstimate
+    list of dict
         Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
-        far as the flight tells.
+        far as the flight tells: correction and sigma, and the value that it corrects.
     """
     lever = zip(("forward", "right", "down"), flight.mounting.antenna_lever_b, strict=True)
-    assumed = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
-    assumed["GNSS time offset"] = flight.gnss.time_offset_s
-    estimates = combined([segment.constants for segment in segments])
-    return [replace(one, assumed=assumed.get(one.name, 0.0)) for one in estimates]
+    stated = {f"antenna lever arm {axis}": float(value) for axis, value in lever}
+    stated["GNSS time offset"] = flight.gnss.time_offset_s
+    return [
+        {
+            "name": e.name,
+            "correction": e.value,
+            "sigma": e.sigma,
+            "assumed": stated.get(e.name, 0.0),
+        }
+        for e in combined([segment.constants for segment in segments])
+    ]
 
 
 def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:

@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +22,11 @@ from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
 from ...records import (
     Diagnostics,
+    Estimate,
     ExteriorOrientation,
     Finding,
     ImuBiases,
     Innovations,
-    StateVerdict,
     Trajectory,
 )
 from ...records.strips import CommonErrors, StripCovariance
@@ -98,7 +98,7 @@ class ProcessResult:
         return self.diagnostics.checks
 
     @property
-    def states(self) -> tuple[StateVerdict, ...]:
+    def states(self) -> tuple[Estimate, ...]:
         """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
         return self.diagnostics.states
 
@@ -253,7 +253,7 @@ def _solve(
         start = min(float(segment.solution.time[0]) for segment in segments)
         return {
             "span": {"gps_week": recording.gps_week, "start_tow_s": start},
-            "constants": [asdict(one) for one in constants_of(flight, segments)],
+            "constants": constants_of(flight, segments),
         }
 
     refuse_contradictions(flight, checks, findings)
@@ -289,7 +289,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
     )
-    report["constants"] = [asdict(one) for one in constants_of(flight, segments)]
+    report["constants"] = constants_of(flight, segments)
     ppk = recording.ppk
     if ppk is not None:
         quality = json_ready(ppk.quality)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
+from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
-from ...base.remedies import Remedy, SetKey, Step
 from ...gnss.covariance_model import MODEL
 from ...io.exposures.rig import CameraExposures, merged_instants
 from ...records import (

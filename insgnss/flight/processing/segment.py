@@ -10,7 +10,7 @@ from ...io.exposures.rig import ExposedRows
 from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import mean_residuals
 from ...records import Finding, GnssFixes, MeanResidual
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Segment:
         without asking for them.
     requested : tuple of str
         Beginnings of the names of constants that the flight file has estimated.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the segment alone says of the constants of its fixes.
     """
 
@@ -54,7 +54,7 @@ class Segment:
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
     requested: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
     def without_increments(self) -> "Segment":
         """Return the segment without the increments of its IMU."""

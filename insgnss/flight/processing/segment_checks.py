@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.remedies import SetKey, Step
+from ...base.findings.remedies import SetKey, Step
 from ...navigation.diagnosis.candidates import with_layout
 from ...navigation.diagnosis.evidence import liveliest_window
 from ...navigation.filter.codes import (
@@ -259,22 +259,13 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
         The check "motion" where anything is measured of the motion itself: most of it must pass its
         test.
     """
-    offered, rejected = offered_and_rejected(segments, VELOCITY_CONSTRAINT)
-    if offered == 0:
-        return []
-    bad = rejected > MOST_REJECTED * offered
-    key = (
-        SetKey("filter.non_holonomic", False)
-        if flight.filter.non_holonomic
-        else SetKey("filter.zero_velocity", "off")
+    constrained = flight.filter.non_holonomic
+    key = SetKey(
+        *(("filter.non_holonomic", False) if constrained else ("filter.zero_velocity", "off"))
     )
-    return [
-        Question("motion", "most of them used").contradiction(
-            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
-            Step("it does not move so: {}", key),
-            when=bad,
-        )
-    ]
+    measured = "zero-velocity updates or non-holonomic constraints"
+    remedy = Step("it does not move so: {}", key)
+    return _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
 
 
 def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
@@ -290,18 +281,22 @@ def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
     list of Finding
         The check "barometer" where there is one: most of its heights must pass their test.
     """
-    offered, rejected = offered_and_rejected(segments, BAROMETER)
-    if offered == 0:
-        return []
+    remedy = Step(
+        "its heights do not follow the flight: check {barometer.columns}, time_offset_s (UTC is"
+        " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
+    )
+    return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+
+
+def _mostly_used(
+    name: str, segments: Sequence[Segment], kind: int, measured: str, remedy: Step
+) -> list[Finding]:
+    """Check that most measurements of a kind pass their test; nothing where there are none."""
+    offered, rejected = offered_and_rejected(segments, kind)
+    finding = f"{rejected} of {offered} {measured} rejected"
     bad = rejected > MOST_REJECTED * offered
-    return [
-        Question("barometer", "most of them used").contradiction(
-            f"{rejected} of {offered} heights rejected",
-            "its heights do not follow the flight: check barometer.columns, time_offset_s (UTC is"
-            " 18 s behind GPS time) and sigma_m, or leave out [barometer]",
-            when=bad,
-        )
-    ]
+    check = Question(name, "most of them used").contradiction(finding, remedy, when=bad)
+    return [check] if offered else []
 
 
 def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, int]:

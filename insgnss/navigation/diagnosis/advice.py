@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.remedies import joined
+from ...base.findings.remedies import joined
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting

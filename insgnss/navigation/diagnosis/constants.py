@@ -47,7 +47,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Array
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
 from ..filter.filter import make_history, run_filter
 from ..filter.layout import StateLayout
@@ -228,7 +228,7 @@ class ConstantsEvidence:
         with np.errstate(divide="ignore"):
             return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
 
-    def estimates(self, middle_s: float = 0.0) -> tuple[ConstantEstimate, ...]:
+    def estimates(self, middle_s: float = 0.0) -> tuple[Estimate, ...]:
         """Return what this flight alone says of the constants of its fixes.
 
         The components of a lever arm are estimated together, another constant alone; what is not
@@ -242,7 +242,7 @@ class ConstantsEvidence:
 
         Returns
         -------
-        tuple of ConstantEstimate
+        tuple of Estimate
             Those of which the flight says anything: whose sigma is below half of the wide one.
         """
         estimates = []
@@ -256,7 +256,7 @@ class ConstantsEvidence:
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING:
                     value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
-                    estimates.append(ConstantEstimate(self.names[k], value, own))
+                    estimates.append(Estimate(self.names[k], value, own))
         return tuple(estimates)
 
     def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
@@ -446,7 +446,7 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
     return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
 
 
-def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[ConstantEstimate, ...]:
+def combined(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:
     """Return the estimates of several segments of one flight as one each, by their weights.
 
     Each is a correction of the flight file's one value, whatever a segment was solved with. Where
@@ -455,24 +455,24 @@ def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[Constan
 
     Parameters
     ----------
-    of_segments : sequence of sequence of ConstantEstimate
+    of_segments : sequence of sequence of Estimate
         What each segment says, independently of the others.
 
     Returns
     -------
-    tuple of ConstantEstimate
+    tuple of Estimate
         One by name, in the order in which they first occur.
     """
-    by_name: dict[str, list[ConstantEstimate]] = {}
+    by_name: dict[str, list[Estimate]] = {}
     for estimates in of_segments:
         for one in estimates:
             by_name.setdefault(one.name, []).append(one)
     joined = []
     for name, several in by_name.items():
         weight = np.array([one.sigma**-2 for one in several])
-        values = np.array([one.correction for one in several])
+        values = np.array([one.value for one in several])
         mean = float(weight @ values / weight.sum())
         excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
         sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
-        joined.append(ConstantEstimate(name, mean, sigma))
+        joined.append(Estimate(name, mean, sigma))
     return tuple(joined)

@@ -13,7 +13,7 @@ from ...base.beside import Beside
 from ...base.errors import DataError
 from ...records import Finding
 from ...records.cameras.mounting import Mounting
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
@@ -157,14 +157,14 @@ class Diagnosis:
         What it says of the flight file.
     history : tuple of str
         What was done, sentence by sentence.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the flight alone says of the constants of its fixes.
     """
 
     solution: Solution
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
 
 def diagnose(

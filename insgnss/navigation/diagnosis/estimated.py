@@ -9,8 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...records import Array, StateVerdict, TimeCorrelatedError
-from ...records.verdicts import OBSERVED
+from ...records import Array, Estimate, TimeCorrelatedError
 from ..filter.codes import BIAS, DRIFT, NAV, VEL
 from ..filter.solution import Solution
 
@@ -69,7 +68,7 @@ def state_verdicts(
     moved_s: float = 0.0,
     stated: Mapping[str, float] = MappingProxyType({}),
     requested: tuple[str, ...] = ("",),
-) -> tuple[StateVerdict, ...]:
+) -> tuple[Estimate, ...]:
     """Judge all constants that the flight estimates besides biases.
 
     Parameters
@@ -86,7 +85,7 @@ def state_verdicts(
 
     Returns
     -------
-    tuple of StateVerdict
+    tuple of Estimate
         Value, sigma and observability of each constant.
     """
     layout = solution.problem.layout
@@ -100,12 +99,10 @@ def state_verdicts(
             moves_m = sigma
         elif s == layout.offset:
             value, moves_m = value + moved_s, sigma * speed
-        observed = sigma < OBSERVED * prior
-        if 0 <= layout.barometer == s - 1 and not observed:
+        state = Estimate(name, value, sigma, prior, moves_m, name.startswith(requested))
+        if 0 <= layout.barometer == s - 1 and not state.observed:
             continue  # at one height nobody asks for it
-        verdicts.append(
-            StateVerdict(name, value, sigma, prior, moves_m, observed, name.startswith(requested))
-        )
+        verdicts.append(state)
     return tuple(verdicts)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...records import Finding
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, POSITION
 from ..filter.filter import gate_from_sigma
 from ..filter.layout import FixErrors
@@ -90,7 +90,7 @@ class Case:
         What the solution says of the flight file.
     history : tuple of str
         What was done after the solution, sentence by sentence.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the segment alone says of the constants of its fixes.
     """
 
@@ -112,7 +112,7 @@ class Case:
     other_imu: bool = False
     checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
     @property
     def failed(self) -> bool:

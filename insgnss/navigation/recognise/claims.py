@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...base.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
 from ...records import Array, Finding, Question, Verdict
 from .axes import axes_words, imu_word

@@ -6,7 +6,7 @@ sensor or a single impossible reading upsets what is computed from it further do
 
 import numpy as np
 
-from ...base.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import curvature_radii
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.remedies import Remedy, SetKey, Step, joined
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...records import Array, Finding, GnssFixes, Question
 from ...records.observations import UNKNOWN_MPS
 from ..prepare.fix_path import north_east

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.remedies import Step
+from ...base.findings.remedies import Step
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
 from ..prepare.clock import cut_fixes, cut_samples

@@ -10,7 +10,7 @@ explained by both standard deviations. Where it is not, the filter would follow 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.remedies import Step
+from ...base.findings.remedies import Step
 from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..prepare.fix_path import north_east

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.remedies import Remedy, SetKey, Step
+from ...base.findings.remedies import Remedy, SetKey, Step
 from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question, Verdict
 from ..prepare.fix_path import north_east, sound_fixes
 from .relation import MAX_LAG_S

@@ -17,7 +17,7 @@ from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
 from ...records import Array
-from ...records.verdicts import OBSERVED
+from ...records.verdicts import Estimate
 
 USUAL = {
     "bias gyro": 2e-4,
@@ -35,38 +35,36 @@ NAMED = 0.3  # least component of a blind direction that is named
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One parameter of the calibration.
+class Parameter(Estimate):
+    """One parameter of the calibration, whose `prior` is what is usual of such sensors.
 
     Parameters
     ----------
-    sensor, name : str
-        "gyro" or "accel", and the parameter's name.
-    value, sigma : float
-        Value and standard error: a bias in rad/s or m/s^2, a scale factor in 1, a misalignment in
-        rad.
-    verdict : str
-        "observed", "weakly observed" or "not observed".
+    sensor : str
+        "gyro" or "accel"; the others are those of `Estimate`: a bias in rad/s or m/s^2, a scale
+        factor in 1, a misalignment in rad.
     """
 
-    sensor: str
-    name: str
-    value: float
-    sigma: float
-    verdict: str
+    sensor: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """How well it is observed."""
+        return self.degree("observed", "weakly observed", "not observed")
 
     @property
     def shown(self) -> tuple[float, float, str]:
         """The value and the standard error in the unit that stands third."""
         if self.name.startswith("bias"):
-            factor, unit = (
-                (np.degrees(3600.0), "deg/h")
-                if self.sensor == "gyro"
-                else (1e3 / STANDARD_GRAVITY, "mg")
-            )
+            gyro, accel = (np.degrees(3600.0), "deg/h"), (1e3 / STANDARD_GRAVITY, "mg")
+            factor, unit = gyro if self.sensor == "gyro" else accel
         else:
             factor, unit = (1e6, "ppm") if self.name.startswith("scale") else (1e3, "mrad")
         return float(factor * self.value), float(factor * self.sigma), unit
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for machines."""
+        return {key: getattr(self, key) for key in ("sensor", "name", "value", "sigma", "verdict")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,20 +110,9 @@ class TriadEstimate:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters, with a verdict on each."""
-        out = []
-        for name, value, sigma, size in zip(
-            self.names, self.values, self.sigma, sizes(USUAL, self.sensor, self.names), strict=True
-        ):
-            share = sigma / size
-            verdict = (
-                "observed"
-                if share < OBSERVED
-                else "weakly observed"
-                if share < 1.0
-                else "not observed"
-            )
-            out.append(Parameter(self.sensor, name, float(value), float(sigma), verdict))
-        return tuple(out)
+        usual = sizes(USUAL, self.sensor, self.names)
+        columns = zip(self.names, self.values.tolist(), self.sigma.tolist(), usual, strict=True)
+        return tuple(Parameter(*of_one, sensor=self.sensor) for of_one in columns)
 
     def triad(self) -> TriadCalibration:
         """Return the estimate for the calibration file."""
@@ -224,7 +211,7 @@ class MultiPosition:
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {
-                "parameters": [vars(parameter) for parameter in estimate.parameters],
+                "parameters": [parameter.as_dict() for parameter in estimate.parameters],
                 "correlation": estimate.correlation.tolist(),
                 "variance_factor": estimate.variance_factor,
                 "largest_residual_sigma": float(np.abs(estimate.residual).max()),

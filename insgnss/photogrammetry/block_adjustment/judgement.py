@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...base.findings import Finding, ranked
+from ...records.verdicts import Estimate
 from ...report.rules.wording import lengths, screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from .aerial.relative import DATUM
@@ -19,7 +20,8 @@ from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, IMAGE, Solved
 from .trials import Trial, shift_of_check_points, trials
-from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
+from .vehicle.verdict import AXES as OF_VEHICLE
+from .vehicle.verdict import few_sizes, headline_words, left_out
 
 OUTSIDE, WORSE = 0.9995, 1.2
 GROSS_W = 4.0
@@ -35,10 +37,9 @@ HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
-DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
 SIGNIFICANT = 3.0
 STRONG = 0.95  # of a correlation that is worth a sentence
-AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)}
+AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)} | OF_VEHICLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -495,22 +496,15 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 verdict,
                 f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
             )
-    for name, own in figures["mounting"].items():
+    vehicle = figures["vehicle"] or {"parameters": {}}
+    for name, own in (figures["mounting"] | vehicle["parameters"]).items():
         factor, unit = screen_unit(own["unit"])
-        for axis, value, sigma, before in zip(
-            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
-        ):
-            ratio = sigma / before
-            verdict = "determined" if ratio < DETERMINED else "improved"
-            if ratio > UNDETERMINED:
-                verdict = "not determined"
-            yield (
-                f"{name} {axis}".strip(),
-                verdict,
-                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
-                f" {factor * before:.2g})",
-            )
-    yield from determined_of(figures, (DETERMINED, UNDETERMINED))
+        columns = zip(AXES[name], *map(own.get, ("value", "sigma", "sigma_before")), strict=True)
+        for axis, value, sigma, before in columns:
+            one = Estimate(f"{name} {axis}".strip(), value, sigma, before)
+            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
+            degree = one.degree("determined", "improved", "not determined")
+            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"
 
 
 def _headline(figures: Mapping[str, Any], findings: tuple[Finding, ...]) -> str:

@@ -27,7 +27,7 @@ from insgnss.navigation.filter.layout import FixErrors, StateLayout, state_layou
 from insgnss.navigation.filter.problem import EstimationProblem, InitialState
 from insgnss.navigation.noise_model.model import load_noise_model
 from insgnss.records import GnssFixes, ImuSamples
-from insgnss.records.verdicts import ConstantEstimate
+from insgnss.records.verdicts import Estimate
 
 NAVCHIP = load_noise_model("navchip")
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -261,10 +261,10 @@ def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
     expected = wide * (cov @ vector)
     sigma = wide * np.sqrt(np.diag(cov))
     assert [one.name for one in estimates] == list(names)
-    assert [one.correction for one in estimates[:3]] == pytest.approx(expected[:3])
+    assert [one.value for one in estimates[:3]] == pytest.approx(expected[:3])
     assert [one.sigma for one in estimates[:3]] == pytest.approx(sigma[:3])
     same = combined([estimates, estimates])
-    assert [one.correction for one in same] == pytest.approx([one.correction for one in estimates])
+    assert [one.value for one in same] == pytest.approx([one.value for one in estimates])
     assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
     blind = ConstantsEvidence(names, names, wide, stated, np.zeros((4, 4)), np.zeros(4))
     assert blind.estimates() == ()
@@ -281,9 +281,9 @@ def test_an_offset_that_changes_is_that_of_the_middle() -> None:
     names = ("GNSS time offset", "GNSS clock rate")
     evidence = ConstantsEvidence(names, names, wide, stated, A.T @ A, A.T @ value / sigma_s)
     offset, rate = evidence.estimates(100.0)
-    assert offset.correction == pytest.approx(value.mean(), abs=2e-6)
+    assert offset.value == pytest.approx(value.mean(), abs=2e-6)
     assert offset.sigma == pytest.approx(sigma_s / time.size**0.5, rel=1e-3)
-    assert rate.correction == evidence.estimates()[1].correction
+    assert rate.value == evidence.estimates()[1].value
 
 
 def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
@@ -291,8 +291,8 @@ def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
     variance 0.8 ms^2: a sigma of 8 ms; three that agree have the sigma of their weights.
     """
     name = "GNSS time offset"
-    apart = [[ConstantEstimate(name, -10.0, 1.0)], [ConstantEstimate(name, -30.0, 2.0)]]
+    apart = [[Estimate(name, -10.0, 1.0)], [Estimate(name, -30.0, 2.0)]]
     (one,) = combined(apart)
-    assert (one.correction, one.sigma) == pytest.approx((-14.0, 8.0))
-    (same,) = combined([*[[ConstantEstimate(name, -10.0, 3.0)]] * 3, []])
-    assert (same.correction, same.sigma) == pytest.approx((-10.0, 3.0**0.5))
+    assert (one.value, one.sigma) == pytest.approx((-14.0, 8.0))
+    (same,) = combined([*[[Estimate(name, -10.0, 3.0)]] * 3, []])
+    assert (same.value, same.sigma) == pytest.approx((-10.0, 3.0**0.5))

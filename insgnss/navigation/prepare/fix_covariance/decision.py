@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....base.errors import InputError
-from ....base.remedies import joined
+from ....base.findings.remedies import joined
 from ....records import GnssFixes
 from .classes import base_distance, calibrate
 from .numbers import CLASSES, MEASURED, CalibrationNumbers, Triple

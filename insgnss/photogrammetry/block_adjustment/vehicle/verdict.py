@@ -8,7 +8,7 @@ import numpy as np
 
 from ....base.findings import Finding, ranked
 from ....records.block import Array
-from ....report.rules.wording import lengths, screen_unit
+from ....report.rules.wording import lengths
 from ...adjust.groups import Rescaled
 from ...adjust.kinematic import (
     CLOCK,
@@ -181,40 +181,6 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
         f" {len(share)} images",
         "give its diameter, or estimate it with vehicle.size_sigma_m",
     )
-
-
-def determined_of(
-    figures: Mapping[str, Any], limits: tuple[float, float]
-) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of the vehicle whether the block determines it.
-
-    Parameters
-    ----------
-    figures : mapping
-        Figures of the block.
-    limits : tuple of float
-        Of its standard deviation before: below the first it is determined, above the second not.
-
-    Yields
-    ------
-    tuple of str
-        Its name, a verdict, and its value with standard deviation.
-    """
-    if figures["vehicle"] is None:
-        return
-    for name, own in figures["vehicle"]["parameters"].items():
-        factor, unit = screen_unit(own["unit"])
-        for axis, value, sigma, before in zip(
-            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
-        ):
-            ratio = sigma / before
-            word = "determined" if ratio < limits[0] else "improved"
-            yield (
-                f"{name} {axis}".strip(),
-                "not determined" if ratio > limits[1] else word,
-                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
-                f" {factor * before:.2g})",
-            )
 
 
 def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str:

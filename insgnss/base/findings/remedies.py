@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from string import Formatter
 from typing import Any
 
-from .wording import named, set_to
+from ..wording import named, set_to
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,4 @@
-"""What is found of a recording, an installation or a result, with a verdict and what to do.
-
-A `Question` has a name and what a right answer looks like; its answers are `Finding`s:
-
-    course = Question("heading against course", "median within 60 deg")
-    course.ok("never faster than 8 m/s")
-    course.contradiction("median 91.0 deg", SetKey("imu.axes", "right backward down"))
-"""
+"""The records of a finding and of the question that it answers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -101,10 +94,10 @@ def check_lines(findings: Sequence[Finding]) -> list[str]:
     return lines
 
 
-def ranked(name: str, rank: float, found: str, remedy: Remedy = "") -> Finding:
+def ranked(name: str, rank: float, result: str, remedy: Remedy = "") -> Finding:
     """Return what limits a result: its subject, its rank, what was found, and what would help."""
     verdict: Verdict = "contradiction" if rank >= 1.0 else "note"
-    return Finding(name, found, verdict=verdict, remedy=remedy, rank=rank)
+    return Finding(name, result, verdict=verdict, remedy=remedy, rank=rank)
 
 
 @dataclass(frozen=True)
@@ -125,20 +118,20 @@ class Question:
     expected: str = ""
     topic: str = ""
 
-    def answer(self, found: str, verdict: Verdict, remedy: Remedy = "") -> Finding:
+    def answer(self, result: str, verdict: Verdict, remedy: Remedy = "") -> Finding:
         """Return a finding; of one that is in order the remedy is left out."""
         if verdict == "ok":
             remedy = ""
-        return Finding(self.name, found, self.expected, verdict, remedy, topic=self.topic)
+        return Finding(self.name, result, self.expected, verdict, remedy, topic=self.topic)
 
-    def ok(self, found: str) -> Finding:
+    def ok(self, result: str) -> Finding:
         """Return that it is in order."""
-        return self.answer(found, "ok")
+        return self.answer(result, "ok")
 
-    def note(self, found: str, remedy: Remedy = "", when: object = True) -> Finding:
+    def note(self, result: str, remedy: Remedy = "", when: object = True) -> Finding:
         """Return a note; where `when` does not hold, that it is in order."""
-        return self.answer(found, "note" if when else "ok", remedy)
+        return self.answer(result, "note" if when else "ok", remedy)
 
-    def contradiction(self, found: str, remedy: Remedy = "", when: object = True) -> Finding:
+    def contradiction(self, result: str, remedy: Remedy = "", when: object = True) -> Finding:
         """Return a contradiction; where `when` does not hold, that it is in order."""
-        return self.answer(found, "contradiction" if when else "ok", remedy)
+        return self.answer(result, "contradiction" if when else "ok", remedy)
