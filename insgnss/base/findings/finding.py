@@ -135,3 +135,7 @@ class Question:
     def contradiction(self, result: str, remedy: Remedy = "", when: object = True) -> Finding:
         """Return a contradiction; where `when` does not hold, that it is in order."""
         return self.answer(result, "contradiction" if when else "ok", remedy)
+
+    def against(self, result: str, remedy: Remedy, sure: object) -> Finding:
+        """Return a contradiction where the data are sure of it, else a note."""
+        return self.answer(result, "contradiction" if sure else "note", remedy)

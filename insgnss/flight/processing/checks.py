@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.findings.remedies import Step
 from ...base.inputs import opened
 from ...base.wording import Settings, spoken_as, toml
 from ...io.formats import EXPORTS, UNITS
@@ -399,7 +400,7 @@ def check_stationary(imu: ImuSamples, periods: Array) -> Finding:
     bad = share < STATIONARY_SHARE
     return Question("standing", f"for {100 * STATIONARY_SHARE:.0f} % at least").contradiction(
         f"at rest for {100 * share:.0f} % of the time",
-        "a moving sensor needs fixes: give gnss.file",
+        Step("a moving sensor needs fixes: give {gnss.file}"),
         when=bad,
     )
 

@@ -321,10 +321,6 @@ def verdict(
     )
 
 
-def _check(name: str, finding: str, expected: str, bad: bool, advice: str) -> Finding:
-    return Question(name, expected).note(finding, advice, when=bad)
-
-
 def _check_rate(n: Mapping[str, Any]) -> Finding:
     isolated = n["classes"][CLASSES[ISOLATED]] + n["classes"][CLASSES[UNSUPPORTED]]
     finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
@@ -333,12 +329,8 @@ def _check_rate(n: Mapping[str, Any]) -> Finding:
         "check base coordinates, antenna, navigation files and the mask; float epochs carry"
         " decimetres, and the IMU must bridge them"
     )
-    return _check(
-        "GNSS fix rate",
-        finding,
-        f"{100 * GOOD_RATE:.0f} % at least",
-        n["fix_rate_observed"] < GOOD_RATE,
-        advice,
+    return Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least").note(
+        finding, advice, when=n["fix_rate_observed"] < GOOD_RATE
     )
 
 
@@ -359,12 +351,10 @@ def _check_unsolved(n: Mapping[str, Any]) -> Finding:
         f" to {last:.1f} s"
     )
     bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
-    return _check(
-        name,
+    return Question(name, expected).note(
         finding,
-        expected,
-        bad,
         "too few satellites, or no epoch of the base within max_age_s: does its file last as long?",
+        when=bad,
     )
 
 
@@ -375,7 +365,7 @@ def _check_degraded(n: Mapping[str, Any]) -> Finding:
         "what obstructs or reflects there also moves what is fixed, by centimetres: they have"
         " standard deviations of such size"
     )
-    return _check("GNSS degraded fixes", finding, "none", degraded > 0, advice)
+    return Question("GNSS degraded fixes", "none").note(finding, advice, when=degraded > 0)
 
 
 def _check_satellites(n: Mapping[str, Any]) -> Finding:
@@ -386,12 +376,8 @@ def _check_satellites(n: Mapping[str, Any]) -> Finding:
         " have in"
         " common, or a lower mask"
     )
-    return _check(
-        "GNSS satellites",
-        finding,
-        f"{FEW_SATELLITES} at least",
-        s["least"] < FEW_SATELLITES,
-        advice,
+    return Question("GNSS satellites", f"{FEW_SATELLITES} at least").note(
+        finding, advice, when=s["least"] < FEW_SATELLITES
     )
 
 
@@ -405,20 +391,16 @@ def _check_distance(n: Mapping[str, Any]) -> Finding:
     advice = (
         "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
     )
-    return _check(
-        "GNSS base distance",
-        finding,
-        f"below {1e-3 * LONG_BASELINE_M:.0f} km",
-        d["largest"] > LONG_BASELINE_M,
-        advice,
+    return Question("GNSS base distance", f"below {1e-3 * LONG_BASELINE_M:.0f} km").note(
+        finding, advice, when=d["largest"] > LONG_BASELINE_M
     )
 
 
 def _check_age(n: Mapping[str, Any]) -> Finding:
     finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
-    return _check(
-        "GNSS base age", finding, f"below {OLD_S:.0f} s", n["age_s"]["largest"] > OLD_S, advice
+    return Question("GNSS base age", f"below {OLD_S:.0f} s").note(
+        finding, advice, when=n["age_s"]["largest"] > OLD_S
     )
 
 
@@ -437,12 +419,8 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
         " by their whole"
         " difference"
     )
-    return _check(
-        "GNSS forward and backward",
-        finding,
-        f"{100 * APART_SHARE:.1f} % at most",
-        s["contradicting"] > APART_SHARE * epochs,
-        advice,
+    return Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most").note(
+        finding, advice, when=s["contradicting"] > APART_SHARE * epochs
     )
 
 
@@ -457,12 +435,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         " they come"
     )
     checks = [
-        _check(
-            "GNSS cycle slips",
-            slip_finding,
-            f"{MANY_SLIPS:.0f} an hour and satellite at most",
-            (rate or 0.0) > MANY_SLIPS,
-            advice,
+        Question("GNSS cycle slips", f"{MANY_SLIPS:.0f} an hour and satellite at most").note(
+            slip_finding, advice, when=(rate or 0.0) > MANY_SLIPS
         )
     ]
     gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
@@ -474,12 +448,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         " restarted?"
     )
     checks.append(
-        _check(
-            "GNSS gaps",
-            finding,
-            f"{LONG_GAP_S:.0f} s at most",
-            n["longest_gap_s"] > LONG_GAP_S,
-            advice,
+        Question("GNSS gaps", f"{LONG_GAP_S:.0f} s at most").note(
+            finding, advice, when=n["longest_gap_s"] > LONG_GAP_S
         )
     )
     levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
@@ -497,7 +467,7 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
             for band, level in levels.items()
         )
         expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
-        checks.append(_check("GNSS C/N0", finding, expected, bad, advice))
+        checks.append(Question("GNSS C/N0", expected).note(finding, advice, when=bad))
     if n["multipath_m"]:
         finding = (
             ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
@@ -506,6 +476,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
         checks.append(
-            _check("GNSS multipath", finding, f"below {MUCH_MULTIPATH_M:g} m", bad, advice)
+            Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m").note(
+                finding, advice, when=bad
+            )
         )
     return checks

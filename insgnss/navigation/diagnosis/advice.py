@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.findings.remedies import joined
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.rotation import right_angle_rotations
 from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
@@ -38,7 +38,7 @@ BY_CHANCE = 3.0
 TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
 AXES = ("forward", "right", "down")
 STAMPED = (
-    "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
+    "and see that {camera.clock} is the clock that stamps the exposures (imu or receiver): by the"
     " other one they are off by as much"
 )
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
@@ -186,8 +186,10 @@ def unseen(
         text += f"; it would not show errors of {', '.join(hidden)}"
     return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
         text,
-        "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"
-        " tilts and changes of speed show them",
+        Step(
+            "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
+            " turns, tilts and changes of speed show them"
+        ),
         when=hidden,
     )
 
@@ -214,7 +216,9 @@ def variance_check(suspected: "VarianceHypothesis") -> Finding:
     larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     if suspected.family == "GNSS sigmas":
-        remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
+        remedy: Remedy = Step(
+            "raise {gnss.sigma_m}, or the receiver's or the engine's sigmas, by this factor"
+        )
         name = "GNSS sigmas"
     else:
         remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
@@ -256,27 +260,25 @@ def _lever_arm(
     )
     contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
     exact = mounting.antenna_sigma_m == 0.0
-    advised = _either(mounting, value, sigma, exposures)
+    advised: Remedy = _either(mounting, value, sigma, exposures)
     if exact:
-        advised += "; mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+        stated = "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+        advised = joined((advised, stated), "; ")
     elif not exposures:
-        advised = f"set filter.lever_arm = true to have it estimated, or {advised}"
+        estimated = SetKey("filter.lever_arm", True)
+        advised = Step("set {} to have it estimated, or {}", estimated, advised)
     turns = _other_cameras(mounting, lever) if contradicts else []
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
-        advised = (
+        first = (
             f"another mounting.camera_from_body{matrix} would explain it with antenna_m as it is,"
             " and turn the images as well: look at it first, nothing else of a flight shows it;"
-            f" else {advised}"
         )
-    return Question(
-        LEVER_ARM,
-        f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off",
-    ).answer(
-        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
-        "contradiction" if contradicts else "note",
-        advised,
-    )
+        advised = joined((first, advised), " else ")
+    stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
+    another = "another one explains the innovations, " * exact
+    finding = f"{another}from the IMU off by {estimate} m{by}"
+    return Question(LEVER_ARM, stated).against(finding, advised, contradicts)
 
 
 def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
@@ -333,26 +335,30 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
 def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Finding:
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
-    return Question(OFFSET, f"none, or less than {NEGLIGIBLE_M:g} m").answer(
+    return Question(OFFSET, f"none, or less than {NEGLIGIBLE_M:g} m").against(
         f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
         f"{speed:.1f} m/s{by}",
-        "contradiction" if contradicts else "note",
-        f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
-        f"estimated; {STAMPED}",
+        Step(
+            f"add {offset:+.4f} to {{gnss.time_offset_s}}, or set {{}} to have it estimated;"
+            f" {STAMPED}",
+            SetKey("filter.time_offset", True),
+        ),
+        contradicts,
     )
 
 
-def _late_samples(offset: float, sigma: float, interval_s: float) -> str:
+def _late_samples(offset: float, sigma: float, interval_s: float) -> Remedy:
     """Say that samples which are no means over their intervals would look like this offset."""
     least, most = (share * interval_s for share in LATE_SAMPLES)
     slack = LATE_SIGMAS * sigma
     if not least - slack <= -offset <= most + slack or slack > most:
         return ""
-    return (
+    return Step(
         f"; or is each IMU sample no mean over its {1e3 * interval_s:.3g} ms: instantaneous"
-        ' (imu.quantity = "instant_rate"), or every k-th kept of more (give all of them, or their'
-        f" means)? then the IMU's stamps are late: add {-offset:+.4f} to imu.time_offset_s instead,"
-        " which keeps the exposures right"
+        " ({}), or every k-th kept of more (give all of them, or their means)? then the IMU's"
+        f" stamps are late: add {-offset:+.4f} to {{imu.time_offset_s}} instead, which keeps the"
+        " exposures right",
+        SetKey("imu.quantity", "instant_rate"),
     )
 
 
@@ -361,11 +367,14 @@ def _clock_rate(
 ) -> Finding:
     """Check the rate of the IMU's clock against that of the fixes."""
     moves = 0.5 * abs(rate) * 60.0 * minutes * speed
-    return Question("clock rate", f"one clock, or less than {NEGLIGIBLE_M:g} m").answer(
+    return Question("clock rate", f"one clock, or less than {NEGLIGIBLE_M:g} m").against(
         f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
         f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
-        "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
-        "set filter.time_offset = true, which estimates offset and rate of the clocks; " + STAMPED,
+        Step(
+            f"set {{}}, which estimates offset and rate of the clocks; {STAMPED}",
+            SetKey("filter.time_offset", True),
+        ),
+        strong and moves > NEGLIGIBLE_M,
     )
 
 
@@ -383,5 +392,5 @@ def _of_imu(
         "within what the noise model has",
     ).note(
         f"{numbers}{by}; estimated",
-        f"calibrate the IMU (imu.calibration), or set filter.{key} = true",
+        Step("calibrate the IMU ({imu.calibration}), or set {}", SetKey(f"filter.{key}", True)),
     )

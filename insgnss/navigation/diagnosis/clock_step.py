@@ -35,6 +35,7 @@ from typing import Literal
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.findings.remedies import Step
 from ...geodesy.rotation import rotation_from_quaternion
 from ...records import Array, Finding, Question
 from ..filter.codes import (
@@ -277,7 +278,7 @@ def step_check(step: ClockStep) -> Finding:
         ""
         if back
         else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
-        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to gnss.time_offset_s"
+        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
     about = "some seconds about " if back else ""
     return Question(
@@ -286,7 +287,7 @@ def step_check(step: ClockStep) -> Finding:
         f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
         f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
         f" {speed:.1f} m/s{beyond}{whose}",
-        f"{mended}: solved so, the flight follows its fixes{parts}",
+        Step(f"{mended}: solved so, the flight follows its fixes{parts}"),
     )
 
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ...base.errors import DataError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
-from ...records import Array, Finding, ImuSamples, Question, Verdict
+from ...records import Array, Finding, ImuSamples, Question
 from ...records.variances import MAD_TO_SIGMA
 from .gaps import LACKING, find_gaps, mean_interval, nominal_interval
 from .stationarity import (
@@ -186,39 +186,34 @@ def static_span(
 
 
 def _length(length_s: float) -> Finding:
-    verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
-    expected, advice = (
-        f"{LEAST_S:.0f} s and more",
-        "record for longer: hours, to resolve slow processes",
-    )
-    return Question("length", expected).answer(
-        f"{length_s:.1f} s without interruption", verdict, advice
+    advice = "record for longer: hours, to resolve slow processes"
+    return Question("length", f"{LEAST_S:.0f} s and more").contradiction(
+        f"{length_s:.1f} s without interruption", advice, when=length_s < LEAST_S
     )
 
 
 def _rate(time: Array, nominal: float) -> Finding:
     """Stamps that come in bunches make no rate."""
-    mean = mean_interval(time)
+    mean, ask = mean_interval(time), Question("sampling", "even stamps")
     finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if nominal < 0.5 * mean:
         advice = (
             "the stamps come in bunches: leave their column out and give the sensor's rate"
             " (--columns, --rate)"
         )
-        return Question("sampling", "even stamps").contradiction(
-            f"{finding}; median interval {nominal:.3g} s, mean {mean:.3g} s", advice
-        )
-    return Question("sampling", "even stamps").ok(finding)
+        finding += f"; median interval {nominal:.3g} s, mean {mean:.3g} s"
+        return ask.contradiction(finding, advice)
+    return ask.ok(finding)
 
 
 def _unbroken(
     time: Array, lo: int, hi: int, nominal: float, bridge_s: float
 ) -> tuple[int, int, Finding]:
     """First sample, the one after the last of the longest unbroken span, and the check."""
-    expected = "no interval over 1.5 nominal ones"
+    ask = Question("missing samples", "no interval over 1.5 nominal ones")
     gaps = find_gaps(time[lo:hi], nominal)
     if not gaps:
-        return lo, hi, Question("missing samples", expected).ok("none")
+        return lo, hi, ask.ok("none")
     step = np.diff(time[lo:hi])
     cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
     edges = np.concatenate([[0], cuts + 1, [hi - lo]])
@@ -234,13 +229,8 @@ def _unbroken(
         )
     if bridge_s:
         finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
-    return (
-        first,
-        last,
-        Question("missing samples", expected).note(
-            finding, "" if bridge_s else "--bridge SECONDS fills short gaps instead"
-        ),
-    )
+    advice = "" if bridge_s else "--bridge SECONDS fills short gaps instead"
+    return first, last, ask.note(finding, advice)
 
 
 def _places(time: Array, nominal: float) -> NDArray[np.int64]:
@@ -260,41 +250,32 @@ def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) ->
 
 def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
     """Check for stuck channels, rails and rounding."""
-    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    ask = Question("constant channel", f"no channel constant for over {STUCK_S:.0f} s")
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
         advice = "the sensor is dead, its column is wrong, or its driver hides small values"
-        return [Question("constant channel", expected).contradiction("; ".join(stuck), advice)]
-    checks = [Question("constant channel", expected).ok("every channel alive")]
+        return [ask.contradiction("; ".join(stuck), advice)]
+    checks = [ask.ok("every channel alive")]
     size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
     coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
     if coarse:
-        names, steps = (
-            ", ".join(name for name, _, _ in coarse),
-            ", ".join(f"{n:.2g}" for _, n, _ in coarse),
-        )
+        names = ", ".join(name for name, _, _ in coarse)
+        steps = ", ".join(f"{n:.2g}" for _, n, _ in coarse)
         shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
         finding = (
             f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
             " rounding"
         )
         hidden = min(n for _, n, _ in coarse) < ROUNDED
-        verdict: Verdict = "contradiction" if hidden else "note"
         advice = (
             "the rounding hides the noise: record with a finer range"
             if hidden
             else "the white noise found contains the rounding"
         )
-        checks.append(
-            Question("rounding", f"samples scatter by {FINE} steps and more").answer(
-                finding, verdict, advice
-            )
-        )
+        scattering = Question("rounding", f"samples scatter by {FINE} steps and more")
+        checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
-        checks.append(
-            Question("range", "no reading at the end of the range").note(
-                "; ".join(rails), "a knock, or a range too small"
-            )
-        )
+        at_end = Question("range", "no reading at the end of the range")
+        checks.append(at_end.note("; ".join(rails), "a knock, or a range too small"))
     return checks
 
 
@@ -363,12 +344,9 @@ def _earth_rate(gyro: Array) -> list[Finding]:
         "fine where the sensor takes its mean off at the start; else the values are of a larger"
         f" unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
     )
-    return [
-        Question(
-            "Earth's rate",
-            f"{LEAST_EARTH * per_hour[1]:.3g} deg/h and more: the Earth turns by {per_hour[1]:.4g}",
-        ).note(f"|mean rate| {per_hour[0]:.3g} deg/h", advice)
-    ]
+    least, earth = LEAST_EARTH * per_hour[1], per_hour[1]
+    ask = Question("Earth's rate", f"{least:.3g} deg/h and more: the Earth turns by {earth:.4g}")
+    return [ask.note(f"|mean rate| {per_hour[0]:.3g} deg/h", advice)]
 
 
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
-from ...records import Array, Finding, Question, Verdict
+from ...records import Array, Finding, Question
 from .axes import axes_words, imu_word
 from .handedness import LEFT_HANDED, SURE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, Recognition
@@ -124,8 +124,7 @@ def _compare_units(
         quantity_of = SetKey("imu.quantity", recognition.quantity)
         remedies.append(Step("they look like {}", quantity_of))
     if remedies:
-        verdict: Verdict = "contradiction" if sure > SURE else "note"
-        return ask.answer("; ".join(evidence), verdict, joined(remedies, "; "))
+        return ask.against("; ".join(evidence), joined(remedies, "; "), sure > SURE)
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return ask.note(
         "; ".join(evidence), f"the data do not determine the {' and '.join(silent)}", when=silent
@@ -136,7 +135,8 @@ def _compare_axes(
     recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Exchange
 ) -> Finding:
     """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
-    name, claimed = "recognised axes", axes_words(C_b_imu)
+    claimed = axes_words(C_b_imu)
+    ask = Question("recognised axes", claimed)
     finding, vertical, triads = (
         recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
     )
@@ -147,14 +147,10 @@ def _compare_axes(
             f"about the accelerometers' x y z turn {triads.found}: correct {{imu.columns}} or the"
             " signs in the file"
         )
-        return Question(name, claimed).answer(
-            f"{triads.found}; {triads.evidence}",
-            "contradiction" if triads.confidence > SURE else "note",
-            advice,
-        )
+        return ask.against(f"{triads.found}; {triads.evidence}", advice, triads.confidence > SURE)
     statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
     if recognition.axes == claimed:
-        return Question(name, claimed).ok(statement)
+        return ask.ok(statement)
     down_word = vertical.found.split()[0]
     if vertical.confidence > SURE and down_word != imu_word(C_b_imu[2]):
         hint = (
@@ -162,15 +158,13 @@ def _compare_axes(
             if recognition.axes
             else Step(f"{{imu.axes}} must have the IMU's {down_word} down")
         )
-        return Question(name, claimed).contradiction(statement, Step("the data look like {}", hint))
+        return ask.contradiction(statement, Step("the data look like {}", hint))
     if recognition.axes is None:
-        return Question(name, claimed).note(
-            statement, "the data do not determine which axis is forward"
-        )
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    nose_first = ", if it moves nose first" if verdict == "note" else ""
+        return ask.note(statement, "the data do not determine which axis is forward")
+    sure = finding.confidence > SURE
+    nose_first = "" if sure else ", if it moves nose first"
     advice = Step("the data look like {}{}", SetKey("imu.axes", recognition.axes), nose_first)
-    return Question(name, claimed).answer(statement, verdict, advice)
+    return ask.against(statement, advice, sure)
 
 
 def _left_handed(
@@ -200,52 +194,40 @@ def _left_handed(
             axes = Step("{}; or correct the signs in the file", axes)
     triads = exchange.recognition.finding("gyro triad")
     finding = f"{error}: with {a} and {b} exchanged {triads.evidence}"
-    verdict: Verdict = (
-        "contradiction" if recognition.finding("gyro triad").confidence > SURE else "note"
-    )
-    return Question("recognised axes", f"{claimed}, right-handed").answer(
-        finding, verdict, joined((remedy(exchange.pair), sign, axes), "")
-    )
+    sure = recognition.finding("gyro triad").confidence > SURE
+    advice = joined((remedy(exchange.pair), sign, axes), "")
+    return Question("recognised axes", f"{claimed}, right-handed").against(finding, advice, sure)
 
 
 def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
-    name, finding = "recognised sign", recognition.finding("force sign")
-    expected = "specific force (up at rest)" + (
-        ", with the sign of the claim" if accel_sign < 0 else ""
-    )
+    finding, claim = recognition.finding("force sign"), ", with the sign of the claim"
+    ask = Question("recognised sign", f"specific force (up at rest){claim * (accel_sign < 0)}")
     statement = f"{finding.found}: {finding.evidence}"
     if recognition.exchanged:
-        return Question(name, expected).contradiction(statement, EXCHANGED_ADVICE)
+        return ask.contradiction(statement, EXCHANGED_ADVICE)
     if not finding.confidence:
-        return Question(name, expected).note(
-            statement, "the data do not determine the sign of the force"
-        )
+        return ask.note(statement, "the data do not determine the sign of the force")
     if recognition.exchanges:  # as mirrored readings have it: no sign of the force's own
-        return Question(name, expected).note(
-            statement, "of the left-handed axes alone, see recognised axes"
-        )
+        return ask.note(statement, "of the left-handed axes alone, see recognised axes")
     if recognition.accel_sign > 0:
-        return Question(name, expected).ok(statement)
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
+        return ask.ok(statement)
     advice = Step(
         "the accelerometers report the reverse: {}; or latitude and longitude are exchanged, or one"
         " of them has the wrong sign",
         SetKey("imu.accel_sign", -accel_sign),
     )
-    return Question(name, expected).answer(statement, verdict, advice)
+    return ask.against(statement, advice, finding.confidence > SURE)
 
 
 def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
-    name, finding = "recognised clock", recognition.finding("time offset")
-    expected, statement = (
-        f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s",
-        f"{finding.found}: {finding.evidence}",
-    )
+    finding = recognition.finding("time offset")
+    ask = Question("recognised clock", f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s")
+    statement = f"{finding.found}: {finding.evidence}"
     if not finding.confidence:
-        return Question(name, expected).note(statement, "the data do not determine the time offset")
+        return ask.note(statement, "the data do not determine the time offset")
     offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
     if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
-        return Question(name, expected).ok(statement)
+        return ask.ok(statement)
     set_to = SetKey("gnss.time_offset_s", round(time_offset_s + offset, 3))
     advice = Step("{} would put the fixes on the IMU's clock", set_to)
     if weeks := weeks_apart(offset):
@@ -259,8 +241,5 @@ def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
         )
     if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
         advice = Step("{} ({}, leap seconds)", advice, recognition.time_scale)
-    return Question(name, expected).answer(
-        statement,
-        "contradiction" if abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE else "note",
-        advice,
-    )
+    sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE
+    return ask.against(statement, advice, sure)

@@ -74,9 +74,7 @@ def check_classes(gnss: GnssFixes) -> list[Finding]:
     expected = f"one path, within {NOTED:.0f} sigmas in the median"
     finding = "; ".join(text for text, _, _ in apart.values())
     stopped = max(ratio for _, _, ratio in apart.values()) > STOPPED
-    return [
-        Question(NAME, expected).answer(finding, "contradiction" if stopped else "note", advice)
-    ]
+    return [Question(NAME, expected).against(finding, advice, stopped)]
 
 
 def _ratio(off: Array, variance: Array) -> float:

@@ -368,12 +368,10 @@ def _explained(
     if not good:
         names = ", ".join(trial.name for trial in trials_made)
         weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
-        return ranked(
-            finding.name,
-            finding.rank,
-            finding.found,
-            f"tried without success: {names}; look for gross errors, exchanged names, or standard"
-            f" deviations that are too small{weights}",
+        return replace(
+            finding,
+            remedy=f"tried without success: {names}; look for gross errors, exchanged names, or"
+            f" standard deviations that are too small{weights}",
         )
     best = good[0]
     words = f"{best.name} of {shown(best)} explains it: {advice(best)}"

@@ -37,7 +37,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....records import Array, Finding, ImuSamples, Quantity, Question, Verdict
+from ....base.findings.remedies import Step
+from ....records import Array, Finding, ImuSamples, Quantity, Question
 from ..gaps import LACKING, nominal_interval
 from ._kernels import interpolate, running_sum
 from .parity import Parity, parity_of
@@ -145,16 +146,12 @@ def combine(
                 f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
                 " used there"
             )
-            verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
             advice = (
                 "its biases come and go with it: leave it out, or cut the flight with start_tow and"
                 " end_tow"
             )
-            checks.append(
-                Question("IMU overlap", "all IMUs over the whole recording").answer(
-                    finding, verdict, advice
-                )
-            )
+            overlap = Question("IMU overlap", "all IMUs over the whole recording")
+            checks.append(overlap.against(finding, advice, np.mean(~there[j]) >= MOST_LACKING))
     weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
@@ -342,7 +339,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
             0.0,
             np.nan,
             Question(check_name, f"{ALIKE} and more of one body").contradiction(
-                finding, "check imu.further: file, axes and clock"
+                finding, Step("check {imu.further}: file, axes and clock")
             ),
         )
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
