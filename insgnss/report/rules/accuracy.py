@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ...base.findings import Finding, ranked
+from ...records.verdicts import REMARK
 from .wording import Figures, degrees, millimetres, tilt
 
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
@@ -17,7 +18,7 @@ HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
 OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
-REMARK, MOST_NAMED = 0.5, 4
+MOST_NAMED = 4
 LEVER_ARM = "antenna lever arm"
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
 NEGLIGIBLE_ARM_M = (

@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 
 from ...base.findings import Finding, ranked
+from ...records.verdicts import REMARK
 from .wording import Figures, degrees, image_range, millimetres, span, tilt
 
 FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = (
@@ -18,7 +19,6 @@ FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = (
 FEWEST_LINES = 3  # that have a median to be compared with
 TURN_DEG = 60.0  # heading range that counts as a turn
 LONG_IMU_GAP_S = 0.2
-REMARK = 0.5
 
 
 def attitude(f: Figures) -> Iterator[Finding]:
