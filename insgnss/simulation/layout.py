@@ -34,10 +34,8 @@ _GROUND_RUN_M, _APPROACH_M, _LEAD_IN_M = 12.0, 220.0, 120.0
 # of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
 _COUNTED = 0.6  # of the time of a layout: by then the number of lines is found
 _MARGIN_S = 5.0
-_FEWEST_LINES, _SHORTEST = (
-    4,
-    0.25,
-)  # a trimmed flight: lines that stay, and the least part of their length
+# a trimmed flight: lines that stay, and the least part of their length
+_FEWEST_LINES, _SHORTEST = 4, 0.25
 
 
 @dataclass(frozen=True)
@@ -158,10 +156,8 @@ class FlightPlan:
     def ground_speed(self, course: Array) -> Array:
         """Speed over ground, m/s, on `course`, rad (L.2)."""
         north, east, _ = self.wind_l
-        along, across = (
-            north * np.cos(course) + east * np.sin(course),
-            east * np.cos(course) - north * np.sin(course),
-        )
+        along = north * np.cos(course) + east * np.sin(course)
+        across = east * np.cos(course) - north * np.sin(course)
         return along + np.sqrt(self.airspeed_ms**2 - across**2)
 
 

@@ -58,10 +58,8 @@ class Axes:
 def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
     """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
     rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
-    gyro, accel = (
-        recognition.gyro_factor * rate,
-        recognition.accel_factor * recognition.accel_sign * rate,
-    )
+    gyro = recognition.gyro_factor * rate
+    accel = recognition.accel_factor * recognition.accel_sign * rate
     return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
 
 
@@ -286,10 +284,8 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Find
             if source.header_units is None
             else f"{source.header_units[key]}, as its header says"
         )
-        finding_text, expected = (
-            f"{factor:.4g} times what the file says: {finding.evidence}",
-            f"the {key} values in the unit of {unit_source}",
-        )
+        finding_text = f"{factor:.4g} times what the file says: {finding.evidence}"
+        expected = f"the {key} values in the unit of {unit_source}"
         if source.header_units is None:
             checks.append(
                 Question(f"unit of {key}", expected).contradiction(

@@ -15,9 +15,8 @@ from .sources import Source
 
 SAME_S = 1e-6
 FEWEST = 5  # stamps that are those of samples
-LONGER = (
-    20.0  # digits of a stamp of an event per sample interval: rounding does not make them equal
-)
+# digits of a stamp of an event per sample interval: rounding does not make them equal
+LONGER = 20.0
 
 
 def clock_of_events(

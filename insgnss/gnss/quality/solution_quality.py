@@ -335,14 +335,10 @@ def _check_rate(n: Mapping[str, Any]) -> Finding:
 
 
 def _check_unsolved(n: Mapping[str, Any]) -> Finding:
-    name, expected = (
-        "GNSS epochs",
-        f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without",
-    )
-    finding, periods = (
-        f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution",
-        n["unsolved_periods"],
-    )
+    name = "GNSS epochs"
+    expected = f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without"
+    finding = f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution"
+    periods = n["unsolved_periods"]
     if n["unsolved_s"] is None:
         return Question(name, expected).ok(finding)
     first, last = n["unsolved_s"]

@@ -42,10 +42,8 @@ from .poses import CoordinateFrame, Poses
 Array = NDArray[np.float64]
 
 WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
-NORTHINGS = (
-    "lat",
-    "north",
-)  # how the first coordinate begins where the second is the one to the east
+# how the first coordinate begins where the second is the one to the east
+NORTHINGS = "lat", "north"
 PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
 
 
