@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -121,18 +121,6 @@ def provenance(
         focal_px=own.focal_px or tags.focal_px,
         date=date or day,
     )
-
-
-class Estimate(Protocol):
-    """A lever arm that a core estimated."""
-
-    @property
-    def lever_arm_m(self) -> Array:
-        """The lever arm (3,), camera axes, m."""
-
-    @property
-    def sigma_m(self) -> Array:
-        """Its standard errors (3,), m."""
 
 
 @dataclass(frozen=True, eq=False)
