@@ -435,10 +435,8 @@ def _without_wet_delay(
         f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
     )
     source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
-    check = Question(
-        "GNSS wet delay", f"a correction from the {source}; the engine leaves it out"
-    ).ok(finding)
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), check
+    ask = Question("GNSS wet delay", f"a correction from the {source}; the engine leaves it out")
+    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
 
 def _without_ionosphere(
@@ -520,20 +518,17 @@ def _with_velocity(
             "velocities are those of the positions; look at the loss-of-lock flags and the"
             " navigation files"
         )
-        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Question(
-            "GNSS velocity", "velocities"
-        ).note(str(error), advice)
+        check = Question("GNSS velocity", "velocities").note(str(error), advice)
+        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
     velocity[from_phase], cov[from_phase] = phase[from_phase], phase_cov[from_phase]
     sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[from_phase], axis1=1, axis2=2), axis=0))
     finding = (
         f"{from_phase.sum()} of {from_phase.size} epochs from phase, standard deviations"
         f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
     )
-    few = from_phase.mean() < MOST_VELOCITIES
-    advice = "the others have those of the positions; cycle slips or few satellites" if few else ""
-    check = Question("GNSS velocity", f"{100 * MOST_VELOCITIES:.0f} % at least").note(
-        finding, advice, when=few
-    )
+    ask = Question("GNSS velocity", f"{100 * MOST_VELOCITIES:.0f} % at least")
+    advice = "the others have those of the positions; cycle slips or few satellites"
+    check = ask.note(finding, advice, when=from_phase.mean() < MOST_VELOCITIES)
     return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
 
 

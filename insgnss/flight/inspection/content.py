@@ -200,12 +200,8 @@ def _units(
         if raw.quantity != "mean_rate":
             draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
         if units | alone:
-            draft.add(
-                "imu",
-                "units",
-                units | alone,
-                "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]),
-            )
+            why += ["gravity and noise at rest"] if alone else []
+            draft.add("imu", "units", units | alone, "; ".join(why))
         return
     for key, name in SENSORS.items():
         why.append(_evidence(recognition.finding(name)))
@@ -213,13 +209,8 @@ def _units(
         if unit is not None:
             units[key] = unit
     finding = recognition.finding("quantity")
-    draft.add(
-        "imu",
-        "quantity",
-        recognition.quantity,
-        _evidence(finding),
-        finding.confidence > SURE or recognition.quantity == "mean_rate",
-    )
+    sure = finding.confidence > SURE or recognition.quantity == "mean_rate"
+    draft.add("imu", "quantity", recognition.quantity, _evidence(finding), sure)
     if units:
         draft.add("imu", "units", units, "; ".join(why))
     sign = recognition.finding("force sign")
@@ -286,18 +277,10 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Find
         )
         finding_text = f"{factor:.4g} times what the file says: {finding.evidence}"
         expected = f"the {key} values in the unit of {unit_source}"
-        if source.header_units is None:
-            checks.append(
-                Question(f"unit of {key}", expected).contradiction(
-                    finding_text, "the file is not what its format says; convert it"
-                )
-            )
-        else:
-            checks.append(
-                Question(f"unit of {key}", expected).note(
-                    finding_text, "the draft follows the data"
-                )
-            )
+        of_format, ask = source.header_units is None, Question(f"unit of {key}", expected)
+        converting = "the file is not what its format says; convert it"
+        advice = converting if of_format else "the draft follows the data"
+        checks.append(ask.against(finding_text, advice, of_format))
     return checks
 
 
@@ -313,20 +296,14 @@ def counts(source: Source, recognition: "Recognition") -> list[Finding]:
             key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
         ) or "may be counts" in finding.evidence
         if finding.confidence == 0.0 and counts_likely:
-            worth = (
-                f" (gravity makes it about {recognition.accel_factor:.4g})"
-                if key == "accel"
-                else ""
-            )
+            gravity = f" (gravity makes it about {recognition.accel_factor:.4g})"
+            worth = gravity if key == "accel" else ""
             advice = (
                 f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives"
                 " it, and whether they are increments"
             )
-            checks.append(
-                Question(
-                    f"unit of {key}", "a unit that is known, or the value of a count"
-                ).contradiction(finding.evidence, advice)
-            )
+            ask = Question(f"unit of {key}", "a unit that is known, or the value of a count")
+            checks.append(ask.contradiction(finding.evidence, advice))
     return checks
 
 
@@ -349,11 +326,8 @@ def strangers(recognition: "Recognition") -> list[Finding]:
     from ...navigation.recognise.recognition import EXCHANGED_ADVICE
 
     if recognition.exchanged:
-        return [
-            Question("GNSS position", "latitude and longitude in their order").contradiction(
-                recognition.finding("force sign").evidence, EXCHANGED_ADVICE
-            )
-        ]
+        ask = Question("GNSS position", "latitude and longitude in their order")
+        return [ask.contradiction(recognition.finding("force sign").evidence, EXCHANGED_ADVICE)]
     clock = recognition.finding("time offset")
     if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
         return []
@@ -361,11 +335,8 @@ def strangers(recognition: "Recognition") -> list[Finding]:
         "if it moved, check that samples and fixes are of one recording; no time offset is better"
         " than all others"
     )
-    return [
-        Question("common motion", "one time offset that explains the motion").note(
-            clock.evidence, advice
-        )
-    ]
+    ask = Question("common motion", "one time offset that explains the motion")
+    return [ask.note(clock.evidence, advice)]
 
 
 def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":

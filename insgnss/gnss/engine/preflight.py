@@ -181,11 +181,8 @@ def _check_third(
         if lacking
         else "none whose third one is in both files"
     )
-    return (
-        Question("frequencies", "systems with three in both").note(
-            finding, f"{setting('gnss.frequencies', 2)} says what is solved"
-        ),
-    )
+    advice = f"{setting('gnss.frequencies', 2)} says what is solved"
+    return (Question("frequencies", "systems with three in both").note(finding, advice),)
 
 
 def _with_third(observations: Observations, options: EngineOptions) -> set[str]:
@@ -481,16 +478,14 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     }[point]
     lat, lon, height = (float(x) for x in ecef_to_geodetic(np.array(position)))
     finding = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
-    expected = "what stands at the coordinates is said"
+    ask = Question("base point", "what stands at the coordinates is said")
     if chosen or options.base_position_m is None:
-        return Question("base point", expected).ok(finding)
+        return ask.ok(finding)
     advice = (
         f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
-        " reference point, and as such"
+        " reference point, and as such 0.05 to 0.2 m below the phase centre"
     )
-    return Question("base point", expected).note(
-        f"{finding}, as nothing says", f"{advice} 0.05 to 0.2 m below the phase centre"
-    )
+    return ask.note(f"{finding}, as nothing says", advice)
 
 
 def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Finding, ...]:
@@ -506,15 +501,12 @@ def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Fin
     if options.antex is None:
         return ()
     antenna = " ".join(rover.antenna.split())
-    return (
-        Question(
-            "rover antenna",
-            "a lever arm that ends at the phase centre, not at the reference point below it",
-        ).ok(
-            f"{antenna or 'not named'}: {Path(options.antex).name} is used for the base alone;"
-            " positions are of the rover's phase centre"
-        ),
+    expected = "a lever arm that ends at the phase centre, not at the reference point below it"
+    finding = (
+        f"{antenna or 'not named'}: {Path(options.antex).name} is used for the base alone;"
+        " positions are of the rover's phase centre"
     )
+    return (Question("rover antenna", expected).ok(finding),)
 
 
 def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Finding, ...]:
@@ -529,9 +521,8 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
             f" {point}"
         )
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
-        checks.append(
-            Question("base coordinates", "coordinates that are known").note(finding, advice)
-        )
+        known = Question("base coordinates", "coordinates that are known")
+        checks.append(known.note(finding, advice))
     elif off > NEAR_M:
         finding = f"{off:.1f} m from the position of {base.path} by codes"
         advice = "check them, their datum and height (ellipsoidal); every position has their error"

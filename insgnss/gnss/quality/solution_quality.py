@@ -335,23 +335,22 @@ def _check_rate(n: Mapping[str, Any]) -> Finding:
 
 
 def _check_unsolved(n: Mapping[str, Any]) -> Finding:
-    name = "GNSS epochs"
     expected = f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without"
+    ask = Question("GNSS epochs", expected)
     finding = f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution"
     periods = n["unsolved_periods"]
     if n["unsolved_s"] is None:
-        return Question(name, expected).ok(finding)
+        return ask.ok(finding)
     first, last = n["unsolved_s"]
     finding += (
         f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {first:.1f} s"
         f" to {last:.1f} s"
     )
     bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
-    return Question(name, expected).note(
-        finding,
-        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?",
-        when=bad,
+    advice = (
+        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?"
     )
+    return ask.note(finding, advice, when=bad)
 
 
 def _check_degraded(n: Mapping[str, Any]) -> Finding:
@@ -369,8 +368,7 @@ def _check_satellites(n: Mapping[str, Any]) -> Finding:
     finding = f"{s['median']:.0f} in the median, {s['least']} at least"
     advice = (
         "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
-        " have in"
-        " common, or a lower mask"
+        " have in common, or a lower mask"
     )
     return Question("GNSS satellites", f"{FEW_SATELLITES} at least").note(
         finding, advice, when=s["least"] < FEW_SATELLITES
@@ -412,8 +410,7 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
     )
     advice = (
         "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
-        " by their whole"
-        " difference"
+        " by their whole difference"
     )
     return Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most").note(
         finding, advice, when=s["contradicting"] > APART_SHARE * epochs
@@ -430,11 +427,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         "vibration, shading by the airframe or interference: look at when and on which satellites"
         " they come"
     )
-    checks = [
-        Question("GNSS cycle slips", f"{MANY_SLIPS:.0f} an hour and satellite at most").note(
-            slip_finding, advice, when=(rate or 0.0) > MANY_SLIPS
-        )
-    ]
+    ask = Question("GNSS cycle slips", f"{MANY_SLIPS:.0f} an hour and satellite at most")
+    checks = [ask.note(slip_finding, advice, when=(rate or 0.0) > MANY_SLIPS)]
     gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
     finding = (
         f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
@@ -443,11 +437,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         "observations are missing in the file: was the memory too slow, or was the receiver"
         " restarted?"
     )
-    checks.append(
-        Question("GNSS gaps", f"{LONG_GAP_S:.0f} s at most").note(
-            finding, advice, when=n["longest_gap_s"] > LONG_GAP_S
-        )
-    )
+    ask = Question("GNSS gaps", f"{LONG_GAP_S:.0f} s at most")
+    checks.append(ask.note(finding, advice, when=n["longest_gap_s"] > LONG_GAP_S))
     levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
     if levels:
         finding = (
@@ -471,9 +462,6 @@ def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
         )
         advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
-        checks.append(
-            Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m").note(
-                finding, advice, when=bad
-            )
-        )
+        ask = Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m")
+        checks.append(ask.note(finding, advice, when=bad))
     return checks

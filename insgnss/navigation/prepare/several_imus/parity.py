@@ -46,6 +46,7 @@ STUCK_S, STUCK_RATIO = 0.5, 4.0
 SPIKE = 12.0  # robust standard deviations of a sample against its neighbours
 SPIKES = 5
 NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, against the other's
+PARITY = Question("IMU parity", "all pairs agree within their noise")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +146,7 @@ def parity_of(
     )
     faulty, check = None, _agreement(level, turned[:, 0], pairs, names)
     if not np.isfinite(ratio).any():
-        check = Question("IMU parity", "all pairs agree within their noise").note(
-            "less than two seconds in common"
-        )
+        check = PARITY.note("less than two seconds in common")
     if (contradicts.sum(axis=1) >= WINDOWS).any():
         faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma)
         check = _fault(contradicts, middle, faulty, why, names)
@@ -233,16 +232,14 @@ def _agreement(
         f"pairs differ by {worst[0]:.1f} (gyro) and {worst[1]:.1f} (accelerometer) times their"
         " noise at most"
     )
-    expected = "all pairs agree within their noise"
     if turned[k] < TURN_NOTE:
-        return Question("IMU parity", expected).ok(finding)
+        return PARITY.ok(finding)
     finding += (
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
-    return Question("IMU parity", expected).note(
-        finding, "a calibration file with a common reference for both takes it off"
-    )
+    advice = "a calibration file with a common reference for both takes it off"
+    return PARITY.note(finding, advice)
 
 
 def _vote(
