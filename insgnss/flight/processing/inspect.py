@@ -80,9 +80,6 @@ def inspect(
     except InsgnssError as error:
         message = str(error)
         checks.append(Question("span", "IMU, GNSS and images overlap").contradiction(message))
-    checks.append(
-        Question("heading against course", "needs the attitude: `insgnss process` checks it").ok(
-            "not checked here"
-        )
-    )
+    heading = Question("heading against course", "needs the attitude: `insgnss process` checks it")
+    checks.append(heading.ok("not checked here"))
     return InspectResult(flight.name, tuple(checks))

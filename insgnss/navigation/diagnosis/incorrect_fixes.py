@@ -307,8 +307,7 @@ def incorrect_check(
     )
     return Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
-        f" {listed}"
-        f"{more}; {done}",
+        f" {listed}{more}; {done}",
         "see the quality of the PPK solution there",
     )
 

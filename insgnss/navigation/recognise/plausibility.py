@@ -182,18 +182,15 @@ def _silent(imu: ImuSamples, dt: float) -> Finding:
             or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
             f" from {imu.time[first]:.2f} s on"
         )
-    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    ask = Question("silent sensor", f"no channel constant for over {STUCK_S:.0f} s")
     if dead:
         finding = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
-        return Question("silent sensor", expected).contradiction(
-            finding, Step("a sensor is dead or a column is wrong; check {imu.columns}")
-        )
+        advice = Step("a sensor is dead or a column is wrong; check {imu.columns}")
+        return ask.contradiction(finding, advice)
+    finding = f"{', '.join(band)} read exactly 0 for a while"
     if band:
-        return Question("silent sensor", expected).note(
-            f"{', '.join(band)} read exactly 0 for a while",
-            "a dead band hides slow turns and the bias",
-        )
-    return Question("silent sensor", expected).ok("every channel alive")
+        return ask.note(finding, "a dead band hides slow turns and the bias")
+    return ask.ok("every channel alive")
 
 
 def _readings(imu: ImuSamples, dt: float) -> Finding:

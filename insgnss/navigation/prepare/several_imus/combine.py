@@ -313,29 +313,20 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
     first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
     deviation is NaN where the rates do not show the offset.
     """
-    check_name, expected = "IMU clocks", "stamps of one clock, to 1 ms"
+    ask = Question("IMU clocks", "stamps of one clock, to 1 ms")
     grid = np.arange(
         max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
     )
     a, b = _grid_rates(first, grid), _grid_rates(other, grid)
     if min(np.mean(a**2), np.mean(b**2)) < max(TURNING**2, 10.0 * noise**2 / SMOOTH_S):
-        return (
-            0.0,
-            np.nan,
-            Question(check_name, expected).ok(
-                f"{name}: the body hardly turns; taken as one clock with the first"
-            ),
-        )
+        finding = f"{name}: the body hardly turns; taken as one clock with the first"
+        return 0.0, np.nan, ask.ok(finding)
     tau, alike = _coarse_offset(a, b)
     if alike < ALIKE:
         finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
-        return (
-            0.0,
-            np.nan,
-            Question(check_name, f"{ALIKE} and more of one body").contradiction(
-                finding, Step("check {imu.further}: file, axes and clock")
-            ),
-        )
+        ask = replace(ask, expected=f"{ALIKE} and more of one body")
+        advice = Step("check {imu.further}: file, axes and clock")
+        return 0.0, np.nan, ask.contradiction(finding, advice)
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
     inside = slice(
         *np.searchsorted(grid, [grid[0] + abs(tau) + SMOOTH_S, grid[-1] - abs(tau) - SMOOTH_S])
@@ -356,11 +347,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
         f" {'added' if applied else 'would fit, not added'} to its stamps"
     )
-    return (
-        tau if applied else 0.0,
-        sigma,
-        Question(check_name, expected).note(finding, when=applied and abs(tau) > 1e-3),
-    )
+    check = ask.note(finding, when=applied and abs(tau) > 1e-3)
+    return (tau if applied else 0.0), sigma, check
 
 
 def _grid_rates(angles: _Track, grid: Array) -> Array:
