@@ -521,8 +521,8 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
             f" {point}"
         )
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
-        known = Question("base coordinates", "coordinates that are known")
-        checks.append(known.note(finding, advice))
+        ask = Question("base coordinates", "coordinates that are known")
+        checks.append(ask.note(finding, advice))
     elif off > NEAR_M:
         finding = f"{off:.1f} m from the position of {base.path} by codes"
         advice = "check them, their datum and height (ellipsoidal); every position has their error"
