@@ -6,7 +6,7 @@ is let go once its wavelet variances and block means are taken, so that memory h
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -206,14 +206,9 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     names = [check.name for check in span.checks]
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
-            advice = (
-                f"{check.advice}; --accept"
-                f" {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it"
-                " all the same"
-            )
-            raise DataError(
-                f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
-            )
+            name = repr(check.name) if " " in check.name else check.name
+            advice = f"{check.advice}; --accept {name} takes it all the same"
+            raise DataError(f"{path}: {replace(check, remedy=advice).named_sentence}")
     if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
         raise UsageError(
             f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"
