@@ -24,7 +24,8 @@ Where to look
     the GPS/INS offset of Metashape: (M.6) and `metashape_offset` in `cameras/mounting.py`
     which camera of a rig took which image: `rig.py`
     an image block: `block.py`; camera positions without attitude: `camera_positions.py`
-    checks and their ranks, estimates, mean residuals: `verdicts.py`; wavelet variances: `variances.py`
+    checks and their ranks, estimates, mean residuals: `verdicts.py`
+    wavelet variances: `variances.py`
     what kind of a solution a fix is: `qualities.py`
     what a record checks at its birth: `_checked.py`
 """
