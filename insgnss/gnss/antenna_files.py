@@ -20,9 +20,11 @@ from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_i
 from ..records import Array, CameraEvents, Finding, GnssFixes, Question
 
 SOLUTION = "ppk.pos"
-ALL = "AntennaPos_WGS84.txt"
-IMAGES = "AntennaPos_Img_WGS84.txt"
-PLANE = "AntennaPos_Img_WGS84_tangentplane.txt"
+ALL, IMAGES, PLANE = (
+    "AntennaPos_WGS84.txt",
+    "AntennaPos_Img_WGS84.txt",
+    "AntennaPos_Img_WGS84_tangentplane.txt",
+)
 ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES, PLANE)
 LONGEST_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
@@ -121,8 +123,9 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     first = np.clip(after[covered] - 2, 0, fixes.time.size - FEW)
     rows = first[:, None] + np.arange(FEW)
     interpolated = cubic(fixes.time[rows], position[rows], time[covered])
-    # a gap beside: the cubic would swing
-    linear = fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
+    linear = (
+        fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
+    )  # a gap beside: the cubic would swing
     interpolated[linear] = _linear(
         fixes.time, position, time[covered][linear], after[covered][linear]
     )

@@ -29,9 +29,11 @@ from .observations import (
 TIME = ("tow", "time", "time_s")
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 HEIGHT = ("h_m", "height_m")
-SIGMA = ("sd_n_m", "sd_e_m", "sd_d_m")
-VELOCITY = ("vn", "ve", "vd")
-VELOCITY_SIGMA = ("sd_vn", "sd_ve", "sd_vd")
+SIGMA, VELOCITY, VELOCITY_SIGMA = (
+    ("sd_n_m", "sd_e_m", "sd_d_m"),
+    ("vn", "ve", "vd"),
+    ("sd_vn", "sd_ve", "sd_vd"),
+)
 EPOCH_FROM_S = 1e8  # three years: no time of week, however far it runs on
 GNSS_COLUMNS = (4, 7)
 """Columns of a plain array of fixes: time, latitude, longitude, height, and standard deviations or

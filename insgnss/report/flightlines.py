@@ -52,8 +52,10 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
         if d.time[last] - d.time[first] < SHORTEST_S:
             continue
         third = (last - first) // 3
-        begin = _mean_course(course[first : first + third])
-        end = _mean_course(course[last - third : last])
+        begin, end = (
+            _mean_course(course[first : first + third]),
+            _mean_course(course[last - third : last]),
+        )
         if abs(_wrapped(end - begin)) > math.radians(BEND_DEG):
             continue
         image, after = (

@@ -133,8 +133,9 @@ def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
     """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
     if not every_s > 0.0:
         raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
-    # off the samples of any sensor
-    time = np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
+    time = (
+        np.arange(motion.start + 1.0, motion.end - 1.0, every_s) + 0.00317
+    )  # off the samples of any sensor
     spacing = every_s * np.linalg.norm(motion.velocity(time), axis=1)
     images = tuple(f"{1001 + k}.tif" for k in range(time.size))
     return Flight(

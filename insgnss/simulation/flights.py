@@ -39,9 +39,11 @@ _FLYING_MS = 6.0  # from here up the aircraft is carried by the air
 _FREE_M = 15.0  # height above ground of full gusts
 # gusts: standard deviation and time scale of smoothed white noise
 _LATERAL_M, _HEIGHT_M = ((0.8, 4.0), (0.03, 0.25)), ((0.5, 3.0), (0.03, 0.25))
-_ROLL = ((1.8, 0.6), (0.3, 0.12))
-_PITCH = ((1.0, 0.6), (0.2, 0.12))
-_YAW = ((0.8, 0.8), (0.2, 0.12))
+_ROLL, _PITCH, _YAW = (
+    ((1.8, 0.6), (0.3, 0.12)),
+    ((1.0, 0.6), (0.2, 0.12)),
+    ((0.8, 0.8), (0.2, 0.12)),
+)
 
 
 @dataclass(frozen=True, eq=False)

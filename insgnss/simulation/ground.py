@@ -30,8 +30,11 @@ _STEP_M = 0.1  # of the timetable
 _ROUND_S = 0.4  # of smoothing
 _BEYOND = round(3.0 / KNOT_S)  # knots past the end, farther than the smoothing reaches
 _REST_MS = 0.3  # below this the road gives the heading
-# of the road: time scale, standard deviations of roll and height
-_SHAKE_S, _SHAKE_ROLL, _SHAKE_M = 0.12, 0.004, 0.0012
+_SHAKE_S, _SHAKE_ROLL, _SHAKE_M = (
+    0.12,
+    0.004,
+    0.0012,
+)  # of the road: time scale, standard deviations of roll and height
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,10 @@ _GROUND_RUN_M, _APPROACH_M, _LEAD_IN_M = 12.0, 220.0, 120.0
 # of the path beyond both ends of an airborne record; longer than the motion's smoothing reaches
 _COUNTED = 0.6  # of the time of a layout: by then the number of lines is found
 _MARGIN_S = 5.0
-# a trimmed flight: lines that stay, and the least part of their length
-_FEWEST_LINES, _SHORTEST = 4, 0.25
+_FEWEST_LINES, _SHORTEST = (
+    4,
+    0.25,
+)  # a trimmed flight: lines that stay, and the least part of their length
 
 
 @dataclass(frozen=True)
@@ -156,8 +158,10 @@ class FlightPlan:
     def ground_speed(self, course: Array) -> Array:
         """Speed over ground, m/s, on `course`, rad (L.2)."""
         north, east, _ = self.wind_l
-        along = north * np.cos(course) + east * np.sin(course)
-        across = east * np.cos(course) - north * np.sin(course)
+        along, across = (
+            north * np.cos(course) + east * np.sin(course),
+            east * np.cos(course) - north * np.sin(course),
+        )
         return along + np.sqrt(self.airspeed_ms**2 - across**2)
 
 

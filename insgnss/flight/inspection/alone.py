@@ -21,8 +21,10 @@ from .sensing import DEG_S, Sensing
 
 NEAR = 0.1  # of |f| to gravity, to suggest a unit
 STEADY = 0.03  # scatter of |f| over its median at rest
-# rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
-NOISIEST_GYRO, QUIET_GYRO = 0.015, 0.005
+NOISIEST_GYRO, QUIET_GYRO = (
+    0.015,
+    0.005,
+)  # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
 
 
 def gyro_scatter(imu: ImuSamples) -> float:
@@ -167,8 +169,10 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
 
 
 def _earth(mean: Array, sensing: Sensing) -> Finding:
-    size = float(np.linalg.norm(mean))
-    error = float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s)
+    size, error = (
+        float(np.linalg.norm(mean)),
+        float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s),
+    )
     deg_h = np.degrees(3600.0)
     evidence = (
         f"mean rate at rest {size * deg_h:.2f} deg/h +- {error * deg_h:.2g} by its noise; the"

@@ -15,8 +15,9 @@ from .sources import Source
 
 SAME_S = 1e-6
 FEWEST = 5  # stamps that are those of samples
-# digits of a stamp of an event per sample interval: rounding does not make them equal
-LONGER = 20.0
+LONGER = (
+    20.0  # digits of a stamp of an event per sample interval: rounding does not make them equal
+)
 
 
 def clock_of_events(

@@ -49,8 +49,10 @@ DATA_KEYS = (
     "time_scale",
 )
 MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
-# a reading, in any unit; times that the stamps span what the samples fill
-LARGEST, SPARSEST = 1e12, 20.0
+LARGEST, SPARSEST = (
+    1e12,
+    20.0,
+)  # a reading, in any unit; times that the stamps span what the samples fill
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,8 +34,10 @@ from ...records import Array, GnssFixes, ImuSamples
 
 REST_TAU_S, LEAST_PIECES = 0.5, 100
 QUIETEST_S = 10.0
-# share of the differences, and of the variance of normal ones that it holds
-KEPT, VARIANCE_KEPT = 0.95, 0.7588
+KEPT, VARIANCE_KEPT = (
+    0.95,
+    0.7588,
+)  # share of the differences, and of the variance of normal ones that it holds
 EARTH_SHARE = 0.1
 STATIC_SHARE = 0.1  # of a recording in motion that makes it no static one
 MG, DEG_S, DEG_H = 1e-3 * STANDARD_GRAVITY, np.pi / 180.0, np.pi / 180.0 / 3600.0
@@ -114,8 +116,9 @@ class Sensing:
         """Class that the sensor seems to be of."""
         if self.sees_earth:
             return "navigation"
-        # zero: the device rounds rest away
-        quiet = 0.0 < float(self.rest_gyro.max()) < TACTICAL_WHITE
+        quiet = (
+            0.0 < float(self.rest_gyro.max()) < TACTICAL_WHITE
+        )  # zero: the device rounds rest away
         small = self.rest_s > 0.0 and float(np.abs(self.mean_gyro).max()) < TACTICAL_BIAS
         return "tactical" if quiet and small else "consumer"
 

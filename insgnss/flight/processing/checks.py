@@ -30,8 +30,9 @@ from ..config.flight_file import Flight, MountingSource
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
 OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
 LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
-# of a focal length: Exif has it rounded, by diagonal or width (9 % of 3:2 to 4:3)
-OTHER_LENS = 0.15
+OTHER_LENS = (
+    0.15  # of a focal length: Exif has it rounded, by diagonal or width (9 % of 3:2 to 4:3)
+)
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
 

@@ -28,8 +28,9 @@ from ...records import Array, GnssFixes
 from ..config.flight_file import Flight
 from .recording import Recording
 
-# of the epochs of the output grid; outputs at a higher rate are recovered between them
-EPOCH_HZ = 10.0
+EPOCH_HZ = (
+    10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
+)
 FORECAST = 1.33  # of what is available, that a forecast of memory may say
 GB = 1e9
 SNAP = 0.25  # of a step of the output grid, within which its row stands at a fix

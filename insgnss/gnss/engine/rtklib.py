@@ -267,8 +267,10 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
     binary = _binary(Path(command[0]))
     requested = [line.split("=")[0] for line in text.splitlines()]
     if OF_ALL_VERSIONS not in binary:
-        finding = f"{command[0]} does not show which it knows"
-        advice = "an unknown one is left out without a word; name the program itself"
+        finding, advice = (
+            f"{command[0]} does not show which it knows",
+            "an unknown one is left out without a word; name the program itself",
+        )
         names = " ".join(options.rtklib_options)
         return (
             (
@@ -345,8 +347,10 @@ class _Runs:
         """Put the inputs into the directory, unpacked and without camera events, behind which
         RTKLIB EX 2.5 drops the epoch where the interval between epochs is not the one before; their
         names there, rover, base and navigation."""
-        observed = ["rover.obs", "base.obs"]
-        broadcast = [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
+        observed, broadcast = (
+            ["rover.obs", "base.obs"],
+            [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)],
+        )
         for observations, name in zip((rover, base), observed, strict=True):
             (self.scratch / name).write_bytes(without_events(observations))
         for source, name in zip(navigation, broadcast, strict=True):
@@ -559,8 +563,10 @@ def _in_order(path: Path) -> list[bytes]:
     epoch to the first.
     """
     lines = path.read_bytes().splitlines(keepends=True)
-    head = [line for line in lines if line.startswith(b"%")]
-    rows = [line for line in lines if not line.startswith(b"%") and line.strip()]
+    head, rows = (
+        [line for line in lines if line.startswith(b"%")],
+        [line for line in lines if not line.startswith(b"%") and line.strip()],
+    )
     first, last = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
     return head + (rows if first <= last else rows[::-1])
 

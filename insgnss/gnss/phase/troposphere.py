@@ -62,8 +62,9 @@ VAPOUR_LAMBDA = 2.8
 MU_VAPOUR = (VAPOUR_LAMBDA + 1.0) * NU
 K2, K3 = 22.1, 3.739e5  # K/hPa, K^2/hPa
 CELSIUS_ZERO = 273.15
-# of the correction, one standard deviation: what (T.4) and the profile (T.3) leave
-SHAPE_SHARE = 0.1
+SHAPE_SHARE = (
+    0.1  # of the correction, one standard deviation: what (T.4) and the profile (T.3) leave
+)
 LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
 FIXED = 1

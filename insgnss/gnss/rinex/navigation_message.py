@@ -387,15 +387,19 @@ def _check(path: Source, message: _Message, row: Array) -> None:
             f"message of {message.satellite} lacks a number; the file is damaged, fetch it again",
         )
     if message.satellite[0] == "R":
-        size = float(np.linalg.norm(row[STATE : STATE + 3]))
-        low = 2.4e7
-        high = 2.7e7
-        quantity = "distance from the Earth's centre, m"
+        size, low, high, quantity = (
+            float(np.linalg.norm(row[STATE : STATE + 3])),
+            2.4e7,
+            2.7e7,
+            "distance from the Earth's centre, m",
+        )
     else:
-        size = float(row[ROOT_A])
-        low = 5e3
-        high = 7e3
-        quantity = "root of the semi-major axis, m^1/2"
+        size, low, high, quantity = (
+            float(row[ROOT_A]),
+            5e3,
+            7e3,
+            "root of the semi-major axis, m^1/2",
+        )
     if not low < size < high or (message.satellite[0] != "R" and not 0.0 <= row[ECC] < 0.5):
         raise InputError.at_line(
             path,

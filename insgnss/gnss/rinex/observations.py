@@ -211,9 +211,11 @@ class _Reading:
 
     def allocate(self, epochs: int, rows: int) -> None:
         """Make room, keeping what there is."""
-        n = int(self.state[self.kernels.EPOCHS])
-        m = int(self.state[self.kernels.ROWS])
-        k = len(self.signals)
+        n, m, k = (
+            int(self.state[self.kernels.EPOCHS]),
+            int(self.state[self.kernels.ROWS]),
+            len(self.signals),
+        )
         old = self.__dict__.copy()
         self.ticks, self.lines = np.empty(epochs, dtype=np.int64), np.empty(epochs, dtype=np.int64)
         self.flags, self.clock = np.empty(epochs, dtype=np.int8), np.empty(epochs)
@@ -259,8 +261,10 @@ class _Reading:
     def read(self) -> None:
         """Parse to the end, event by event."""
         k = self.kernels
-        three = self.header.version >= 3
-        blank = SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G")
+        three, blank = (
+            self.header.version >= 3,
+            SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G"),
+        )
         while True:
             status = k.parse(
                 *(

@@ -79,8 +79,10 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     if stationary.size < 2:
         return None
     apart = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
-    begin = stationary[np.concatenate([[0], apart + 1])]
-    end = stationary[np.concatenate([apart, [stationary.size - 1]])]
+    begin, end = (
+        stationary[np.concatenate([[0], apart + 1])],
+        stationary[np.concatenate([apart, [stationary.size - 1]])],
+    )
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))

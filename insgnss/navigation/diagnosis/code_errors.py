@@ -42,8 +42,11 @@ FACTORS = (0.01, 100.0)  # bounds of what a fit changes
 FIRST_FIXES, MOST_FIXES = 2000, 9000  # of the part that the first fit and the later ones look at
 FEWEST_FIXES = 60  # below which no share is determined
 TRIES, MOST_REJECTED = 6, 0.05  # of larger white shares; share of the fixes
-# bounds of the shares, and of time-correlated velocity errors
-LEAST, LEAST_MPS, MOST_MPS = 0.02, 1e-3, 3.0
+LEAST, LEAST_MPS, MOST_MPS = (
+    0.02,
+    1e-3,
+    3.0,
+)  # bounds of the shares, and of time-correlated velocity errors
 
 
 def code_errors(

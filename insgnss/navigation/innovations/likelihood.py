@@ -321,9 +321,11 @@ def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
     every: list[tuple[Array, Array, np.ndarray]] = []
     for s in segments:
         m, k = s.linear.there.shape
-        white = np.empty((m, k, 3))
-        nis = np.empty((m, k))
-        verdict = np.zeros((m, k), dtype=np.int64)
+        white, nis, verdict = (
+            np.empty((m, k, 3)),
+            np.empty((m, k)),
+            np.zeros((m, k), dtype=np.int64),
+        )
         share, scale = variance[s.of_part], variance[s.of_kind]
         cost += run_linear(
             s.linear,

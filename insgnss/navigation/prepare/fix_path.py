@@ -7,8 +7,10 @@ from ...geodesy.earth import curvature_radii
 from ...records import Array, GnssFixes
 
 FASTEST_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
-# a fix off its neighbours' cubic by so many typical distances, and by at least this
-OUTLYING, LEAST_M = 8.0, 0.05
+OUTLYING, LEAST_M = (
+    8.0,
+    0.05,
+)  # a fix off its neighbours' cubic by so many typical distances, and by at least this
 
 
 def north_east(gnss: GnssFixes) -> Array:

@@ -34,18 +34,28 @@ from .gaps import nominal_interval
 BLOCK_S, WINDOW_BLOCKS = 0.1, 10
 EDGE_BLOCKS = 2  # cut off at both ends: motion may have begun in the window's last blocks
 MIN_LENGTH_S = 1.0
-# of (Z.1): three times the noise of the quietest second; five times (wind, an idling engine)
-RATIO, RATIO_CONFIRMED = 9.0, 25.0
+RATIO, RATIO_CONFIRMED = (
+    9.0,
+    25.0,
+)  # of (Z.1): three times the noise of the quietest second; five times (wind, an idling engine)
 QUIETEST = 10  # windows that give the noise
-# rad/s, m/s^2, least noise assumed: some sensors round what is small to zero
-FLOOR_GYRO, FLOOR_ACCEL = 5e-4, 5e-3
-# rad/s, m/s^2, standard deviation of samples: no sensor of a drone is noisier at rest
-MAX_GYRO, MAX_ACCEL = 0.02, 0.3
+FLOOR_GYRO, FLOOR_ACCEL = (
+    5e-4,
+    5e-3,
+)  # rad/s, m/s^2, least noise assumed: some sensors round what is small to zero
+MAX_GYRO, MAX_ACCEL = (
+    0.02,
+    0.3,
+)  # rad/s, m/s^2, standard deviation of samples: no sensor of a drone is noisier at rest
 MAX_SLOW_GYRO, MAX_SLOW_ACCEL = 3e-3, 0.05  # rad/s, m/s^2, of (Z.2)
-# rad/s: of the mean rate, and of its difference to that of the other periods
-MAX_BIAS, BIAS_SPREAD = 0.1, 0.01
-# m/s^2, mean specific force of a sensor at rest: gravity, biases and scale factors
-NORM_LOW, NORM_HIGH = 9.0, 10.6
+MAX_BIAS, BIAS_SPREAD = (
+    0.1,
+    0.01,
+)  # rad/s: of the mean rate, and of its difference to that of the other periods
+NORM_LOW, NORM_HIGH = (
+    9.0,
+    10.6,
+)  # m/s^2, mean specific force of a sensor at rest: gravity, biases and scale factors
 SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
 USEFUL_MS = 1.5  # m/s, a GNSS that cannot exclude more than this confirms nothing
 

@@ -111,8 +111,10 @@ def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
 
     That is so where it reads zero often, or while none of the gyros turns.
     """
-    column = imu.gyro[:, channel]
-    per_second = 1.0 / nominal_interval(imu.time) if imu.quantity == "increments" else 1.0
+    column, per_second = (
+        imu.gyro[:, channel],
+        1.0 / nominal_interval(imu.time) if imu.quantity == "increments" else 1.0,
+    )
     if column[first] != 0.0:
         return False
     often = (np.count_nonzero(column == 0.0) - (last - first + 1)) > OFTEN * column.size

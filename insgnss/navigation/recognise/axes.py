@@ -14,8 +14,11 @@ from ...records import Array, GnssFixes
 from ..prepare.fix_path import north_east
 from .relation import Relation
 
-# prior standard deviations of wind and airspeed, and least scatter of a speed
-WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0
+WIND_MS, SPEED_MS, GUST_MS = (
+    5.0,
+    30.0,
+    1.0,
+)  # prior standard deviations of wind and airspeed, and least scatter of a speed
 SLOWEST_MS = 2.0  # from here up GNSS has a course
 LEAST_WIDTH_S = 2.0
 INDEPENDENT_S = 10.0  # crab and speed change so slowly
@@ -121,8 +124,10 @@ def _velocity(
         v = gnss.velocity_ned[sound, :2] @ np.array([1.0, 1j])
         return np.asarray(np.interp(instants, t, v), dtype=np.complex128)
     p = north_east(gnss)[sound] @ np.array([1.0, 1j])
-    before = np.clip(instants - 0.5 * width, t[0], t[-1])
-    after = np.clip(instants + 0.5 * width, t[0], t[-1])
+    before, after = (
+        np.clip(instants - 0.5 * width, t[0], t[-1]),
+        np.clip(instants + 0.5 * width, t[0], t[-1]),
+    )
     return np.asarray(
         (np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3),
         dtype=np.complex128,
@@ -212,8 +217,10 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     share = min(1.0, spacing / INDEPENDENT_S)
     moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
     heading_known = moving & (pose.yaw_sigma < 0.5)
-    rest = np.zeros(v.size)
-    scale = max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS)
+    rest, scale = (
+        np.zeros(v.size),
+        max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
+    )
     for _ in range(ROUNDS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
         weight = share * moving * level / variance / (1.0 + rest**2 / variance)

@@ -19,8 +19,9 @@ from .units import ACCEL_UNITS, GYRO_UNITS
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
 LEAST_OFFSET_S = 0.02  # a time offset that is reported
-# a time offset that stops the job; below it the filter copes, and a note reports it
-OFFSET_LIMIT_S = 0.5
+OFFSET_LIMIT_S = (
+    0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
+)
 Exchange = Callable[[tuple[int, int]], Remedy]
 
 

@@ -16,14 +16,19 @@ from ...records.variances import MAD_TO_SIGMA
 from ._kernels import differences, scan
 from .signal import LEAST_ROWS, Accelerations, PropagatedForce
 
-# of the logarithms of likelihood ratios: residuals are time-correlated and not normal
-CAUTION = 0.1
-# a survey repeats itself line by line: a lag beyond the first is a priori less likely by this
-USUAL_S, UNUSUAL = 1.0, -4.0
+CAUTION = (
+    0.1  # of the logarithms of likelihood ratios: residuals are time-correlated and not normal
+)
+USUAL_S, UNUSUAL = (
+    1.0,
+    -4.0,
+)  # a survey repeats itself line by line: a lag beyond the first is a priori less likely by this
 LEAP_S, LEAP_WITHIN_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
 RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
-# of the least squares, and of Student's distribution of the residuals
-ROUNDS, FREEDOM = 8, 4.0
+ROUNDS, FREEDOM = (
+    8,
+    4.0,
+)  # of the least squares, and of Student's distribution of the residuals
 LEVER, SCALE, BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
 PRIOR = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
 
@@ -130,12 +135,14 @@ def scan_lags(
         np.empty(3),
         out,
     )
-    M = out[..., :9]
-    zz = out[..., 9]
-    aa = out[..., 10]
-    z = out[..., 11:14]
-    weight = out[..., 14]
-    count = out[..., 15]
+    M, zz, aa, z, weight, count = (
+        out[..., :9],
+        out[..., 9],
+        out[..., 10],
+        out[..., 11:14],
+        out[..., 14],
+        out[..., 15],
+    )
     M = M.reshape(*M.shape[:2], 3, 3)
     use = count >= LEAST_ROWS
     larger, least = _singular_values(M)
@@ -236,8 +243,10 @@ class _Model:
 
     def inside(self, lag: float) -> NDArray[np.bool_]:
         grid = self.propagated.grid
-        first = self.acc.nodes[:, 0] + lag - grid.start
-        last = self.acc.nodes[:, 2] + lag - grid.start
+        first, last = (
+            self.acc.nodes[:, 0] + lag - grid.start,
+            self.acc.nodes[:, 2] + lag - grid.start,
+        )
         inside = (first >= 0.0) & (last <= grid.step * (grid.broken.size - 1))
         i, j = (
             np.clip((x / grid.step).astype(np.int64), 0, grid.broken.size - 2)

@@ -24,11 +24,15 @@ NEAR_M = 10.0  # who stays within it may show the same rounded coordinate all th
 FAST_MS = 8.0
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 ONE_COURSE = 0.95
-# rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor on a drone
-GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0
+GYRO_LIMIT, ACCEL_LIMIT = (
+    100.0,
+    1000.0,
+)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor on a drone
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
-# m/s^2, the median of a flight's specific force: gravity, and what climbs and gusts add to it
-FORCE = 8.8, 11.0
+FORCE = (
+    8.8,
+    11.0,
+)  # m/s^2, the median of a flight's specific force: gravity, and what climbs and gusts add to it
 # what a turn adds to it, 1 / cos(bank), is taken off above: up to 70 deg of bank
 MOST_LOAD = 3.0
 SPEED_S = 2.0  # over which the speed is taken

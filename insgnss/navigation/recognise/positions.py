@@ -26,8 +26,11 @@ NAME = "GNSS velocity"
 SPAN_S = 2.0  # of a displacement: a latency of some tenths between the two does not show
 LEAST_ROWS, LEAST_MPS = 30, 1.0
 CLIMB_MPS = 0.3  # a vertical velocity that tells its sense
-# (R.11): as read in order, a misreading that explains, and of that as read at most
-AGREE, EXPLAINS, BETTER = 0.25, 0.2, 0.4
+AGREE, EXPLAINS, BETTER = (
+    0.25,
+    0.2,
+    0.4,
+)  # (R.11): as read in order, a misreading that explains, and of that as read at most
 REVERSED = -0.7  # correlation of heights and vertical velocity that tells the other sense
 ALIKE = 0.1  # within which two misreadings explain the same
 DEG = np.pi / 180.0

@@ -37,8 +37,10 @@ OF_MOTION = (
     *("gyro unit", "gyro triad", "force sign", "vertical axis", "forward axis", "axes"),
     *("time offset", "time scale"),
 )
-# s that clocks must have in common to be one, and how far starts may lie apart if they are not
-COMMON_S, WIDE_S = 10.0, 900.0
+COMMON_S, WIDE_S = (
+    10.0,
+    900.0,
+)  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
 LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed for all that motion can show
 
 
@@ -265,8 +267,10 @@ def _recognised(
     axes = axes_words(C_b_imu) if of_ahead.confidence and triads.found == "aligned" else None
     evidence = f"{of_down.evidence}; {of_ahead.evidence}"
     of_axes = answer("axes", axes or "", of_ahead.confidence if axes else 0.0, evidence)
-    unit_is_known = of_unit.confidence > 0.0
-    per_sample = interval if force.quantity == "increments" else 1.0
+    unit_is_known, per_sample = (
+        of_unit.confidence > 0.0,
+        interval if force.quantity == "increments" else 1.0,
+    )
     factor = relation.factors[relation.best]
     return Recognition(
         force.quantity,
@@ -351,8 +355,10 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
     assert fit is not None
     C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
     reach = max(1, round(0.25 * pose.width / moved.grid.step))
-    first = np.maximum(fit.middle - reach, 0)
-    last = np.minimum(fit.middle + reach, moved.C.shape[0] - 1)
+    first, last = (
+        np.maximum(fit.middle - reach, 0),
+        np.minimum(fit.middle + reach, moved.C.shape[0] - 1),
+    )
     change = (moved.turned[last] - moved.turned[first]) / (moved.grid.step * (last - first))[
         :, None
     ]

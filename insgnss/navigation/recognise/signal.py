@@ -18,16 +18,20 @@ from ..prepare.gaps import nominal_interval
 from ._kernels import propagate
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
-# an IMU interval longer than this, and than 5 nominal ones, holds a motion that is unseen
-BROKEN_S = 0.1
+BROKEN_S = (
+    0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that is unseen
+)
 # in which the gyros propagate the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle
 # to its end
 WINDOW_S = 20.0
 UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
 LEAST_ROWS, MOST_ROWS = 5, 1500
 SPIKE = 10.0  # times the distance from the neighbours' mean that a tenth of the readings exceed
-# s and share of the recording without a change, and changes of a neighbour meanwhile
-DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10
+DEAD_S, DEAD_SHARE, ALIVE = (
+    20.0,
+    0.3,
+    10,
+)  # s and share of the recording without a change, and changes of a neighbour meanwhile
 
 
 @dataclass(frozen=True, eq=False)

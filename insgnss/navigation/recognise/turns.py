@@ -23,8 +23,10 @@ from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-# a lag that is reported, where the correlation is clear enough for it
-LAG_S, LAG_CORRELATION = 0.5, 0.9
+LAG_S, LAG_CORRELATION = (
+    0.5,
+    0.9,
+)  # a lag that is reported, where the correlation is clear enough for it
 # of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
 LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
@@ -36,8 +38,10 @@ NOSE = "its nose does not follow its course, so the turns do not show the clock"
 SURE, CLOCK_SURE, AT_ONCE_S = 0.99, 0.9, 0.5
 # s from the best lag, and times that it must leave less unexplained than any so far from it
 RIVAL_S, DISTINCT = 5.0, 1.3
-# correlations: from the first on the same turns are seen, below the second none of them
-ALIKE, UNLIKE = 0.6, 0.3
+ALIKE, UNLIKE = (
+    0.6,
+    0.3,
+)  # correlations: from the first on the same turns are seen, below the second none of them
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
 # cosine of both rates as vectors: from here on a turn that never changes is most of what they show,
 # and correlations about its mean tell nothing
@@ -46,16 +50,20 @@ STEADY = 0.95
 RELIABLE = 0.7
 RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
 LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
-# of the grid at speed, and the course rate's standard deviation there, rad/s
-LEAST_ROWS, LEAST_TURN = 100, 0.02
+LEAST_ROWS, LEAST_TURN = (
+    100,
+    0.02,
+)  # of the grid at speed, and the course rate's standard deviation there, rad/s
 FASTEST_TURN = 1.5  # rad/s, of a course
 # s: no other time scale is that near; exposures that would lie as straight there lie so by chance
 NEARER_S, AS_STRAIGHT = 9.0, 2.0
 LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
-# rad/s at the exposures, and how many times less it must be at the other time
-TURNING, STRAIGHTER = 0.02, 4.0
+TURNING, STRAIGHTER = (
+    0.02,
+    4.0,
+)  # rad/s at the exposures, and how many times less it must be at the other time
 ENOUGH_IMAGES = 20
 ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings that do not vary
 # whose clock stamps the exposures, in words
@@ -90,8 +98,10 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Find
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
         return ask.ok(finding)
     rate, moving = _course_rate(gnss, grid, width)
-    here = _turning(events.time, grid, rate, moving)
-    shifted = {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)}
+    here, shifted = (
+        _turning(events.time, grid, rate, moving),
+        {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)},
+    )
     best = min(shifted, key=lambda s: shifted[s])
     straighter = np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]
     if straighter and not _by_chance(events.time, shifted[best], grid, rate, moving):
@@ -280,8 +290,10 @@ def _judge_turns(
     least_lag : s, the shortest lag that fixes so far apart can show; 1 - r^2 is what a correlation
     r leaves.
     """
-    offset = f"IMU time is about {lag:+.1f} s off GNSS time"
-    shift = f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}"
+    offset, shift = (
+        f"IMU time is about {lag:+.1f} s off GNSS time",
+        f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}",
+    )
     if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS, True

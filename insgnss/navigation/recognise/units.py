@@ -19,8 +19,11 @@ GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of
 ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)
 SIZE_S = 0.1  # vibration is averaged over it
 LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
-# logarithm of gravity's size against a unit: sure, not at all, and to the next unit
-NEAR, FAR, APART = 0.15, 0.4, 0.5
+NEAR, FAR, APART = (
+    0.15,
+    0.4,
+    0.5,
+)  # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,16 +19,23 @@ from .units import ForceUnit, gyro_unit
 
 TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
-# relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
-SCALE_OFF, SCALE_SIGMA = 0.25, 0.1
+SCALE_OFF, SCALE_SIGMA = (
+    0.25,
+    0.1,
+)  # relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
 # times that the right time offset leaves less unexplained than any far from it; less have motions
 # of two flights
 DISTINCT = 1.3
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
-# relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
-COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0
-# who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
-SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995
+COUNT_OFF, COUNT_SIGMAS = (
+    0.12,
+    8.0,
+)  # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
+SLOW_MS, SLOW, NOSE_FIRST = (
+    3.0,
+    0.95,
+    0.995,
+)  # who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 DEFAULT_LEAP_S = 18.0
 

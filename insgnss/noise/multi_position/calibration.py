@@ -370,8 +370,10 @@ def _turn_covariance(
     noise = _mean_sigma(periods.accel_std, periods.samples, "accel") * np.sqrt(
         max(1.0, accel.variance_factor["gravity"])
     )
-    by_period = np.zeros((len(turns), 2, len(up), 3))
-    by_parameter = np.zeros((len(turns), 2, len(accel.names)))
+    by_period, by_parameter = (
+        np.zeros((len(turns), 2, len(up), 3)),
+        np.zeros((len(turns), 2, len(accel.names))),
+    )
     effect = np.zeros((len(up), 3, len(accel.names)))  # of the parameters on u, to first order
     effect[:, :, :3] = -np.eye(3) / STANDARD_GRAVITY
     for column, (j, k) in enumerate(places(accel.names), 3):

@@ -120,8 +120,10 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]
         i = int(np.argmax(apart)) if size.size == 2 else int(np.argmax(np.abs(apart)))
         if abs(apart[i]) > np.log(APART):
-            factor = float(np.exp(apart[i]))
-            others = "the others" if size.size > 2 else recordings[1 - i].name
+            factor, others = (
+                float(np.exp(apart[i])),
+                "the others" if size.size > 2 else recordings[1 - i].name,
+            )
             scales = curves[i].scale_s[fine[i]]
             raise DataError(
                 f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of"

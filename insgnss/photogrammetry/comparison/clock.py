@@ -45,8 +45,10 @@ def by_names(matched: Matched) -> Finding | None:
     usual = float(np.median(offset))
     if abs(usual) < LEAST_S:
         return None
-    before = float(np.sqrt(np.mean(offset**2)))
-    after = float(np.sqrt(np.mean((offset - usual) ** 2)))
+    before, after = (
+        float(np.sqrt(np.mean(offset**2))),
+        float(np.sqrt(np.mean((offset - usual) ** 2))),
+    )
     explained = 1.0 - (after / before) ** 2
     if explained < ENOUGH:
         return None

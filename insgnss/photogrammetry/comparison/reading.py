@@ -50,8 +50,11 @@ HEADERS = {  # of files that other programs take, in lower case
     "inpho_ascii": r"^#[ \t]*id e n h omega phi kappa",
     "tum": r"^#[ \t]*time tx ty tz qx qy qz qw",
 }
-# stands in for fixes without standard deviations, and is left out again
-UNKNOWN_M = 0.98765, 0.98765, 0.98765
+UNKNOWN_M = (
+    0.98765,
+    0.98765,
+    0.98765,
+)  # stands in for fixes without standard deviations, and is left out again
 
 
 def read_poses(
@@ -192,8 +195,10 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
     eo = read_generic_ascii(path)
     columns, n = eo.columns, len(eo.images)
     if all(name in columns for name in ("lat", "lon", "h")):
-        frame = CoordinateFrame("geographic")
-        x = np.column_stack([columns[name] for name in ("lon", "lat", "h")])
+        frame, x = (
+            CoordinateFrame("geographic"),
+            np.column_stack([columns[name] for name in ("lon", "lat", "h")]),
+        )
     elif all(name in columns for name in "xyz"):
         frame = CoordinateFrame(
             eo.frame_kind,

@@ -42,8 +42,10 @@ from .poses import CoordinateFrame, Poses
 Array = NDArray[np.float64]
 
 WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
-# how the first coordinate begins where the second is the one to the east
-NORTHINGS = "lat", "north"
+NORTHINGS = (
+    "lat",
+    "north",
+)  # how the first coordinate begins where the second is the one to the east
 PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
 
 

@@ -14,8 +14,10 @@ from .request import Target
 from .windows import windows_of
 
 FACTORS = (0.5, 2.0 / 3.0, 1.5, 2.0)  # of the size: wrong by less, targets are found
-# the second: half a degree of bore-sight that was not estimated, at 3500 px
-WIDER_PX = 10.0, 30.0
+WIDER_PX = (
+    10.0,
+    30.0,
+)  # the second: half a degree of bore-sight that was not estimated, at 3500 px
 SAMPLE = 6
 """Windows that are tried, of as many images as there are."""
 MOST = 0.5

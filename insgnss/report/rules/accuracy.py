@@ -21,8 +21,9 @@ SIGNIFICANT = 3.0  # sigmas of an estimated constant
 MOST_NAMED = 4
 LEVER_ARM = "antenna lever arm"
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
-# what a right lever arm may come out off by (`navigation.diagnosis.advice`)
-NEGLIGIBLE_ARM_M = 0.02
+NEGLIGIBLE_ARM_M = (
+    0.02  # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
+)
 EITHER_WRONG = "the place of the images is in doubt"
 BORESIGHT = "bore-sight"  # topic of what no data of the flight can tell
 BORESIGHT_KEY = "boresight"  # of [mounting] and of a mounting file
@@ -34,8 +35,10 @@ def standing(f: Figures) -> Iterator[Finding]:
     """Yield the accuracy of a sensor at a given position."""
     if not f["standing"]:
         return
-    attitude = f["trajectory"]["attitude_deg"]["median"]
-    bias = max(f["biases"]["gyro_sigma_deg_h"][:2])
+    attitude, bias = (
+        f["trajectory"]["attitude_deg"]["median"],
+        max(f["biases"]["gyro_sigma_deg_h"][:2]),
+    )
     level = EARTH_RATE_DEG_H * math.cos(math.radians(f["flight"]["gnss"]["stationary"][0]))
     rate = level * math.radians(attitude[2])
     text = (
@@ -108,8 +111,10 @@ def heights(f: Figures) -> Iterator[Finding]:
     )
     why, help_ = "the lever arm or the IMU weakens them", "look at the antenna's lever arm down"
     if of_fixes:
-        why = "the fixes are that much weaker there, all satellites being above"
-        help_ = "let a control point or two carry the heights"
+        why, help_ = (
+            "the fixes are that much weaker there, all satellites being above",
+            "let a control point or two carry the heights",
+        )
     yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
 

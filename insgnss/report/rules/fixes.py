@@ -24,8 +24,10 @@ SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
 # sigmas at one instant; of a thousand normal variables the largest is beyond once in a million
 SEPARATION_ONCE = 6.0
 SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
-# an error that lasts longer is one of the absolute position; share of the fixes
-STAYS_S, FEW_MATTER = 300.0, 0.02
+STAYS_S, FEW_MATTER = (
+    300.0,
+    0.02,
+)  # an error that lasts longer is one of the absolute position; share of the fixes
 # ranks: a contradiction that was overruled, and a result that nothing supports
 OVERRULED, UNSUPPORTED = 50.0, 1000.0
 

@@ -10,8 +10,12 @@ from ...base.findings import Finding, ranked
 from ...records.verdicts import REMARK
 from .wording import Figures, degrees, image_range, millimetres, span, tilt
 
-# of a sigma over the median
-FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = 1.5, 1.5, 3.0, 2.0
+FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = (
+    1.5,
+    1.5,
+    3.0,
+    2.0,
+)  # of a sigma over the median
 FEWEST_LINES = 3  # that have a median to be compared with
 TURN_DEG = 60.0  # heading range that counts as a turn
 LONG_IMU_GAP_S = 0.2

@@ -48,8 +48,12 @@ RADIUS_M = 6.371e6
 LAPSE, TROPOPAUSE_M = 6.5e-3, 1.1e4
 AIR = 287.053  # J/(kg K), stated here too: what is simulated borrows nothing from what corrects it
 VAPOUR_SCALE_M = 2000.0
-# of the way from the antenna to the tropopause, whose bend is an edge
-LAYERS = 0.0, 0.15, 0.4, 1.0
+LAYERS = (
+    0.0,
+    0.15,
+    0.4,
+    1.0,
+)  # of the way from the antenna to the tropopause, whose bend is an edge
 HIGH_LAYERS_M = (2e4, 4e4, 8e4)
 NODES = 12  # of a layer
 SHELL_M = 3.5e5
@@ -168,8 +172,9 @@ class Ionosphere:
         `receiver` is latitude, longitude, rad, height, m, (n,).
         """
         lat, lon, height = (x[:, None] for x in receiver)
-        # sine of the zenith angle at the shell
-        low = (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)
+        low = (
+            (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)
+        )  # sine of the zenith angle at the shell
         away = 0.5 * np.pi - elevation - np.arcsin(low)
         pierced_lat = np.arcsin(
             np.sin(lat) * np.cos(away) + np.cos(lat) * np.sin(away) * np.cos(azimuth)

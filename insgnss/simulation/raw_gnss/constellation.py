@@ -245,8 +245,10 @@ def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
     true = u - perigee
     p = axis * (1.0 - ecc**2)
     r = p / (1.0 + ecc * np.cos(true))
-    radial = np.sqrt(PZ90_MU / p) * ecc * np.sin(true)
-    across = np.sqrt(PZ90_MU / p) * (1.0 + ecc * np.cos(true))
+    radial, across = (
+        np.sqrt(PZ90_MU / p) * ecc * np.sin(true),
+        np.sqrt(PZ90_MU / p) * (1.0 + ecc * np.cos(true)),
+    )
     toward = _in_plane(u, incl, node)
     ahead = _in_plane(u + 0.5 * np.pi, incl, node)
     position = r[:, None] * toward
@@ -256,12 +258,14 @@ def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
 
 def _in_plane(u: Array, incl: Array, node: Array) -> Array:
     """(n, 3) unit vectors at arguments of latitude u in planes of inclination and node."""
-    su = np.sin(u)
-    cu = np.cos(u)
-    si = np.sin(incl)
-    ci = np.cos(incl)
-    sn = np.sin(node)
-    cn = np.cos(node)
+    su, cu, si, ci, sn, cn = (
+        np.sin(u),
+        np.cos(u),
+        np.sin(incl),
+        np.cos(incl),
+        np.sin(node),
+        np.cos(node),
+    )
     return np.stack([cn * cu - sn * su * ci, sn * cu + cn * su * ci, su * si], axis=-1)
 
 

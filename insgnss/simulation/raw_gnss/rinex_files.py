@@ -36,8 +36,11 @@ Array = NDArray[np.float64]
 File = str | os.PathLike[str]
 
 VERSION = "2.11"
-# of an observation; observations a line; satellites a line of the epoch
-COLUMNS, PER_LINE, NAMES_PER_LINE = 16, 5, 12
+COLUMNS, PER_LINE, NAMES_PER_LINE = (
+    16,
+    5,
+    12,
+)  # of an observation; observations a line; satellites a line of the epoch
 LARGEST, SMALLEST = 9_999_999_999_999, -999_999_999_999  # thousandths that F14.3 holds
 TICKS_PER_S, DAY_S = 10_000_000, 86400  # resolution of the stamps
 URA_M, FIT_INTERVAL_H = 2.0, 4.0  # accuracy and validity that the messages claim

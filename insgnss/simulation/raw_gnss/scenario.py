@@ -47,8 +47,12 @@ SIGNALS = ("C1", "P2", "L1", "L2", "D1", "D2", "S1", "S2")
 GPS_HZ = (1575.42e6, 1227.60e6)
 GLONASS_HZ, GLONASS_STEP_HZ = (1602.0e6, 1246.0e6), (0.5625e6, 0.4375e6)
 BASE_MARGIN_S = 5.0  # of the base's record beyond the rover's
-# in the antenna's plane, more at its zenith, less on L2, noise
-STRENGTH_DBHZ = 30.0, 20.0, 6.0, 0.7
+STRENGTH_DBHZ = (
+    30.0,
+    20.0,
+    6.0,
+    0.7,
+)  # in the antenna's plane, more at its zenith, less on L2, noise
 FEWEST = 5
 CHANNELS = 14
 LOWEST_DEG = 3.0
@@ -296,8 +300,10 @@ def simulate_raw_gnss(
 
 def _rover(flight: Flight, rig: Rig, options: RawGnssOptions, rng: np.random.Generator) -> Antenna:
     motion, frame = flight.motion, flight.motion.frame
-    first = np.ceil(motion.start * options.rate_hz - 1e-6)
-    last = np.floor(motion.end * options.rate_hz + 1e-6)
+    first, last = (
+        np.ceil(motion.start * options.rate_hz - 1e-6),
+        np.floor(motion.end * options.rate_hz + 1e-6),
+    )
     stamp = np.arange(first, last + 1.0) / options.rate_hz
     if stamp.size < FEWEST:
         raise UsageError(
@@ -457,8 +463,10 @@ def _values(
     troposphere, ionosphere = _air(antenna, scene, paths)
     sine = np.sin(np.maximum(paths.elevation, np.radians(LOWEST_DEG)))
     common = paths.distance + LIGHT * antenna.clock_s[:, None] - paths.clock + troposphere
-    rate = paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT)
-    own_rate = antenna.clock_rate[:, None]
+    rate, own_rate = (
+        paths.rate - paths.clock_rate * (1.0 - paths.rate / LIGHT),
+        antenna.clock_rate[:, None],
+    )
     glonass = np.array([code[0] == "R" for code in scene.satellites.code])
     channel = scene.satellites.channel
     strength, zenith, less, spread = STRENGTH_DBHZ

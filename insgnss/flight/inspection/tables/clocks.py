@@ -20,8 +20,10 @@ FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
 COUNTER = re.compile(
     r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?"
 )
-SECONDS = re.compile(r"(.*?)(?:secs?|seconds?)")
-NANOSECONDS = re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)")
+SECONDS, NANOSECONDS = (
+    re.compile(r"(.*?)(?:secs?|seconds?)"),
+    re.compile(r"(.*?)n(?:ano)?(?:secs?|seconds?)"),
+)
 
 
 def clocks(grid: Grid, longest_step: float) -> dict[int, str]:

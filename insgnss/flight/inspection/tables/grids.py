@@ -25,8 +25,10 @@ SENSOR_STEMS = {
     "accel": {"accel", "acc", "accelerometer", "acceleration", "f", "fb", "specificforce"}
     | {"linearacceleration", "accdata", "acceldata", "imuaccel", "imuacc"},
 }  # squashed names of matrices
-DAY_FIRST = re.compile(r"\b\d{1,2}-[A-Z][a-z]{2}-\d{4}\b")
-YEAR_FIRST = re.compile(r"\b\d{4}-\d{2}-\d{2}\b")
+DAY_FIRST, YEAR_FIRST = (
+    re.compile(r"\b\d{1,2}-[A-Z][a-z]{2}-\d{4}\b"),
+    re.compile(r"\b\d{4}-\d{2}-\d{2}\b"),
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,10 @@ NAMES: dict[Role, Sequence[tuple[str, ...]]] = {"gyro": GYRO_NAMES, "accel": ACC
 IN_NAME: dict[Role, str] = {"gyro": "gyr", "accel": "acc"}  # of a file
 OTHER: dict[Role, str] = {"gyro": "accelerometers", "accel": "gyros"}
 TEXT = {".csv", ".txt", ".dat", ".tsv", ".log", ""}
-# scatter of the size of a force, in its median: of gravity, of an estimate
-STEADY, EXACT = 0.5, 1e-5
+STEADY, EXACT = (
+    0.5,
+    1e-5,
+)  # scatter of the size of a force, in its median: of gravity, of an estimate
 
 
 def half_of_imu(path: Path, table: Table, source_of: Callable[[Roles], Source]) -> list[Source]:

@@ -31,10 +31,16 @@ TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
 FASTEST_MS, LARGEST_SIGMA = 150.0, 100.0
 BAD_SHARE = 0.15  # of the rows: wrong fixes among those of a position
 MEDIAN_OF = 5  # rows, among which up to two wrong fixes do not show
-# rows; the way in them over that of one, which noise does not make; and what may be noise
-LAG, TRAVELLED, SMALL_M = 20, 4.0, 100.0
-# correlation and slope of a velocity against the differences of the positions, without the worst
-FOLLOWS, SLOPE, KEPT = 0.8, (0.75, 1.3), 0.75
+LAG, TRAVELLED, SMALL_M = (
+    20,
+    4.0,
+    100.0,
+)  # rows; the way in them over that of one, which noise does not make; and what may be noise
+FOLLOWS, SLOPE, KEPT = (
+    0.8,
+    (0.75, 1.3),
+    0.75,
+)  # correlation and slope of a velocity against the differences of the positions, without the worst
 RISES = 0.3  # correlation that tells a vertical velocity beside a speed and a course
 MOST_ROWS = 20000  # looked at
 BY_VALUES = "by their values: a position on Earth that moves as its velocity says"

@@ -48,8 +48,10 @@ def imu_roles(grid: Grid) -> Roles | None:
     if len(named_columns) == 6:
         ticks, how = clocks(grid, 0.5), Roles.how
         if not ticks:
-            ticks = clocks_by_values(grid, 0.5, set(named_columns.values()))
-            how = f"{Roles.how}, the clock by its values"
+            ticks, how = (
+                clocks_by_values(grid, 0.5, set(named_columns.values())),
+                f"{Roles.how}, the clock by its values",
+            )
         return Roles(named_columns, ticks, week_column(grid), how=how if ticks else Roles.how)
     if any(name is not None for name in grid.names):
         return None
@@ -154,8 +156,9 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
     ):
         units["length"] = "mm"  # receivers that count so write whole millimetres
     if "course" in columns:
-        # loggers name it wrongly
-        units["course"] = "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
+        units["course"] = (
+            "rad" if np.abs(grid.values[:, columns["course"]]).max() <= 6.3 else "deg"
+        )  # loggers name it wrongly
     ticks = clocks(grid, 30.0)
     repeat_column = _repeat_column(grid, columns, ticks)
     ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}

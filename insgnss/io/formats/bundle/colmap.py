@@ -377,11 +377,15 @@ def _write_priors(
 ) -> None:
     system = pycolmap.PosePriorCoordinateSystem
     if eo.frame.kind == "geographic":
-        position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
-        kind = system.WGS84
+        position, kind = (
+            np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]]),
+            system.WGS84,
+        )
     else:
-        position = eo.coordinates - _shift(eo, (0.0, 0.0, 0.0) if shift is None else shift)
-        kind = system.CARTESIAN
+        position, kind = (
+            eo.coordinates - _shift(eo, (0.0, 0.0, 0.0) if shift is None else shift),
+            system.CARTESIAN,
+        )
     gravity = -eo.C_Ec[:, 2]
     earlier = {
         (p.corr_data_id.sensor_id.id, p.corr_data_id.id): p.pose_prior_id

@@ -58,8 +58,10 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
     check_frame(eo, "pix4d_matic", GEOGRAPHIC, PROJECTED)
     check_names(eo.images, ",")
     ypr, _ = angles_of(eo, *north_attitude(eo), YPR)
-    order = [0, 1, 2]
-    names = ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"]
+    order, names = (
+        [0, 1, 2],
+        ["easting", "northing"] if eo.frame.kind == PROJECTED else ["longitude", "latitude"],
+    )
     if eo.frame.northing_first:
         order, names = [1, 0, 2], names[::-1]
     table = np.hstack([places(eo)[:, order], np.degrees(ypr), plan_and_height_sigma(eo)])

@@ -20,9 +20,11 @@ from .rounding import floor_of_zeros
 
 Array = NDArray[np.float64]
 
-SIGMA = ("sd_n", "sd_e", "sd_u")
-VELOCITY = ("vn", "ve", "vd", "vu")
-VELOCITY_SIGMA = ("sd_vn", "sd_ve", "sd_vd")
+SIGMA, VELOCITY, VELOCITY_SIGMA = (
+    ("sd_n", "sd_e", "sd_u"),
+    ("vn", "ve", "vd", "vu"),
+    ("sd_vn", "sd_ve", "sd_vd"),
+)
 ASSUMED = "sd_assumed"  # column, not zero where the file states no standard deviations
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}

@@ -248,8 +248,10 @@ def _fix(
             " receiver write it, or set undulation_m"
         )
         raise InputError.at_line(path, line, message)
-    lat = _degrees(fields[2], fields[3], "NS", path, line)
-    lon = _degrees(fields[4], fields[5], "EW", path, line)
+    lat, lon = (
+        _degrees(fields[2], fields[3], "NS", path, line),
+        _degrees(fields[4], fields[5], "EW", path, line),
+    )
     above = number(separation, path, line) if separation else float(undulation_m or 0.0)
     code = number(fields[6], path, line)
     if code not in NMEA_QUALITY:

@@ -348,9 +348,11 @@ def _position(
                 cols[name],
                 f"{name} {{:.6f}} deg exceeds {limit:.0f}",
             )
-        lat = np.radians(given[:, 0])
-        lon = np.radians(given[:, 1])
-        height = _above_ellipsoid(table, header, given[:, 2], undulation_m)
+        lat, lon, height = (
+            np.radians(given[:, 0]),
+            np.radians(given[:, 1]),
+            _above_ellipsoid(table, header, given[:, 2], undulation_m),
+        )
         return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
     C_e = np.eye(3)
     if header.kind == "e-baseline":

@@ -57,9 +57,11 @@ from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, V
 from .xmp import Properties, set_properties
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
-PIX4D = "http://pix4d.com/camera/1.0"
-DJI = "http://www.dji.com/drone-dji/1.0/"
-OWN = "urn:insgnss:exterior-orientation:1.0#"
+PIX4D, DJI, OWN = (
+    "http://pix4d.com/camera/1.0",
+    "http://www.dji.com/drone-dji/1.0/",
+    "urn:insgnss:exterior-orientation:1.0#",
+)
 STALE = {
     "http://ns.adobe.com/exif/1.0/": (
         *(

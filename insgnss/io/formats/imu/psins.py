@@ -156,8 +156,10 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
             "the values of one count (arcsec, ug s) do not stand here; is it a PSINS log?",
         )
     rpy = (first[1] * DEG, first[0] * DEG, -first[2] * DEG)
-    gyro = (DEG / 3600.0 * value for value in scale[:3])
-    accel = (1e-6 * site[5] * value for value in scale[3:])
+    gyro, accel = (
+        (DEG / 3600.0 * value for value in scale[:3]),
+        (1e-6 * site[5] * value for value in scale[3:]),
+    )
     place_of = (site[0] * DEG, site[1] * DEG, site[2], site[3], 1e-3 * site[4], site[5])
     return (
         PsinsHeader(

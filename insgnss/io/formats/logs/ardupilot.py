@@ -114,8 +114,10 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         raise InputError.at_line(path, None, MISSING) from None
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
-    kinds = np.empty(buf.size // 3 + 1, dtype=np.int64)
-    places = np.empty(buf.size // 3 + 1, dtype=np.int64)
+    kinds, places = (
+        np.empty(buf.size // 3 + 1, dtype=np.int64),
+        np.empty(buf.size // 3 + 1, dtype=np.int64),
+    )
     n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
         raise InputError.at_line(
@@ -136,8 +138,10 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
         starts = places[kinds == kind]
-        names = [label for label, _ in zip(labels, form, strict=False)]
-        types = [FORMAT_TO_STRUCT.get(c) for c in form]
+        names, types = (
+            [label for label, _ in zip(labels, form, strict=False)],
+            [FORMAT_TO_STRUCT.get(c) for c in form],
+        )
         if kind == FMT or starts.size == 0 or None in types or len(labels) != len(form):
             continue
         dtype = np.dtype([(f"f{i}", _numpy_type(t[0])) for i, t in enumerate(types)])

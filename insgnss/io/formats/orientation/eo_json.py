@@ -188,8 +188,10 @@ def _image_texts(eo: ExteriorOrientation) -> Iterator[str]:
 
     plane = TangentPlane(*eo.origin)
     ecef = plane.origin_ecef + eo.position_m @ plane.C_em.T
-    quaternion = quaternion_from_rotation(eo.C_mc)
-    quaternion_ecef = quaternion_from_rotation(plane.C_em @ eo.C_mc)
+    quaternion, quaternion_ecef = (
+        quaternion_from_rotation(eo.C_mc),
+        quaternion_from_rotation(plane.C_em @ eo.C_mc),
+    )
     names = [] if eo.rig is None else eo.rig.of_images
     of_camera = [] if eo.rig is None else _of_camera(eo.rig)
     for k, name in enumerate(eo.images):

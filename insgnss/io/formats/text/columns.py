@@ -92,8 +92,10 @@ def columns_of(
     """
     layout, choices = table.layout, ", ".join(aliases)
     if isinstance(columns, Mapping):
-        assigned = _from_mapping(table.path, layout, aliases, columns)
-        source = f"columns = {dict(columns)}"
+        assigned, source = (
+            _from_mapping(table.path, layout, aliases, columns),
+            f"columns = {dict(columns)}",
+        )
     elif columns is not None:
         if len(columns) != layout.n_fields:
             raise InputError.at_line(

@@ -219,8 +219,10 @@ def settled_units(
         )
         factors[key] = _given_factor(path, columns[key], kind, units[key])
         if requested and (header_unit := _other_unit(fields[key], kind, requested)):
-            finding = f"the header says {header_unit}, and units {key} = {requested} was taken"
-            advice = f"leave units {key} out if the header is right"
+            finding, advice = (
+                f"the header says {header_unit}, and units {key} = {requested} was taken",
+                f"leave units {key} out if the header is right",
+            )
             notes.append(note(f"{of} units", finding, "one unit", advice))
     return units, factors, tuple(notes)
 

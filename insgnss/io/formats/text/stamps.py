@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 
 DIGITS_S = (1e-1, 1e-2, 1e-3, 1e-4)
 COARSE, TOO_COARSE = 0.02, 0.45  # of the interval: digits that matter, and that hide a sample
-# of a line: longer than the beat of most rates with a millisecond; fewest stamps that are spread
-WINDOW_S, LEAST = 20.0, 40
+WINDOW_S, LEAST = (
+    20.0,
+    40,
+)  # of a line: longer than the beat of most rates with a millisecond; fewest stamps that are spread
 PAIRED = 0.95  # of the repeated stamps: those beside a skipped one
 EVEN = 0.98  # of the steps: fewer are of a sensor that samples unevenly, or of a broken recording
 EXPLAINED = 0.6  # of the digit: what rounding and the line leave at most

@@ -115,8 +115,16 @@ Index = NDArray[np.int64]
 # indices of `CLASSES`
 FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
 VALIDATED = (FIXED, DEGRADED)
-# RTKLIB's 0 to 7; of what is unknown the largest
-CLASS_OF_QUALITY = SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE
+CLASS_OF_QUALITY = (
+    SINGLE,
+    FIXED,
+    FLOAT,
+    SBAS,
+    DGPS,
+    SINGLE,
+    PPP,
+    SINGLE,
+)  # RTKLIB's 0 to 7; of what is unknown the largest
 FLOAT_QUALITY = 2
 # fixed ones that are needed, and epochs to either side that count where they are rarer than in
 # `support_s`
@@ -267,8 +275,10 @@ def outliers(
     rows = np.flatnonzero(validated)
     if rows.size < 3:
         return off, worst > 0.0
-    t = fixes.time[rows]
-    position = geodetic_to_ecef(fixes.lat[rows], fixes.lon[rows], fixes.height[rows])
+    t, position = (
+        fixes.time[rows],
+        geodetic_to_ecef(fixes.lat[rows], fixes.lon[rows], fixes.height[rows]),
+    )
     before, after = (t[1:-1] - t[:-2])[:, None], (t[2:] - t[1:-1])[:, None]
     share = before / (before + after)
     middle = rows[1:-1]
@@ -456,8 +466,10 @@ def _reach(time: Array, support_s: float) -> float:
 def _support(time: Array, which: NDArray[np.bool_], reach: float) -> tuple[Index, Array]:
     """Number (n,) of `which`, and their share (n,), among the epochs within `reach` s of each."""
     count = np.concatenate([[0], np.cumsum(which)])
-    first = np.searchsorted(time, time - reach)
-    after = np.searchsorted(time, time + reach, side="right")
+    first, after = (
+        np.searchsorted(time, time - reach),
+        np.searchsorted(time, time + reach, side="right"),
+    )
     supporting = count[after] - count[first]
     return supporting, np.asarray(supporting / (after - first))
 

@@ -46,8 +46,10 @@ from .parity import Parity, parity_of
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S, SMOOTH_S = 0.02, 0.1
 LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
-# of an offset that is added, and of the change that ends its refinement
-APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1
+APPLIED_SIGMAS, SETTLED_SIGMAS = (
+    5.0,
+    0.1,
+)  # of an offset that is added, and of the change that ends its refinement
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
 TURNING = 0.01  # rad/s, rms: less does not show the clocks
@@ -126,8 +128,10 @@ def combine(
         _Track.of(imu, _body_rates(imu, np.asarray(C, dtype=np.float64)))
         for imu, C in zip(imus, C_b_imu, strict=True)
     ]
-    stack = np.empty((len(imus), base.time.size, 6))
-    there = np.ones((len(imus), base.time.size), dtype=bool)
+    stack, there = (
+        np.empty((len(imus), base.time.size, 6)),
+        np.ones((len(imus), base.time.size), dtype=bool),
+    )
     stack[0] = _body_rates(base, np.asarray(C_b_imu[0], dtype=np.float64))
     offset, offset_sigma, checks = np.zeros(len(imus)), np.full(len(imus), np.nan), []
     offset_sigma[0], angles = 0.0, tracks[0].angles()
@@ -277,8 +281,10 @@ class _Track:
 
     def angles(self) -> "_Track":
         """Running sums of the angular rates alone, (k, 3) rad."""
-        value = np.ascontiguousarray(self.value[:, :3])
-        chord = np.ascontiguousarray(self.chord[:, :3])
+        value, chord = (
+            np.ascontiguousarray(self.value[:, :3]),
+            np.ascontiguousarray(self.chord[:, :3]),
+        )
         if self.instant:
             chord = 0.5 * (value[1:] + value[:-1])
             value = np.empty_like(value)

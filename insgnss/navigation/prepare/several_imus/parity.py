@@ -37,8 +37,10 @@ BLOCK_S, WINDOW_BLOCKS = 0.1, 10
 SLOW_S = 60.0
 DYNAMIC = 0.003
 MATRIX_LIMIT = 0.03  # of scale factors
-# rad, of one IMU's axes against the other's: mounted askew, and not as declared
-TURN_NOTE, TURN_LIMIT = 0.01, 0.1
+TURN_NOTE, TURN_LIMIT = (
+    0.01,
+    0.1,
+)  # rad, of one IMU's axes against the other's: mounted askew, and not as declared
 ROOT2 = 2.0**0.5
 LIMIT, LEVEL_LIMIT = 4.0, 25.0
 WINDOWS = 3  # contradicting windows that make a fault
@@ -118,8 +120,9 @@ def parity_of(
         / total[:, None]
     )
     full = np.stack([np.add.reduceat((~x).astype(np.int64), starts) == 0 for x in there])
-    # of a plain mean as noisy
-    duration = total**2 / np.add.reduceat(bell**2, starts) * nominal_interval(time)
+    duration = (
+        total**2 / np.add.reduceat(bell**2, starts) * nominal_interval(time)
+    )  # of a plain mean as noisy
     pairs = tuple(combinations(range(m), 2))
     results = [_pair(mean, full[i] & full[j], duration, sigma, i, j) for i, j in pairs]
     level = np.array(
@@ -132,8 +135,10 @@ def parity_of(
     with np.errstate(invalid="ignore"):
         contradicts = (ratio > LIMIT * level[:, :, None]).any(axis=1)
     matrix = np.stack([r.matrix for r in results])
-    scale = 0.5 * (matrix + np.swapaxes(matrix, 2, 3))
-    turned = np.linalg.norm(0.5 * (matrix - np.swapaxes(matrix, 2, 3)), axis=(2, 3)) / ROOT2
+    scale, turned = (
+        0.5 * (matrix + np.swapaxes(matrix, 2, 3)),
+        np.linalg.norm(0.5 * (matrix - np.swapaxes(matrix, 2, 3)), axis=(2, 3)) / ROOT2,
+    )
     always = (
         (level > LEVEL_LIMIT).any(axis=1)
         | (np.abs(scale).max(axis=(1, 2, 3)) > MATRIX_LIMIT)
@@ -175,8 +180,10 @@ def _pair(
     if full.sum() < 2 * WINDOW_BLOCKS:
         return _Pair(ratio, matrix)
     for k, axes in enumerate((slice(0, 3), slice(3, 6))):
-        d = mean[j, full, axes] - mean[i, full, axes]
-        signal = 0.5 * (mean[j, full, axes] + mean[i, full, axes])
+        d, signal = (
+            mean[j, full, axes] - mean[i, full, axes],
+            0.5 * (mean[j, full, axes] + mean[i, full, axes]),
+        )
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
         matrix[k] = _robust_matrix(d, signal, noise)

@@ -250,8 +250,10 @@ def _floor(frequency: Array, S: Array, freedom: float) -> Array:
     from scipy.special import chdtri
 
     mean = freedom / float(chdtri(freedom, 0.5))
-    low = np.searchsorted(frequency, frequency / np.sqrt(2.0))
-    high = np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right")
+    low, high = (
+        np.searchsorted(frequency, frequency / np.sqrt(2.0)),
+        np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right"),
+    )
     return mean * np.array(
         [[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S]
     )

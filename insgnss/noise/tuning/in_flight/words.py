@@ -29,8 +29,10 @@ NAMES = {
 DOUBTFUL = 0.1  # chance below which a longer flight is proposed
 WANTED = 0.05  # standard error of a factor that a longer flight is proposed for
 MANY_LINES = 6
-# white noise over its limit by the spectrum, less so many standard errors
-TOO_MUCH, SURE = 1.2, 2.0
+TOO_MUCH, SURE = (
+    1.2,
+    2.0,
+)  # white noise over its limit by the spectrum, less so many standard errors
 Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
@@ -218,8 +220,10 @@ def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> list[str]
         triad = slice(3 * k, 3 * k + 3)
         static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
         if static.all() and np.isfinite(straight.level[triad]).all():
-            level = _mean(straight.level[triad] / static)
-            begin = straight.level_from_hz[triad].max()
+            level, begin = (
+                _mean(straight.level[triad] / static),
+                straight.level_from_hz[triad].max(),
+            )
             out.append(
                 f"  {sensor}: level from {begin:.1f} Hz on, as white noise {level:.2f} times the"
                 " static model's is"

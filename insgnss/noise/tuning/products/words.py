@@ -46,8 +46,9 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     if t.stationarity is not None:
         yield with_names(t.stationarity.sentence, t, recordings)
     yield from superfluous(t)
-    # a process that is too short stands in the model as white noise
-    stood_in = t.noise.white_noise > t.kept.axis.white_noise
+    stood_in = (
+        t.noise.white_noise > t.kept.axis.white_noise
+    )  # a process that is too short stands in the model as white noise
     for v in t.inference.verdicts:  # but for what `superfluous` and `remarks` say
         if (
             not v.identifiable
