@@ -116,9 +116,9 @@ def _one(triple: tuple[float, ...]) -> Any:
 
 def _checks() -> str:
     """The names of the checks."""
-    from insgnss.navigation.recognise.plausibility import NAMES
+    from insgnss.records.verdicts import CHECKS
 
-    whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
+    whole = (f'"{name}",'.replace(" ", "\0") for name in CHECKS)
     lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH, break_on_hyphens=False)
     return "\n".join(lines).replace("\0", " ") + "\n"
 

@@ -12,10 +12,11 @@ from ..base.wording import spoken_as
 from ..navigation.prepare.clock import NO_WEEK
 from ..records import (
     CameraEvents,
-    Check,
+    Finding,
     GnssFixes,
     ImuSamples,
     Quantity,
+    Question,
     barometer_heights,
     camera_events,
     gnss_fixes,
@@ -181,10 +182,10 @@ def _refuse_ambiguous(flight: "Flight", changes: Mapping[str, Any]) -> None:
             )
 
 
-def _no_week() -> Check:
+def _no_week() -> Finding:
     given = f"none is given; {NO_WEEK} stands in for it"
-    return Check(
-        "GPS week", given, "gps_week, or a week in the records", "note", "times stay as they are"
+    return Question("GPS week", "gps_week, or a week in the records").note(
+        given, "times stay as they are"
     )
 
 

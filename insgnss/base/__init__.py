@@ -10,6 +10,7 @@ what they were made from (`provenance.py`).
 Where to look
     the version: `__version__` below
     errors and their exit codes: `errors.py`; how a message names an option: `wording.py`
+    what is found of data, with a verdict and what to do: `findings/`
     files that appear together: `output/staging.py` on the directories of `scratch.py`, with
         signals held back by `interrupts.py`; moves of a killed run: `output/unfinished.py`
     what a file may do that somebody sent: be written for below its own directory

@@ -11,7 +11,9 @@ command line has said otherwise:
         named("gnss.antex")                    --antex
         setting("camera.skip_events", [3, 5])  --skip-events 3 5
 
-An argument of a Python function, such as `imu_axes`, is written as a key is.
+An argument of a Python function, such as `imu_axes`, is written as a key is. A caller who has no
+such option is told what to do instead: `spoken_as(named, {"imu.units gyro": multiply})` calls
+`multiply` with the value that the option should have and the one that it was taken for.
 
 The words belong to the current context (`contextvars`); a thread takes them over where it is
 started through `contextvars.copy_context`. Which key is which option stands in the schema
@@ -20,37 +22,86 @@ started through `contextvars.copy_context`. Which key is which option stands in 
 Paths and commands are written as the system's shell takes them (`relative`, `command_line`).
 """
 
+import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 DOCTOR = "`insgnss doctor` shows what is installed"
 """The end of a message that only an installation can mend."""
-_OPTIONS: ContextVar[Mapping[str, str]] = ContextVar("options", default=MappingProxyType({}))
+Settings = Mapping[str, Callable[[Any, str], str]]
+
+
+@dataclass(frozen=True)
+class _Door:
+    """How a caller writes options: their names, and what stands for one that he has not."""
+
+    name: Callable[[str], str]
+    settings: Settings
+
+
+_FLIGHT_FILE = _Door(str, MappingProxyType({}))
+_DOOR: ContextVar[_Door] = ContextVar("door", default=_FLIGHT_FILE)
 
 
 @contextmanager
-def spoken_as(options: Mapping[str, str]) -> Iterator[None]:
+def spoken_as(
+    options: Mapping[str, str] | Callable[[str, str], str], settings: Settings | None = None
+) -> Iterator[None]:
     """Name the keys of `options` by its values as long as the context lasts.
 
     Parameters
     ----------
-    options : Mapping[str, str]
-        The option of the command line ("--antex") for the key of the flight file ("gnss.antex").
+    options : Mapping[str, str] or callable
+        The option of the command line ("--antex") for the key of the flight file ("gnss.antex"),
+        or a function of the key and of how the caller outside writes it.
+    settings : Mapping[str, callable], optional
+        What a caller does who has no such option, by key: a function of the value and of the one
+        that it was taken for, "" where there is none.
     """
-    token = _OPTIONS.set(options)
+    outside = _DOOR.get().name
+    name: Callable[[str], str] = (
+        (lambda key: options(key, outside(key)))
+        if callable(options)
+        else (lambda key: options.get(key, key))
+    )
+    token = _DOOR.set(_Door(name, settings or {}))
     try:
         yield
     finally:
-        _OPTIONS.reset(token)
+        _DOOR.reset(token)
 
 
 def named(key: str) -> str:
     """Name of the option that the flight file calls `key`, as the present caller writes it."""
-    return _OPTIONS.get().get(key, key)
+    return _DOOR.get().name(key)
+
+
+def set_to(key: str, value: Any, instead: str = "") -> str:
+    """The option `key` with a value that can be copied, or what the caller does instead of it."""
+    door = _DOOR.get()
+    if (action := door.settings.get(key)) is not None:
+        return action(value, instead)
+    option = door.name(key)
+    if option.startswith("--"):
+        return setting(key, value)
+    text = str(value) if option != key and isinstance(value, bool) else toml(value)
+    return f"{option} = {text}" + (f" (not in {instead})" if instead else "")
+
+
+def toml(value: Any, width: float = float("inf")) -> str:
+    """A value in TOML; a list that is longer than `width` letters has a line for each element."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        items = [toml(item) for item in value]
+        line = f"[{', '.join(items)}]"
+        return line if len(line) <= width else "[\n" + "".join(f"  {x},\n" for x in items) + "]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def setting(key: str, value: Any) -> str:

@@ -21,6 +21,6 @@ Where to look
     machine, kernels on disk, grids, the PPK engine: `installation/surroundings.py`
     kernels compiled ahead (`doctor --compile`): `installation/compiling.py`
     the compiled core against a closed form: `installation/self_test.py`
-    a new finding of `doctor`: a function that returns a `Finding` (`installation/finding.py`),
+    a new finding of `doctor`: a function that returns a `Finding` (`insgnss/base/findings/`),
         listed in `installation/examination.py`
 """

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError, OptionError, UsageError
 from ..base.files import atomic_write, expanded, json_ready
+from ..base.findings import check_lines
 from ..base.inputs import is_file
 from ..base.output.staging import together
 from ..base.provenance import made_from, paths_named_by, refuse_other_results
@@ -67,19 +68,10 @@ class PpkRun:
 
     def summary(self) -> str:
         """What a person reads."""
-        mark = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
-        width = max(len(finding.name) for finding in self.result.checks)
-        lines = [self.result.verdict]
-        for finding in self.result.checks:
-            lines.append(f"{mark[finding.verdict]}  {finding.name:<{width}}  {finding.found}")
-            if finding.verdict != "ok":
-                lines.append(
-                    f"      {'':<{width}}  expected: {finding.expected}"
-                    + (f"; {finding.advice}" if finding.advice else "")
-                )
         return "\n".join(
             [
-                *lines,
+                self.result.verdict,
+                *check_lines(self.result.checks),
                 f"{self.result.engine}, {self.result.cpu_s:.1f} s of CPU",
                 *(str(path) for path in self.files),
             ]
@@ -96,7 +88,7 @@ class PpkRun:
             "cpu_s": result.cpu_s,
             "verdict": result.verdict,
             "quality": result.quality,
-            "checks": [asdict(check) for check in result.checks],
+            "checks": [check.as_dict() for check in result.checks],
             "input": asdict(given),
             **self.made,
             "files": [str(path) for path in self.files],

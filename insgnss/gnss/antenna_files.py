@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..base.errors import DataError
 from ..geodesy.frames import LocalFrame, TangentPlane
 from ..io.formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
-from ..records import Array, CameraEvents, Check, GnssFixes
+from ..records import Array, CameraEvents, Finding, GnssFixes, Question
 
 SOLUTION = "ppk.pos"
 ALL, IMAGES, PLANE = (
@@ -42,7 +42,7 @@ def positions_of_others(directory: Path) -> str | None:
 
 def write_antenna_files(
     fixes: GnssFixes, events: CameraEvents | None, directory: Path, origin: Array | None = None
-) -> tuple[tuple[Path, ...], Check | None]:
+) -> tuple[tuple[Path, ...], Finding | None]:
     """Write the positions of all fixes, and of the images where there are events.
 
     Parameters
@@ -61,7 +61,7 @@ def write_antenna_files(
     -------
     paths : tuple of Path
         The files that were written.
-    check : Check or None
+    check : Finding or None
         Names the images without position.
 
     Raises
@@ -164,7 +164,7 @@ def _linear(node: Array, value: Array, time: Array, after: NDArray[np.int64]) ->
     return np.asarray(value[after - 1] + share[:, None] * (value[after] - value[after - 1]))
 
 
-def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Check | None:
+def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Finding | None:
     if covered.all():
         return None
     missing = [
@@ -172,10 +172,6 @@ def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Check
     ]
     listed = ", ".join(missing[:5]) + (" ..." if len(missing) > 5 else "")
     finding = f"{len(missing)} of {covered.size} images have no fixes around them: {listed}"
-    return Check(
-        "images without position",
-        finding,
-        "fixes around every exposure",
-        "note",
-        "the navigation with the IMU bridges the gap",
+    return Question("images without position", "fixes around every exposure").note(
+        finding, "the navigation with the IMU bridges the gap"
     )

@@ -51,7 +51,7 @@ from ..base.wording import named, setting
 from ..geodesy.frames import geodetic_to_ecef
 from ..io.options.kinds import accepted
 from ..io.options.schema import declared
-from ..records import Check
+from ..records import Finding, Question
 from .ppk_options import EngineSettings, Point, RawGnss
 from .rinex.header import RinexHeader
 
@@ -222,7 +222,7 @@ def prediction_sd(options: EngineOptions, interval_s: float) -> float:
     return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
 
 
-def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
+def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Finding, ...]:
     """Return a note where the rover's epochs, every interval_s, are too rare for dynamics.
 
     There is none where the user's options say whether to have them.
@@ -240,12 +240,8 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ..
         f" {named('gnss.rtklib_options')}"
     )
     return (
-        Check(
-            "engine dynamics",
-            finding,
-            f"on, with epochs every {longest:.1f} s at most",
-            "note",
-            advice,
+        Question("engine dynamics", f"on, with epochs every {longest:.1f} s at most").note(
+            finding, advice
         ),
     )
 

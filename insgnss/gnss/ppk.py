@@ -41,7 +41,7 @@ from ..navigation.prepare.fix_covariance.classes import (
     calibrate,
     forward_backward,
 )
-from ..records import Array, CameraEvents, Check, GnssFixes
+from ..records import Array, CameraEvents, Finding, GnssFixes, Question
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
 from .covariance_model import MODEL, CovarianceModel
@@ -154,7 +154,7 @@ class PpkResult:
         `navigation.prepare.fix_covariance.classes`; its notes are empty.
     events : CameraEvents, optional
         Camera events of the rover's file or of their own, None without any.
-    checks : tuple of Check
+    checks : tuple of Finding
         Checks of all steps.
     verdict : str
         The quality in one sentence.
@@ -172,7 +172,7 @@ class PpkResult:
 
     fixes: GnssFixes
     events: CameraEvents | None
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     verdict: str
     quality: dict[str, Any]
     series: dict[str, Any]
@@ -287,7 +287,7 @@ def _solved_in(given: PpkInput, directory: Path, say: Progress) -> PpkResult:
 
 def _solve_joined(given: PpkInput, directory: Path | None, progress: Progress | None) -> PpkResult:
     """Solve receivers of which several files are given, joined to one each, or their own logs."""
-    logs: list[Check] = []
+    logs: list[Finding] = []
     with scratch_directory(Path(gettempdir())) as scratch:
         one_each = []
         for files, name in ((given.rover, "rover"), (given.base, "base")):
@@ -360,7 +360,9 @@ class _Solved:
         )
 
 
-def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
+def _events(
+    given: PpkInput, rover: Observations
+) -> tuple[CameraEvents | None, tuple[Finding, ...]]:
     """Camera events of the rover's file, by its clock, or of one of their own, and a note where
     there are only such as nobody asks for.
 
@@ -389,7 +391,7 @@ def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, 
 
 def _checks_of(
     events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
-) -> list[Check]:
+) -> list[Finding]:
     """Checks of events before their delay: whether a file's are the rover's, and the delay."""
     checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
     if isinstance(given.events, Path) and rover.events.size:
@@ -416,7 +418,7 @@ def _at_exposures(
 
 def _without_wet_delay(
     fixes: GnssFixes, sky: Sky, base_ecef: Array, given: PpkInput
-) -> tuple[GnssFixes, Check]:
+) -> tuple[GnssFixes, Finding]:
     """Fixes with the correction of `troposphere` and its covariance, and what it amounts to."""
     blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
     quality = np.where(
@@ -433,10 +435,8 @@ def _without_wet_delay(
         f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
     )
     source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
-    check = Check(
-        "GNSS wet delay", finding, f"a correction from the {source}; the engine leaves it out"
-    )
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), check
+    ask = Question("GNSS wet delay", f"a correction from the {source}; the engine leaves it out")
+    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
 
 def _without_ionosphere(
@@ -446,11 +446,11 @@ def _without_ionosphere(
     sky: Sky,
     base_ecef: Array,
     given: PpkInput,
-) -> tuple[GnssFixes, Check]:
+) -> tuple[GnssFixes, Finding]:
     """Fixes with the correction of `ionosphere` and its covariance, and what it amounts to."""
-    name, expected = "GNSS ionosphere", "a correction that the bands show; the engine leaves it out"
+    ask = Question("GNSS ionosphere", "a correction that the bands show; the engine leaves it out")
     if engine_models_it(given.options):
-        return fixes, Check(name, "left to the engine, which models it", expected)
+        return fixes, ask.ok("left to the engine, which models it")
     air, frequencies = _air(given, base_ecef), given.options.frequencies
     correction = ionosphere_correction(
         fixes, *observed, navigation, base_ecef, sky, air, frequencies
@@ -464,7 +464,7 @@ def _without_ionosphere(
             "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
             f" to {FAR_M / 1e3:.0f} km away"
         )
-        return fixes, Check(name, reason, expected, "note", advice)
+        return fixes, ask.note(reason, advice)
     vertical, north, east, *local = correction.ionosphere.value.mean(axis=0)
     north, east = north + local[0], east + local[1]
     moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
@@ -481,9 +481,7 @@ def _without_ionosphere(
             f" {100.0 * max(correction.gain, 0.0):.0f} % ({100.0 * LEAST_GAIN:.0f} % are needed):"
             f" they are uncertain by {sigma:.1f} mm"
         )
-    return _moved(fixes, correction.correction_ned, correction.cov_ned), Check(
-        name, finding, expected
-    )
+    return _moved(fixes, correction.correction_ned, correction.cov_ned), ask.ok(finding)
 
 
 def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
@@ -503,7 +501,7 @@ def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
 
 def _with_velocity(
     fixes: GnssFixes, rover: Observations, navigation: Navigation
-) -> tuple[GnssFixes, Check]:
+) -> tuple[GnssFixes, Finding]:
     """Fixes with velocities from phase where there are some, else from positions."""
     velocity, cov = _from_positions(fixes)
     try:
@@ -520,24 +518,17 @@ def _with_velocity(
             "velocities are those of the positions; look at the loss-of-lock flags and the"
             " navigation files"
         )
-        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Check(
-            "GNSS velocity", str(error), "velocities", "note", advice
-        )
+        check = Question("GNSS velocity", "velocities").note(str(error), advice)
+        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
     velocity[from_phase], cov[from_phase] = phase[from_phase], phase_cov[from_phase]
     sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[from_phase], axis1=1, axis2=2), axis=0))
     finding = (
         f"{from_phase.sum()} of {from_phase.size} epochs from phase, standard deviations"
         f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
     )
-    few = from_phase.mean() < MOST_VELOCITIES
-    advice = "the others have those of the positions; cycle slips or few satellites" if few else ""
-    check = Check(
-        "GNSS velocity",
-        finding,
-        f"{100 * MOST_VELOCITIES:.0f} % at least",
-        "note" if few else "ok",
-        advice,
-    )
+    ask = Question("GNSS velocity", f"{100 * MOST_VELOCITIES:.0f} % at least")
+    advice = "the others have those of the positions; cycle slips or few satellites"
+    check = ask.note(finding, advice, when=from_phase.mean() < MOST_VELOCITIES)
     return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
 
 

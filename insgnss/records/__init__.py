@@ -8,7 +8,7 @@ the row and the time. Readers turn such a refusal into a message with file and l
 before they build (`insgnss/io/formats/`).
 
 The way of the data: `ImuSamples`, `GnssFixes` and `CameraEvents` are recorded, `Increments` are
-integrated, `Trajectory` and `ExteriorOrientation` are estimated, `Check` and `Verdict` are judged.
+integrated, `Trajectory` and `ExteriorOrientation` are estimated, `Finding`s are judged.
 
 Where to look
     samples, fixes (with satellites, ratio, age, PDOP), exposures, air pressure: `observations.py`
@@ -25,11 +25,13 @@ Where to look
     which camera of a rig took which image: `cameras/rig.py`
     an image block: `block.py`; camera positions without attitude: `camera_positions.py`
     error states of the filter: `states.py`
-    checks, verdicts, mean residuals: `verdicts.py`; wavelet variances: `variances.py`
+    checks and their ranks, estimates, mean residuals: `verdicts.py`
+    wavelet variances: `variances.py`
     what kind of a solution a fix is: `qualities.py`
     what a record checks at its birth: `_checked.py`
 """
 
+from ..base.findings import Finding, Question, Verdict
 from ._checked import Array
 from .framed import FramedOrientation, MapFrame
 from .from_tables import barometer_heights, camera_events, gnss_fixes, imu_samples
@@ -46,7 +48,7 @@ from .rows import Rows
 from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
-from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError, Verdict
+from .verdicts import Check, Estimate, MeanResidual, TimeCorrelatedError
 
 __all__ = [
     "QUANTITIES",
@@ -55,7 +57,9 @@ __all__ = [
     "CameraEvents",
     "Check",
     "Diagnostics",
+    "Estimate",
     "ExteriorOrientation",
+    "Finding",
     "FramedOrientation",
     "GnssFixes",
     "ImuBiases",
@@ -65,8 +69,8 @@ __all__ = [
     "MapFrame",
     "MeanResidual",
     "Quantity",
+    "Question",
     "Rows",
-    "StateVerdict",
     "TimeCorrelatedError",
     "Trajectory",
     "Verdict",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
+from ..base.findings import Question
 from ._checked import FINEST, Array, float_array
 from .observations import (
     FINEST_DEG,
@@ -24,7 +25,6 @@ from .observations import (
     ImuSamples,
     Quantity,
 )
-from .verdicts import Check
 
 TIME = ("tow", "time", "time_s")
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
@@ -176,7 +176,7 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     numbering = f"no image names; the {time.size} events are numbered from 1"
     if columns is not None:
         numbering += f" (columns: {', '.join(map(str, columns))})"
-    note = Check("event names", numbering, "a name for each event", "note", "give a column image")
+    note = Question("event names", "a name for each event").note(numbering, "give a column image")
     return CameraEvents(names, time, week, "events", (note,))
 
 

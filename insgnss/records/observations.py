@@ -11,7 +11,7 @@ from ..base.errors import InputError
 from ..geodesy.gpstime import WEEK_S
 from ._checked import Array, float_array, frozen, increasing
 from .rows import Rows
-from .verdicts import Check
+from .verdicts import Finding
 
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
 
@@ -66,7 +66,7 @@ class ImuSamples(Rows):
     quantity: Quantity = "mean_rate"
     gps_week: int | None = None
     source: str = ""
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -222,7 +222,7 @@ class GnssFixes(Rows):
     quality: NDArray[np.int64] | None = None
     gps_week: int | None = None
     source: str = ""
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
     satellites: Array | None = None
     ratio: Array | None = None
     age_s: Array | None = None
@@ -381,7 +381,7 @@ class CameraEvents(Rows):
     time: Array
     gps_week: int | None = None
     source: str = ""
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
     offset_ned: Array | None = None
     sigma_s: Array | None = None
     time_scale: str = ""
@@ -427,7 +427,7 @@ class BarometerHeights(Rows):
     height: Array
     gps_week: int | None = None
     source: str = ""
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size

@@ -14,7 +14,7 @@ from ._checked import Array, frozen, increasing
 from .cameras.rig import RigImages
 from .rows import Chosen, Rows
 from .series import ConstantSeries, ImuBiases, Innovations
-from .verdicts import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from .verdicts import Estimate, Finding, MeanResidual, TimeCorrelatedError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -385,11 +385,11 @@ class Diagnostics:
         without such.
     barometer_used : ndarray, optional
         Whether each of its heights was used; None without such.
-    checks : tuple of Check
+    checks : tuple of Finding
         All checks of the run.
     stationary : ndarray, optional
         (k, 2) first and last instant of each stationary period, s.
-    states : tuple of StateVerdict
+    states : tuple of Estimate
         Constants estimated besides biases.
     segments : tuple of tuple of float
         First and last instant, s, of each segment that was solved by itself.
@@ -429,9 +429,9 @@ class Diagnostics:
     velocity_used: NDArray[np.bool_] | None = None
     barometer_nis: Array | None = None
     barometer_used: NDArray[np.bool_] | None = None
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     stationary: Array | None = None
-    states: tuple[StateVerdict, ...] = ()
+    states: tuple[Estimate, ...] = ()
     segments: tuple[tuple[float, float], ...] = ()
     time_correlated: tuple[TimeCorrelatedError, ...] = ()
     residuals: tuple[MeanResidual, ...] = ()

@@ -1,68 +1,137 @@
 """What is found of a recording or a run besides its numbers: checks, states, residuals and errors
 with a verdict.
+
+A check that a flight file may accept has its line in `CHECKS`, and nowhere else.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
+from ..base.findings import Finding
 from .states import State
 
-Verdict = Literal["ok", "note", "contradiction"]
+# of the a-priori sigma: what is known better afterwards was observed, what is known worse was not
+OBSERVED, UNOBSERVED = 1.0 / 3.0, 0.9
 
-# of the a-priori sigma: what is known better after a flight or a recording was observed by it
-OBSERVED = 1.0 / 3.0
+REMARK = 0.5
+"""Rank of a note that does not change the result; from one on a finding stands out."""
+NOTED, ADOPTED = 1.5, 2.0
+"""Ranks of notes that stand out: of what enlarges sigmas without need or may be of another camera,
+time or clock, and of what the solution has otherwise than the flight file asks for.
+"""
+
+CHECKS: Mapping[str, float] = {
+    "IMU rate": REMARK,
+    "silent sensor": REMARK,
+    "specific force": REMARK,
+    "axes, vertical": REMARK,
+    "IMU readings": REMARK,
+    "GNSS rate": REMARK,
+    "GNSS speed": REMARK,
+    "GNSS position": REMARK,
+    "GNSS velocity": REMARK,
+    "tangent plane origin": REMARK,
+    "turn rate, gyro against GNSS course": REMARK,
+    "camera events": REMARK,
+    "heading against course": REMARK,
+    "recognised units": REMARK,
+    "recognised axes": REMARK,
+    "recognised sign": REMARK,
+    "recognised clock": REMARK,
+    "IMU rows": REMARK,
+    "GNSS rows": REMARK,
+    "event rows": REMARK,
+    "barometer rows": REMARK,
+    "standing": REMARK,
+    "IMU parity": REMARK,
+    "IMU clocks": REMARK,
+    "IMU overlap": REMARK,
+    "IMU calibration": REMARK,
+    "IMU gaps": REMARK,
+    "images": REMARK,
+    "motion": REMARK,
+    "mounting": REMARK,
+    "mounting file": NOTED,
+    "bore-sight": REMARK,
+    "barometer": REMARK,
+    "GNSS quality": REMARK,
+    "antenna lever arm": ADOPTED,
+    "GNSS time offset": ADOPTED,
+    "clock rate": ADOPTED,
+    "clock step": REMARK,
+    "exposure clock": NOTED,
+    "IMU scale factors": REMARK,
+    "IMU misalignments": REMARK,
+    "IMU noise": ADOPTED,
+    "drift": ADOPTED,
+    "GNSS sigmas": ADOPTED,
+    "sigmas of the fixes": NOTED,
+    "unseen constants": REMARK,
+    "incorrect fixes": ADOPTED,
+    "turn-on bias": REMARK,
+}
+"""Every check that `accept` of a flight file takes, in the order in which to act on them, with the
+rank of its note in the report.
+"""
+
+Check = Finding
+"""The public name of a finding of a recording or a run."""
 
 
 @dataclass(frozen=True)
-class Check:
-    """One plausibility check of a recording or a run.
-
-    Parameters
-    ----------
-    name : what was looked at; `accept` of a flight file takes it.
-    found : what was found, with the number and its unit.
-    expected : what was expected, with the limit.
-    verdict : "ok", "note" or "contradiction"; a contradiction stops `process`.
-    advice : what to do about it.
-    beyond_chance : False of what a right flight may show as well, by chance.
-    """
-
-    name: str
-    found: str
-    expected: str
-    verdict: Verdict = "ok"
-    advice: str = ""
-    beyond_chance: bool = True
-
-
-@dataclass(frozen=True)
-class StateVerdict:
-    """A constant that the flight estimates besides biases; numbers are in SI units.
+class Estimate:
+    """A constant that was estimated; numbers are in SI units.
 
     Parameters
     ----------
     state : State
         What it is.
     value, sigma : float
-        Its estimate and standard deviation.
+        Its estimate and standard deviation; of a correction of `stated`, that of a segment as of a
+        flight of several segments, which have one `stated`: stamps that were moved before a segment
+        was solved again are part of it. A time offset that changes is that of the middle of the
+        segment.
     prior : float
-        Its a-priori standard deviation.
+        Its a-priori standard deviation, or how well such constants are known otherwise.
     moves_m : float or None
         How far its sigma moves the fixes, m; None for an error of the IMU.
-    observed : bool
-        Whether the flight determines it.
     requested : bool
         Whether the flight file asks for it; what the innovations led to is weighed by the check
         that says so.
+    stated : float
+        The flight file's value and nothing else; 0 of a clock rate.
     """
 
     state: State
     value: float
     sigma: float
-    prior: float
-    moves_m: float | None
-    observed: bool
+    prior: float = math.inf
+    moves_m: float | None = None
     requested: bool = True
+    stated: float = 0.0
+
+    @property
+    def observed(self) -> bool:
+        """Whether the data determine it."""
+        return self.sigma < OBSERVED * self.prior
+
+    def degree(self, determined: str, improved: str, undetermined: str) -> str:
+        """How far the data determine it, in the words of those who read it.
+
+        Parameters
+        ----------
+        determined, improved, undetermined : str
+            Below `OBSERVED` of the a-priori sigma, below `UNOBSERVED`, and above.
+
+        Returns
+        -------
+        str
+            One of the three.
+        """
+        if self.observed:
+            return determined
+        return improved if self.sigma < UNOBSERVED * self.prior else undetermined
 
     @property
     def name(self) -> str:
@@ -116,31 +185,3 @@ class MeanResidual:
     fixes: int
     mean_m: tuple[float, ...]
     sigma_m: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class ConstantEstimate:
-    """What a flight by itself says of a constant, whatever the flight file states of it.
-
-    Its value is `assumed` + `correction`, of a segment as of a flight of several segments, which
-    have one `assumed`: stamps that were moved before a segment was solved again are part of the
-    correction. Several segments give the mean of their corrections by weights.
-
-    Parameters
-    ----------
-    state : State
-        Which one.
-    correction : float
-        What the flight finds beyond `assumed`, m or s; a time offset that changes is that of the
-        middle of the segment.
-    sigma : float
-        Standard deviation, m or s, of the flight alone.
-    assumed : float
-        The flight file's value and nothing else, m (lever arm IMU to antenna, body axes) or s; 0 of
-        a clock rate.
-    """
-
-    state: State
-    correction: float
-    sigma: float
-    assumed: float = 0.0

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..records import Check
+from ..records import Finding
 from .charts import gnss
 from .charts.chart import Chart
 from .verb_page import VerbPage, checks_table, tabulated
@@ -26,7 +26,7 @@ def ppk_charts(series: Mapping[str, Any]) -> list[Chart]:
 
 def ppk_page(
     document: Mapping[str, Any],
-    checks: Sequence[Check],
+    checks: Sequence[Finding],
     series: Mapping[str, Any],
     inputs: Sequence[Path],
     twin: str,
@@ -37,7 +37,7 @@ def ppk_page(
     ----------
     document : mapping
         What ppk.json holds.
-    checks : sequence of Check
+    checks : sequence of Finding
         Of all steps.
     series : mapping
         Of the solution, epoch by epoch.
@@ -66,7 +66,7 @@ def ppk_page(
     )
 
 
-def _why(word: str, checks: Sequence[Check]) -> str:
+def _why(word: str, checks: Sequence[Finding]) -> str:
     """Return why the bar has its colour: what was found against the solution, the worst first."""
     odd = sorted(
         (check for check in checks if check.verdict != "ok"), key=lambda c: c.verdict == "note"

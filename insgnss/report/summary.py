@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.rotation import rpy_from_rotation
-from ..records import Diagnostics, ExteriorOrientation, StateVerdict
-from ..records.states import as_named
+from ..records import Diagnostics, Estimate, ExteriorOrientation
 from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .line_fixes import fixes_of_lines
@@ -86,7 +85,7 @@ def run_summary(
     said = {
         "headline": f"{figures['use']['sentence']}: {headline(figures)}",
         "verdict": verdict(ranked),
-        "limits": [asdict(limit) for limit in ranked],
+        "limits": [limit.limit for limit in ranked],
     }
     return said | figures
 
@@ -153,7 +152,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "rests": stationary_periods(d),
         "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
-        "checks": [asdict(check) for check in d.checks],
+        "checks": [check.as_dict() for check in d.checks],
     }
 
 
@@ -379,7 +378,8 @@ def _neighbours(eo: ExteriorOrientation, first: Rows, second: Rows, cross: Array
     }
 
 
-def _state(state: StateVerdict) -> dict[str, Any]:
+def _state(state: Estimate) -> dict[str, Any]:
     """A constant in SI, and the unit in which a person reads it."""
     factor, unit = state_unit(state.state)
-    return as_named(state) | {"unit": unit, "per_unit": factor}
+    keys = ("name", "value", "sigma", "prior", "moves_m", "observed", "requested")
+    return {key: getattr(state, key) for key in keys} | {"unit": unit, "per_unit": factor}

@@ -16,7 +16,7 @@ from ..base import __version__
 from ..base.files import text_sha256
 from ..base.inputs import sha256
 from ..base.provenance import circumstances
-from ..records import Check
+from ..records import Finding
 from .charts.chart import Chart
 from .markup import charted, document, escape, folded, sentence, table, with_contents
 
@@ -150,12 +150,12 @@ def tabulated(
     return f"<h2>{escape(title)}</h2>\n{inside}"
 
 
-def checks_table(checks: Sequence[Check]) -> str:
+def checks_table(checks: Sequence[Finding]) -> str:
     """Return what was checked, with the verdicts in colour.
 
     Parameters
     ----------
-    checks : sequence of Check
+    checks : sequence of Finding
         Of the run.
     """
     rows = [

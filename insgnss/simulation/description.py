@@ -3,7 +3,6 @@
 Where the files lie, their units, the flight file and the two readmes.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.units import parse_quantity
+from ..base.wording import toml
 from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import calendar_from_gps
 from ..records import Quantity
@@ -150,25 +150,16 @@ def flight_toml(tables: Tables, changes: Tables) -> str:
     for key, value in changes.items():
         merged[key] = {**merged.get(key, {}), **value} if isinstance(value, Mapping) else value
     top = [
-        f"{key} = {_toml(value)}"
+        f"{key} = {toml(value)}"
         for key, value in merged.items()
         if not isinstance(value, Mapping) and value is not None
     ]
     parts = ["\n".join(top)]
     for name, table in merged.items():
         if isinstance(table, Mapping):
-            rows = [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
+            rows = [f"{key} = {toml(value)}" for key, value in table.items() if value is not None]
             parts.append("\n".join([f"[{name}]", *rows]))
     return "\n\n".join(parts) + "\n"
-
-
-def _toml(value: Any) -> str:
-    """A value in one line of TOML."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(inner) for inner in value) + "]"
-    return json.dumps(value, ensure_ascii=False)
 
 
 _README = """\

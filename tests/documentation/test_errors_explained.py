@@ -5,7 +5,7 @@ import ast
 import re
 from pathlib import Path
 
-from insgnss.navigation.recognise.plausibility import NAMES
+from insgnss.records.verdicts import CHECKS
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "guides" / "errors.md"
@@ -18,7 +18,7 @@ def test_every_check_is_explained() -> None:
     text = PAGE.read_text(encoding="utf-8")
     row = r'^\| \*([^*|"]+)\* \| [^|]{20,} \| ([^|]+) \|$'
     rows = dict(re.findall(row, text, re.MULTILINE))
-    assert set(rows) == set(NAMES)
+    assert set(rows) == set(CHECKS)
     assert all(len(remedy) > 15 for remedy in rows.values())
 
 

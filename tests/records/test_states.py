@@ -11,7 +11,7 @@ from insgnss.records.states import (
     State,
     as_named,
 )
-from insgnss.records.verdicts import ConstantEstimate
+from insgnss.records.verdicts import Estimate
 
 NAMES = {
     OF_LEVER_ARM[1]: "antenna lever arm right",
@@ -27,7 +27,7 @@ NAMES = {
 def test_a_state_is_printed_by_its_name(state: State, name: str) -> None:
     """Oracle: report.json of the first release."""
     assert str(state) == name
-    document = as_named(ConstantEstimate(state, 0.01, 0.002, 0.2))
+    document = as_named(Estimate(state, 0.01, 0.002, 0.2))
     assert list(document.items()) == [
         ("name", name),
         ("correction", 0.01),

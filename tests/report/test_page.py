@@ -12,7 +12,7 @@ import pytest
 
 import insgnss.report.page as page_module
 from insgnss.base.errors import UsageError
-from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.states import CLOCK_RATE, OF_LEVER_ARM, TIME_OFFSET
 from insgnss.report.charts.chart import Axes, Chart, Layer
 from insgnss.report.charts.encoded import in_page
@@ -99,7 +99,7 @@ def test_a_clock_rate_is_shown_in_ppm_and_the_first_sentence_is_the_verdict(
     diagnostics, eo, summary
 ) -> None:
     """Oracle: 2e-5 s/s are 20 ppm; the reason under the headline is that of the terminal."""
-    rate = StateVerdict(CLOCK_RATE, -1.6e-6, 5e-6, 2e-5, None, True)
+    rate = Estimate(CLOCK_RATE, -1.6e-6, 5e-6, 2e-5, None)
     s = summary(diagnostics(states=(rate,)), eo())
     text = "".join(page(s, ()))
     assert "-1.60 ppm" in text
@@ -172,8 +172,8 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
     sigma = block().smoothed_sigma.copy()
     sigma[300:500, 8] = np.radians(0.123)
     states = (
-        StateVerdict(TIME_OFFSET, 0.0125, 0.0009, 0.1, 0.014, True),
-        StateVerdict(OF_LEVER_ARM[2], -0.05, 0.28, 0.3, 0.28, False),
+        Estimate(TIME_OFFSET, 0.0125, 0.0009, 0.1, 0.014),
+        Estimate(OF_LEVER_ARM[2], -0.05, 0.28, 0.3, 0.28),
     )
     lasting = (
         TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),

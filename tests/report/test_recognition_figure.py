@@ -11,7 +11,7 @@ WORDS = [f"orientation {k}" for k in range(24)]
 
 
 def finding(name, value, confidence=0.99):
-    return SimpleNamespace(name=name, value=value, confidence=confidence)
+    return SimpleNamespace(name=name, found=value, confidence=confidence)
 
 
 FINDINGS = (

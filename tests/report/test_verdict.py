@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
+from insgnss.records import Check, Estimate, MeanResidual, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
 from insgnss.records.states import OF_LEVER_ARM, SCALE_FACTOR, TIME_OFFSET, State
 from insgnss.report.rules.use import mood
@@ -217,9 +217,9 @@ def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
     offset of 12.5 ms is a remark.
     """
     states = (
-        StateVerdict(OF_LEVER_ARM[0], 0.01, 0.28, 0.3, 0.28, False),
-        StateVerdict(TIME_OFFSET, 0.0125, 0.0009, 0.1, 0.014, True),
-        StateVerdict(State(SCALE_FACTOR, "x", "", "gyro"), 1e-4, 9e-4, 1e-3, None, False),
+        Estimate(OF_LEVER_ARM[0], 0.01, 0.28, 0.3, 0.28),
+        Estimate(TIME_OFFSET, 0.0125, 0.0009, 0.1, 0.014),
+        Estimate(State(SCALE_FACTOR, "x", "", "gyro"), 1e-4, 9e-4, 1e-3, None),
     )
     s = run(diagnostics(states=states))
     lever, *others = [limit for limit in s["limits"] if limit["topic"] == "constants"]
@@ -238,7 +238,7 @@ def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
 
 def test_an_estimated_lever_arm_says_what_the_flight_sees(diagnostics) -> None:
     """Oracle: the geometry; a flight sees the antenna from the IMU, and no camera."""
-    states = (StateVerdict(OF_LEVER_ARM[0], -0.211, 0.007, 0.3, 0.007, True),)
+    states = (Estimate(OF_LEVER_ARM[0], -0.211, 0.007, 0.3, 0.007),)
     (found,) = (one for one in run(diagnostics(states=states))["limits"] if "beside" in one["text"])
     assert "antenna lever arm forward -0.211 +- 0.007 m" in found["text"]
     assert "where imu_m is wrong instead, the images are off" in str(found)
@@ -260,7 +260,7 @@ def test_a_lever_arm_far_from_its_statement_leaves_the_images_in_doubt(
     """Oracle: the geometry; the axes of the camera are those of the body turned by 180 deg about
     down, and antenna minus IMU is what the flight sees.
     """
-    states = (StateVerdict(OF_LEVER_ARM[1], value, 0.0047, asked, 0.005, True),)
+    states = (Estimate(OF_LEVER_ARM[1], value, 0.0047, asked, 0.005),)
     turn, none = [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]], np.eye(3).tolist()
     mounting = {"antenna_m": [0.462, -0.001, -0.065], "imu_m": [0.113, 0.22, 0.0]}
     mounting |= {"antenna_sigma_m": stated, "camera_from_body": turn, "boresight": none}

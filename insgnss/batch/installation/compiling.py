@@ -9,7 +9,7 @@ from typing import Any
 
 from ...base import ahead
 from ...base.beside import processors
-from .finding import Finding
+from ...base.findings import Finding, Question
 
 _COMPILE = "compile_kernel(sys.argv[2], json.loads(sys.argv[3]))"
 
@@ -39,12 +39,12 @@ def compile_all(
         for count, job in enumerate(as_completed(jobs), 1):
             progress(f"compiled {count} of {len(kernels)} kernels")
             reason = reason or job.result()
-    seconds = time.perf_counter() - start
+    seconds, compiled = time.perf_counter() - start, Question("compiled", topic="kernels")
     value = f"{len(kernels)} in {seconds:.0f} s by {processors()} processes"
     if reason:
         advice = "pip install --force-reinstall insgnss"
-        return Finding("kernels", "compiled", f"fails: {reason}", "defect", advice)
-    return Finding("kernels", "compiled", value)
+        return compiled.contradiction(f"fails: {reason}", advice)
+    return compiled.ok(value)
 
 
 def _compile_elsewhere(name: str, arguments: list[Any]) -> str:

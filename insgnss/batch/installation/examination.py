@@ -2,15 +2,16 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ...base.errors import InsgnssError
-from .finding import Finding
+from ...base.findings import Finding, Question
 from .packages import package_findings
 from .surroundings import engine_finding, grid_findings, kernel_findings, machine_findings
 
-MARKS = {"good": "ok", "note": "note", "unknown": "?", "defect": "WRONG"}
+MARKS = {"ok": "ok", "note": "note", "unknown": "?", "contradiction": "WRONG"}
+WORDS = {"ok": "good", "contradiction": "defect"}  # of the verdicts for machines
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Examination:
     @property
     def refusal(self) -> InsgnssError | None:
         """Why insgnss does not work here, with exit code 1; None where it does."""
-        wrong = [f"{f.name}: {f.value}; {f.advice}" for f in self.findings if f.verdict == "defect"]
+        wrong = [f"{f.name}: {f.sentence}" for f in self.findings if f.verdict == "contradiction"]
         return InsgnssError("; ".join(wrong)) if wrong else None
 
     def summary(self) -> str:
@@ -39,13 +40,13 @@ class Examination:
             if f.topic != topic:
                 topic = f.topic
                 lines.append(topic)
-            advice = f"; {f.advice}" if f.advice else ""
-            lines.append(f"  {MARKS[f.verdict]:5} {f.name:{width}}  {f.value}{advice}")
+            lines.append(f"  {MARKS[f.verdict]:5} {f.name:{width}}  {f.sentence}")
         count = Counter(f.verdict for f in self.findings)
         result = "does not work here" if self.refusal else "works here"
         last = (
-            f"insgnss {result}; of {len(self.findings)} lines {count['good']} ok,"
-            f" {count['note']} of notes, {count['unknown']} not known, {count['defect']} wrong"
+            f"insgnss {result}; of {len(self.findings)} lines {count['ok']} ok,"
+            f" {count['note']} of notes, {count['unknown']} not known,"
+            f" {count['contradiction']} wrong"
         )
         return "\n".join([*lines, last])
 
@@ -53,7 +54,16 @@ class Examination:
         """Return the document for machines."""
         return {
             "works": self.refusal is None,
-            "findings": [asdict(finding) for finding in self.findings],
+            "findings": [
+                {
+                    "topic": f.topic,
+                    "name": f.name,
+                    "value": f.found,
+                    "verdict": WORDS.get(f.verdict, f.verdict),
+                    "advice": f.advice,
+                }
+                for f in self.findings
+            ],
         }
 
 
@@ -110,4 +120,4 @@ def _guarded(topic: str, look: Callable[[], list[Finding]]) -> list[Finding]:
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         advice = "see the packages above; pip install --force-reinstall insgnss"
-        return [Finding(topic, "loading", f"fails: {reason}", "defect", advice)]
+        return [Question("loading", topic=topic).contradiction(f"fails: {reason}", advice)]

@@ -11,7 +11,7 @@ import sys
 from importlib import metadata
 from typing import NamedTuple
 
-from .finding import Finding
+from ...base.findings import Finding, Question
 
 IMPORT_S = 60.0
 _REQUIREMENT = re.compile(r"([\w.-]+)\s*(?:\[[^]]*\])?\s*([^;]*)(?:;(.*))?")
@@ -95,7 +95,11 @@ def package_findings(package: str = "insgnss") -> list[Finding]:
         needed = requirements(package)
     except metadata.PackageNotFoundError:
         value = "unknown: insgnss runs from its sources and is not installed as a package"
-        return [Finding("packages", "extras", value, "unknown", "pip install . in the sources")]
+        return [
+            Question("extras", topic="packages").answer(
+                value, "unknown", "pip install . in the sources"
+            )
+        ]
     versions = {r.name: version_of(r.name) for r in needed}
     modules = {name: module_of(name) for name, version in versions.items() if version}
     failures = import_failures([module for module in modules.values() if module])
@@ -103,7 +107,7 @@ def package_findings(package: str = "insgnss") -> list[Finding]:
         r: _state(r, versions[r.name], failures.get(modules.get(r.name) or "", "")) for r in needed
     }
     necessary = [
-        Finding("packages", r.name, state, "defect" if wrong else "good", _upgrade(r, wrong))
+        Question(r.name, topic="packages").contradiction(state, _upgrade(r, wrong), when=wrong)
         for r, (state, wrong) in states.items()
         if not r.extra
     ]
@@ -112,8 +116,8 @@ def package_findings(package: str = "insgnss") -> list[Finding]:
         own = {r: states[r] for r in needed if r.extra == extra}
         wrong = any(bad for _, bad in own.values())
         value = ", ".join(f"{r.name} {state}" for r, (state, _) in own.items())
-        advice = f"pip install '{package}[{extra}]' where it is needed" if wrong else ""
-        optional.append(Finding("extras", extra, value, "note" if wrong else "good", advice))
+        advice = f"pip install '{package}[{extra}]' where it is needed"
+        optional.append(Question(extra, topic="extras").note(value, advice, when=wrong))
     return necessary + optional
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.findings import Finding, Question
 from ...geodesy.earth import normal_gravity
 from ...geodesy.frames import LocalFrame
 from ...geodesy.rotation import (
@@ -29,7 +30,6 @@ from ...geodesy.rotation import (
 from ...navigation.filter.kernels.strapdown import run_strapdown
 from ...navigation.filter.strapdown import free_inertial
 from ...records import Array, Increments
-from .finding import Finding
 
 SECONDS, INTERVAL_S = 30.0, 0.01
 RADIUS_M, PERIOD_S, BANK_DEG = 150.0, 60.0, 12.0
@@ -69,13 +69,12 @@ class SelfTest:
             f" {self.off_deg:.1g} deg from their closed form (limits {LIMIT_M * 1e3:g} mm,"
             f" {LIMIT_DEG:g} deg); {self.compiled}, {self.seconds:.1f} s"
         )
-        if self.passed:
-            return Finding("self-test", "strapdown", numbers)
         advice = (
             "no result of this installation can be trusted: set NUMBA_CACHE_DIR to an empty"
             " directory and try again, then other versions of numba and numpy"
         )
-        return Finding("self-test", "strapdown", numbers, "defect", advice)
+        strapdown = Question("strapdown", topic="self-test")
+        return strapdown.contradiction(numbers, advice, when=not self.passed)
 
 
 def self_test() -> SelfTest:

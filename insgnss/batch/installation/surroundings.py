@@ -13,8 +13,8 @@ from typing import Any
 from ...base import __version__
 from ...base.caches import KERNELS
 from ...base.errors import InsgnssError
+from ...base.findings import Finding, Question, Verdict
 from ...base.memory import available
-from .finding import Finding
 
 GRIDS = (".tif", ".gtx", ".gsb")
 CPUINFO = Path("/proc/cpuinfo")
@@ -34,11 +34,11 @@ def machine_findings(cpuinfo: Path = CPUINFO) -> list[Finding]:
         One a line.
     """
     return [
-        Finding("machine", "insgnss", f"{__version__} in {Path(__file__).parents[2]}"),
+        _machine("insgnss").ok(f"{__version__} in {Path(__file__).parents[2]}"),
         _installed_version(),
-        Finding("machine", "Python", f"{platform.python_version()}, {sys.executable}"),
-        Finding("machine", "operating system", platform.platform()),
-        Finding("machine", "processor", f"{_processor(cpuinfo)}, {_processors()} to be used"),
+        _machine("Python").ok(f"{platform.python_version()}, {sys.executable}"),
+        _machine("operating system").ok(platform.platform()),
+        _machine("processor").ok(f"{_processor(cpuinfo)}, {_processors()} to be used"),
         _memory(),
     ]
 
@@ -56,17 +56,17 @@ def kernel_findings(kernel: Any) -> list[Finding]:
     list of Finding
         One line.
     """
-    given = os.environ.get(KERNELS)
+    cache, given = Question("cache", topic="kernels"), os.environ.get(KERNELS)
     origin = f" ({KERNELS})" if given else ""
     path = getattr(getattr(kernel, "_cache", None), "cache_path", None)
     if path is None:
         advice = f"unset NUMBA_DISABLE_JIT, or set {KERNELS} to a directory that you can write"
         value = "none: kernels are interpreted, or compiled anew by every command"
-        return [Finding("kernels", "cache", value, "note", advice)]
+        return [cache.note(value, advice)]
     if _writable(Path(path)):
-        return [Finding("kernels", "cache", f"{path}{origin}, writable")]
+        return [cache.ok(f"{path}{origin}, writable")]
     advice = f"set {KERNELS} to a directory that is kept and that you can write"
-    return [Finding("kernels", "cache", f"{path}{origin} cannot be written", "note", advice)]
+    return [cache.note(f"{path}{origin} cannot be written", advice)]
 
 
 def grid_findings() -> list[Finding]:
@@ -95,11 +95,11 @@ def grid_findings() -> list[Finding]:
         if is_network_enabled()
         else "off: only grids on this disk are used"
     )
-    missing = not any(counts.values())
+    verdict: Verdict = "ok" if any(counts.values()) else "note"
     return [
-        Finding("grids", "PROJ", f"{proj_version_str}, data in {own}"),
-        Finding("grids", "geoids and datum shifts", held, "note" if missing else "good", get),
-        Finding("grids", "network", network),
+        Question("PROJ", topic="grids").ok(f"{proj_version_str}, data in {own}"),
+        Finding("geoids and datum shifts", held, "", verdict, get, topic="grids"),
+        Question("network", topic="grids").ok(network),
     ]
 
 
@@ -113,27 +113,29 @@ def engine_finding() -> Finding:
     """
     from ...gnss.engine.program import MODULE, engine_command
 
+    engine = Question("engine", topic="ppk")
     try:
         command = engine_command()
     except InsgnssError as error:
         advice = f"only `insgnss ppk` and raw observations in flight files need one: {error}"
-        return Finding("ppk", "engine", "none", "note", advice)
+        return engine.note("none", advice)
     if command[0] != sys.executable:
-        return Finding("ppk", "engine", f"{command[0]}, whose version its first solution tells")
-    return Finding("ppk", "engine", f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
+        return engine.ok(f"{command[0]}, whose version its first solution tells")
+    return engine.ok(f"{MODULE} {metadata.version(MODULE)} (RTKLIB as a wheel)")
 
 
 def _installed_version() -> Finding:
     """Whether what pip knows is what runs."""
+    installed = _machine("installed as")
     try:
         version = metadata.version("insgnss")
     except metadata.PackageNotFoundError:
         value, advice = "not installed: it runs from its sources", "pip install . in the sources"
-        return Finding("machine", "installed as", value, "note", advice)
+        return installed.note(value, advice)
     if version == __version__:
-        return Finding("machine", "installed as", version)
+        return installed.ok(version)
     advice = "pip install . again, or unset PYTHONPATH"
-    return Finding("machine", "installed as", f"{version}, but {__version__} runs", "note", advice)
+    return installed.note(f"{version}, but {__version__} runs", advice)
 
 
 def _processor(cpuinfo: Path) -> str:
@@ -153,10 +155,14 @@ def _processors() -> int:
 
 
 def _memory() -> Finding:
-    left = available()
+    memory, left = _machine("memory"), available()
     if left is None:
-        return Finding("machine", "memory", "unknown: the system does not say", "unknown")
-    return Finding("machine", "memory", f"{left / 1e9:.3g} GB may be taken")
+        return memory.answer("unknown: the system does not say", "unknown")
+    return memory.ok(f"{left / 1e9:.3g} GB may be taken")
+
+
+def _machine(name: str) -> Question:
+    return Question(name, topic="machine")
 
 
 def _writable(directory: Path) -> bool:

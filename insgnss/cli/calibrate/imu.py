@@ -55,7 +55,6 @@ class Request(Checked):
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ...flight.processing.checks import sentence
     from ...io.formats import read_imu
     from ...navigation.prepare.calibration import write_calibration
     from ...noise.multi_position.calibration import calibrate_multi_position
@@ -72,7 +71,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     result = calibrate_multi_position(
         imu, None if options.latitude is None else math.radians(options.latitude), options.height
     )
-    notes = [f"note: {sentence(note)}" for note in imu.notes]
+    notes = [f"note: {note.named_sentence}" for note in imu.notes]
     summary = "\n".join([*notes, result.summary()])
     figures = result.as_dict() | {"file": out, "notes": notes}
     flight = () if options.flight is None else (options.flight,)

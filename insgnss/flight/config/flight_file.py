@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 
 
 def _checks() -> Words:
-    from ...navigation.recognise.plausibility import NAMES
+    from ...records.verdicts import CHECKS
 
-    return NAMES
+    return tuple(CHECKS)
 
 
 def _no_formats(item: Declared, value: Any) -> str:

@@ -14,9 +14,9 @@ import numpy as np
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
 from ...navigation.prepare.gaps import nominal_interval
-from ...navigation.recognise.findings import MOST, Finding
+from ...navigation.recognise.findings import MOST, answer, unknown
 from ...navigation.recognise.units import ACCEL_UNITS
-from ...records import Array, ImuSamples
+from ...records import Array, Finding, ImuSamples
 from .sensing import DEG_S, Sensing
 
 NEAR = 0.1  # of |f| to gravity, to suggest a unit
@@ -83,18 +83,18 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
         f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f}"
         " m/s^2"
     )
-    findings = [Finding("accelerometer unit", unit, sure if steady else 0.5 * sure, evidence)]
+    findings = [answer("accelerometer unit", unit, sure if steady else 0.5 * sure, evidence)]
     gyro_factor, gyro = (
         _gyro_unit(imu)
         if steady
         else (
             1.0,
-            Finding("gyro unit", "unknown", 0.0, "the sensor moves, and no receiver shows how"),
+            unknown("gyro unit", "the sensor moves, and no receiver shows how"),
         )
     )
     findings.append(gyro)
     if gyro_factor == DEG_S:
-        units["gyro"] = gyro.value
+        units["gyro"] = gyro.found
     in_si = replace(imu, gyro=imu.gyro * gyro_factor, accel=imu.accel * factor)
     return Alone(
         in_si, units, tuple(findings), gyro_factor if gyro_factor not in (1.0, DEG_S) else None
@@ -116,22 +116,22 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
     mean = float(np.linalg.norm(imu.gyro.mean(axis=0)))
     if abs(mean / EARTH_RATE - 1.0) < NEAR:
         evidence = f"mean rate {mean:.4g}: the Earth's in rad/s is {EARTH_RATE:.4g}"
-        return 1.0, Finding("gyro unit", "rad/s", 0.95, evidence)
-    unknown = (
+        return 1.0, answer("gyro unit", "rad/s", 0.95, evidence)
+    evidence = (
         f"scatter of a sample {scatter:.3g}; at rest only the Earth rate shows the unit,"
         f" which the mean ({mean:.3g}) does not show"
     )
     if scatter < NOISIEST_GYRO:
-        return 1.0, Finding("gyro unit", "unknown", 0.0, unknown)
+        return 1.0, unknown("gyro unit", evidence)
     if scatter * DEG_S < NOISIEST_GYRO:
-        return DEG_S, Finding(
-            "gyro unit", "deg/s", 0.5, f"{unknown}; in rad/s no sensor is that noisy"
+        return DEG_S, answer(
+            "gyro unit", "deg/s", 0.5, f"{evidence}; in rad/s no sensor is that noisy"
         )
     evidence = (
-        f"{unknown}; neither rad/s nor deg/s is that noisy at rest, so these are counts: give"
+        f"{evidence}; neither rad/s nor deg/s is that noisy at rest, so these are counts: give"
         " imu.units gyro of one count"
     )
-    return QUIET_GYRO / scatter, Finding("gyro unit", "unknown", 0.0, evidence)
+    return QUIET_GYRO / scatter, unknown("gyro unit", evidence)
 
 
 def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]:
@@ -140,7 +140,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     `counts` : whether the gyro's unit is unknown.
     """
     share = sensing.rest_s / sensing.length_s
-    rest = Finding(
+    rest = answer(
         "at rest",
         f"{sensing.rest_s:.0f} s",
         MOST if share > 0.0 else 0.9,
@@ -151,7 +151,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     axis = int(np.argmax(np.abs(sensing.mean_accel)))
     lean = float(np.degrees(np.arccos(abs(sensing.mean_accel[axis]) / sensing.gravity)))
     sense = "up" if sensing.mean_accel[axis] > 0.0 else "down"
-    vertical = Finding(
+    vertical = answer(
         "vertical axis",
         f"{'xyz'[axis]} {sense}",
         MOST if lean < 30.0 else 0.6,
@@ -161,7 +161,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
         return (
             rest,
             vertical,
-            Finding("Earth rate", "unknown", 0.0, "the unit of the gyros is not known"),
+            unknown("Earth rate", "the unit of the gyros is not known"),
         )
     return rest, vertical, _earth(sensing.mean_gyro, sensing)
 
@@ -177,7 +177,7 @@ def _earth(mean: Array, sensing: Sensing) -> Finding:
         f" Earth's is {EARTH_RATE * deg_h:.2f}"
     )
     if sensing.sees_earth:
-        return Finding("Earth rate", "seen", 0.95, f"{evidence}: heading can be had at rest")
-    return Finding(
+        return answer("Earth rate", "seen", 0.95, f"{evidence}: heading can be had at rest")
+    return answer(
         "Earth rate", "not seen", 0.95, f"{evidence}: at rest only roll and pitch can be had"
     )

@@ -175,12 +175,8 @@ def _units(
         if raw.quantity != "mean_rate":
             draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
         if units | alone:
-            draft.add(
-                "imu",
-                "units",
-                units | alone,
-                "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]),
-            )
+            why += ["gravity and noise at rest"] if alone else []
+            draft.add("imu", "units", units | alone, "; ".join(why))
         return
     for key, name in SENSORS.items():
         why.append(in_words(recognition.finding(name)))
@@ -265,7 +261,7 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
         return
     scale = recognition.finding("time scale")
     why = in_words(recognition.finding("time offset")) + (
-        f"; time scale {scale.value}: {scale.evidence}" if recognition.time_scale != "same" else ""
+        f"; time scale {scale.found}: {scale.evidence}" if recognition.time_scale != "same" else ""
     )
     significant = abs(recognition.time_offset_s) > 2.0 * recognition.time_offset_sigma_s
     draft.add(

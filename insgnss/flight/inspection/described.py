@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...base.errors import InputError, InsgnssError, UsageError
+from ...records import Finding
 from ..processing.inspect import InspectResult
 from ..processing.progress import Progress, quiet
 
 if TYPE_CHECKING:
-    from ...navigation.recognise.findings import Finding
     from ..config.flight_file import Flight
 
 
@@ -19,7 +19,7 @@ class FlightInspection:
     """Checks of a flight file's recording, with what the data show of themselves."""
 
     result: InspectResult
-    findings: "tuple[Finding, ...]"
+    findings: tuple[Finding, ...]
     unrecognised: str
 
     @property

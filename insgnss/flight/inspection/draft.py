@@ -5,7 +5,7 @@ of them or none, so that it never names a file that does not exist.
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from ...base.errors import UsageError
 from ...base.files import atomic_write
 from ...base.output.staging import together
-from ...base.wording import relative
+from ...base.wording import relative, toml
 from ...navigation.noise_model.model import NoiseModel, write_noise_model
 from ...navigation.noise_model.noise_file import comment_lines
 
@@ -135,7 +135,7 @@ def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
         value = _relative(value, folder)
     elif isinstance(value, list):
         value = [_relative(item, folder) if isinstance(item, Path) else item for item in value]
-    text = f"{entry.key} = {toml(value)}"
+    text = f"{entry.key} = {toml(value, WRAPPED)}"
     yield text if entry.sure else f"# {text}"
 
 
@@ -146,22 +146,3 @@ def _relative(path: Path, folder: Path) -> str:
         return full.relative_to(folder).as_posix()
     near = relative(full, folder)
     return Path(near).as_posix() if near.count("..") == 1 else full.as_posix()
-
-
-def toml(value: Any) -> str:
-    """Return a value as TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, Sequence):
-        line = "[" + ", ".join(toml(item) for item in value) + "]"
-        return (
-            line
-            if len(line) <= WRAPPED
-            else "[\n" + "".join(f"  {toml(item)},\n" for item in value) + "]"
-        )
-    return repr(float(value)) if isinstance(value, float) else str(value)

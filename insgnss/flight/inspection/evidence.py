@@ -132,10 +132,10 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
             header_unit is not None
             and finding.confidence > 0.0
             and abs(factor - 1.0) < SAME
-            and header_unit != finding.value
+            and header_unit != finding.found
         ):
             evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
-            findings[name] = replace(finding, value=header_unit, evidence=evidence)
+            findings[name] = replace(finding, found=header_unit, evidence=evidence)
     return replace(recognition, findings=tuple(findings.values()))
 
 
@@ -201,5 +201,5 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
 def in_words(finding: Any) -> str:
     """Return a finding with its confidence and evidence."""
     return (
-        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+        f"{finding.name}: {finding.found} (confidence {finding.confidence:.3f}): {finding.evidence}"
     )

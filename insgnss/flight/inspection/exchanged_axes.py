@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ...io.formats.imu.exchanged_columns import exchanged_columns
 from ...navigation.prepare.axes import parse_axes
-from ...records import Check, ImuSamples
+from ...records import ImuSamples, Question
 from .sources import Source
 
 if TYPE_CHECKING:
@@ -54,13 +54,10 @@ def right_handed(
     )
     if columns is None:
         advice = f"exchange {a} and {b} of gyro and accelerometer in the file"
-        check = Check("IMU columns", finding, "right-handed axes", "contradiction", advice)
+        check = Question("IMU columns", "right-handed axes").contradiction(finding, advice)
         return source, replace(imu, notes=(*imu.notes, check)), recognition
-    check = Check(
-        "IMU columns",
+    check = Question("IMU columns", "right-handed axes").note(
         finding,
-        "right-handed axes",
-        "note",
         "the draft exchanges them in imu.columns: see how the sensor's axes are printed on it",
     )
     imu = exchanged(imu, exchange.pair)

@@ -34,7 +34,7 @@ def inspection_page(result: "InspectionData", charts: "Sequence[Chart]") -> Verb
     s = result.sensing
     recognised = "" if result.recognition is None else answers_in_words(result.findings)
     sampled = f"{s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class"
-    findings = [(f.name, f.value, f"{f.confidence:.3f}", f.evidence) for f in result.findings]
+    findings = [(f.name, f.found, f"{f.confidence:.3f}", f.evidence) for f in result.findings]
     sources = [
         (x.role, x.title, x.what, ", ".join(x.columns_left_out) or "none") for x in result.sources
     ]

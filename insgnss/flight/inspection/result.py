@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...base.errors import DataError, InputError, InsgnssError
-from ...records import CameraEvents, Check, GnssFixes, ImuSamples
-from ..processing.checks import sentence
+from ...records import CameraEvents, Finding, GnssFixes, ImuSamples
 from .sources import Source
 
 if TYPE_CHECKING:
-    from ...navigation.recognise.findings import Finding
     from ...navigation.recognise.recognition import Recognition
     from .draft import Draft
     from .sensing import Sensing
@@ -45,7 +43,7 @@ class InspectionData:
     recognition: "Recognition | None"
     unrecognised: str
     findings: "tuple[Finding, ...]"
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     draft: "Draft | None"
     missing: str = ""
     written: tuple[Path, ...] = ()
@@ -53,7 +51,7 @@ class InspectionData:
     @property
     def contradictions(self) -> list[str]:
         """One sentence for each check that the data contradict."""
-        return [sentence(c) for c in self.checks if c.verdict == "contradiction"]
+        return [c.named_sentence for c in self.checks if c.verdict == "contradiction"]
 
     @property
     def refusal(self) -> InsgnssError | None:

@@ -326,7 +326,7 @@ def _forces(recognition: "Recognition | None") -> "Forces | None":
         return None
     names = ("gyro unit", "gyro triad", "time offset")
     sure = min(recognition.finding(name).confidence for name in names)
-    aligned = recognition.finding("gyro triad").value == "aligned"
+    aligned = recognition.finding("gyro triad").found == "aligned"
     clock = recognition.finding("time offset").confidence
     return Forces(0.0, clock, sure if aligned else 0.0)
 

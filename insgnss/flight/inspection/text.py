@@ -1,17 +1,16 @@
 """An inspection in words for the terminal, and as JSON output."""
 
 import textwrap
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...base.findings import check_lines
 from .sensing import DEG_H, DEG_S, EARTH_RATE, MG, Sensing
 
 if TYPE_CHECKING:
     from .result import InspectionData
 
-MARK = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 MOST_LEFT_OUT = 8
 EVIDENCE_WIDTH = 100
 
@@ -55,12 +54,12 @@ def summary(result: "InspectionData") -> str:
 
 def finding_lines(findings: Any) -> list[str]:
     """Return a table of findings, the evidence folded."""
-    width, wide = max(len(f.name) for f in findings), max(len(f.value) for f in findings)
+    width, wide = max(len(f.name) for f in findings), max(len(f.found) for f in findings)
     lines = [f"{'finding':<{width}}  {'value':<{wide}}  confidence  evidence"]
     for f in findings:
         first, *rest = textwrap.wrap(f.evidence, EVIDENCE_WIDTH, break_long_words=False) or [""]
         lines.append(
-            f"{f.name:<{width}}  {f.value:<{wide}}  {f.confidence:10.3f}  {first}".rstrip()
+            f"{f.name:<{width}}  {f.found:<{wide}}  {f.confidence:10.3f}  {first}".rstrip()
         )
         lines += [f"{'':<{width + wide + 16}}{more}" for more in rest]
     return lines
@@ -69,7 +68,7 @@ def finding_lines(findings: Any) -> list[str]:
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """Return the findings for JSON output."""
     return [
-        {"name": f.name, "value": f.value, "confidence": f.confidence, "evidence": f.evidence}
+        {"name": f.name, "value": f.found, "confidence": f.confidence, "evidence": f.evidence}
         for f in findings
     ]
 
@@ -111,22 +110,6 @@ def _three(x: np.ndarray) -> str:
     return " ".join(f"{v:.3g}" for v in x)
 
 
-def check_lines(checks: Any) -> list[str]:
-    """Return the checks, those that are not in order with what was expected."""
-    if not checks:
-        return []
-    width = max(len(c.name) for c in checks)
-    lines = []
-    for c in checks:
-        lines.append(f"{MARK[c.verdict]}  {c.name:<{width}}  {c.found}")
-        if c.verdict != "ok":
-            lines.append(
-                f"      {'':<{width}}  expected: {c.expected}"
-                + (f"; {c.advice}" if c.advice else "")
-            )
-    return lines
-
-
 def document(result: "InspectionData") -> dict[str, Any]:
     """Return the inspection for JSON output."""
     s = result.sensing
@@ -150,7 +133,7 @@ def document(result: "InspectionData") -> dict[str, Any]:
         "findings": finding_documents(result.findings),
         "unrecognised": result.unrecognised,
         "sensor": {"rate_hz": s.rate_hz, "length_s": s.length_s, "white_noise_si": numbers, **rest},
-        "checks": [asdict(c) for c in result.checks],
+        "checks": [c.as_dict() for c in result.checks],
         "left_out": {str(path): why for path, why in result.left_out},
         "missing": result.missing,
         "written": [str(path) for path in result.written],

@@ -8,19 +8,21 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.findings.remedies import Step
 from ...base.inputs import opened
-from ...base.wording import named
+from ...base.wording import Settings, spoken_as, toml
 from ...io.formats import EXPORTS, UNITS
 from ...io.formats.images.exif import CameraTags, camera_tags
 from ...io.formats.orientation.mounting_file import MountingFile
 from ...navigation.recognise.positions import VELOCITY_UNITS
-from ...records import Array, Check, GnssFixes, ImuSamples, Trajectory
+from ...records import Array, Finding, GnssFixes, ImuSamples, Question, Trajectory
 from ...records.cameras.mounting import Mounting
 from ...records.framed import PROJECTED
 from ..config.flight_file import Flight, MountingSource
@@ -33,14 +35,9 @@ OTHER_LENS = 0.15
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
 
-def sentence(check: Check) -> str:
-    """Say a check in one sentence."""
-    return f"{check.name}: {check.found}; expected {check.expected}; {check.advice}"
-
-
 def refuse_contradictions(
     flight: Flight,
-    checks: Iterable[Check],
+    checks: Iterable[Finding],
     findings: Callable[[], Mapping[str, Any]] = dict,
 ) -> None:
     """Stop a run whose checks contradict the flight file.
@@ -49,7 +46,7 @@ def refuse_contradictions(
     ----------
     flight : Flight
         The flight file, which may accept contradictions by name.
-    checks : iterable of Check
+    checks : iterable of Finding
         The checks.
     findings : callable
         Returns what the run has found by then, which the error takes along with the names of the
@@ -63,24 +60,29 @@ def refuse_contradictions(
     bad = [c for c in checks if c.verdict == "contradiction" and c.name not in flight.accept]
     if bad:
         noun = "contradiction" if len(bad) == 2 else "contradictions"
-        also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
-        names = ", ".join(f'"{c.name}"' for c in bad)
-        error = refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
-        error.findings = {"contradictions": [c.name for c in bad], **findings()}
+        look = ", see `insgnss inspect`" if _of_files(flight) else ""
+        also = f"; {len(bad) - 1} more {noun}{look}" if bad[1:] else ""
+        names = [c.name for c in bad]
+        error = refusal(flight, bad[0], also, names)
+        error.findings = {"contradictions": names, **findings()}
         raise error
 
 
-def refusal(flight: Flight, check: Check, remark: str = "") -> InputError:
+def refusal(
+    flight: Flight, check: Finding, remark: str = "", overruled: Sequence[str] = ()
+) -> InputError:
     """Return the error of a contradiction, in the words of whoever gave the data.
 
     Parameters
     ----------
     flight : Flight
         The flight file.
-    check : Check
-        The contradiction, whose advice speaks of a flight file.
+    check : Finding
+        The contradiction.
     remark : str
         What follows it.
+    overruled : sequence of str
+        The checks to be accepted by whoever knows better.
 
     Returns
     -------
@@ -88,57 +90,58 @@ def refusal(flight: Flight, check: Check, remark: str = "") -> InputError:
         Of samples that were given as an object it says by what to multiply them, and calls options
         as Python does.
     """
-    text = sentence(check) + remark
-    if not isinstance(flight.imu.file, Path):
-        for pattern, words in _OF_OBJECTS:
-            text = re.sub(pattern, words, text)
-    return InputError(f"{flight.path}: {text}")
+    if _of_files(flight):
+        text, overrules = check.named_sentence, "in the flight file overrules"
+    else:
+        with spoken_as(_of_objects, _INSTEAD):
+            text, overrules = check.named_sentence, "overrules"
+    accepting = f"; accept = {toml(overruled)} {overrules}" if overruled else ""
+    return InputError(f"{flight.path}: {text}{remark}{accepting}")
 
 
-def _factor(match: re.Match[str]) -> str:
+def _of_files(flight: Flight) -> bool:
+    return isinstance(flight.imu.file, Path)
+
+
+def _factor(sensor: str, unit: str, instead: str) -> str:
     """By what to multiply samples that have another unit than the one they are taken for."""
-    sensor, unit, other = match.groups()
     units = UNITS[sensor] | UNITS[f"{sensor} increment"]
-    taken_for = units[other if other in UNITS[sensor] else f"{other}/s"] if other else 1.0
-    factor = units[unit] / taken_for
+    of_rates = instead if instead in UNITS[sensor] else f"{instead}/s"
+    factor = units[unit] / (units[of_rates] if instead else 1.0)
     names = {math.radians(1.0): "np.radians(1)", math.degrees(1.0): "np.degrees(1)"}
     close = (name for value, name in names.items() if math.isclose(factor, value))
     return f"{unit} (multiply {sensor} by {next(close, f'{factor:.6g}')})"
 
 
-def _speed(match: re.Match[str]) -> str:
-    """By what to multiply velocities that are not in m/s."""
-    return f"multiply them by {VELOCITY_UNITS[match.group(1)]:.6g}, to m/s"
+def _of_fixes(units: Mapping[str, str], _: str) -> str:
+    """What to do with fixes whose angles or velocities have another unit than that of records."""
+    if "velocity" in units:
+        return f"multiply them by {VELOCITY_UNITS[units['velocity']]:.6g}, to m/s"
+    if units["angle"] == "deg":
+        return "name their columns lat_deg and lon_deg"
+    return "give np.degrees of them, or columns lat_rad and lon_rad"
 
 
-def _keyword(match: re.Match[str]) -> str:
-    key = match.group()
-    return named(key) if named(key) != key else key.replace(".", "__")
+_INSTEAD: Settings = {
+    "imu.units gyro": partial(_factor, "gyro"),
+    "imu.units accel": partial(_factor, "accel"),
+    "gnss.units": _of_fixes,
+}
+"""What whoever gives objects does where a flight file has an option, which an object has not."""
+
+_NOUNS = {
+    "imu.units gyro": "the unit of gyro",
+    "imu.units accel": "the unit of accel",
+    "imu.units": "the units of the samples",
+    "imu.columns": "the columns of the samples",
+    "gnss.units": "the units of the fixes",
+    "gnss.columns": "the columns of the fixes",
+}
 
 
-_OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
-    (r'imu\.units (gyro|accel) = "([^"]+)"(?: \(not in ([^)]+)\))?', _factor),
-    (r"imu\.units (gyro|accel)\b", r"the unit of \1"),
-    (r"imu\.(units|columns)\b", r"the \1 of the samples"),
-    (
-        r'look like gnss\.units = \{ angle = "rad" \}',
-        "look like radians (give np.degrees of them, or columns lat_rad and lon_rad)",
-    ),
-    (
-        r'set gnss\.units = \{ angle = "rad" \}',
-        "give np.degrees of them, or columns lat_rad and lon_rad",
-    ),
-    (r'set gnss\.units = \{ angle = "deg" \}', "name their columns lat_deg and lon_deg"),
-    (r'set gnss\.units = \{ velocity = "([^"]+)" \}', _speed),
-    (r"exchange their names in gnss\.columns(?: or in the file)?", "exchange their columns"),
-    (r"\bgnss\.(units|columns)\b", r"the \1 of the fixes"),
-    (r"\b(?:imu|gnss|camera|barometer|filter|output)\.[a-z]\w*", _keyword),
-    (r"= (true|false)\b", lambda match: match.group().title()),
-    (r"as the flight file is\b", "with the values as they are"),
-    (r" in the flight file\b", ""),
-    (r", see `insgnss inspect`", ""),
-)
-"""What advice about a flight file says to whoever gave objects."""
+def _of_objects(key: str, argument: str) -> str:
+    """How whoever gives objects calls an option, of which the usual ones are arguments."""
+    return _NOUNS.get(key, argument if argument != key else key.replace(".", "__"))
 
 
 def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
@@ -204,7 +207,7 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
         )
 
 
-def check_mountings(flight: Flight) -> list[Check]:
+def check_mountings(flight: Flight) -> list[Finding]:
     """Judge the size of what no data check, lever arms and bore-sight of each camera.
 
     Parameters
@@ -214,7 +217,7 @@ def check_mountings(flight: Flight) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         One a camera, one without a camera.
     """
     first, *others = flight.mountings
@@ -228,66 +231,62 @@ def check_mountings(flight: Flight) -> list[Check]:
                 check,
                 found="none given: its images get place and attitude of the first camera",
                 verdict="note",
-                advice="measure where it stands and how it is turned, and give them in"
+                remedy="measure where it stands and how it is turned, and give them in"
                 " camera.further mounting",
             )
         checks.append(of_camera(check, name))
     return checks
 
 
-def of_camera(check: Check, name: str) -> Check:
+def of_camera(check: Finding, name: str) -> Finding:
     """Return a check that says which further camera of a rig it is of.
 
     Parameters
     ----------
-    check : Check
+    check : Finding
         As that of the first camera, whose key its advice names.
     name : str
         The camera.
 
     Returns
     -------
-    Check
+    Finding
         The same otherwise.
     """
-    advice = re.sub(r"\bcamera\.time_offset_s\b", "time_offset_s of that camera", check.advice)
-    return replace(check, found=f"camera {name}: {check.found}", advice=advice)
+    of_first = "camera.time_offset_s"
+    with spoken_as(lambda key, name: "time_offset_s of that camera" if key == of_first else name):
+        remedy = check.advice
+    return replace(check, found=f"camera {name}: {check.found}", remedy=remedy)
 
 
-def _check_mounting(flight: Flight, m: Mounting) -> Check:
+def _check_mounting(flight: Flight, m: Mounting) -> Finding:
     """Judge the lever arms and the bore-sight of one camera."""
     lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
     cosine = np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0)
     angle = float(np.degrees(np.arccos(cosine)))
     if flight.camera is not None and lever == 0.0 and angle == 0.0:
-        return Check(
-            "mounting",
+        return Question("mounting", "[mounting] of the camera").note(
             "no lever arm and no bore-sight given: the images get the place and the attitude of "
             "the IMU",
-            "[mounting] of the camera",
-            "note",
             "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
             "and give them in [mounting]",
         )
     if lever > OTHER_UNIT_M:
-        return Check(
-            "mounting",
-            f"longest lever arm {lever:.3f} m",
-            f"lever arms below {OTHER_UNIT_M:g} m",
-            "contradiction",
-            "lever arms are in m: are these in mm or cm?",
+        return Question("mounting", f"lever arms below {OTHER_UNIT_M:g} m").contradiction(
+            f"longest lever arm {lever:.3f} m", "lever arms are in m: are these in mm or cm?"
         )
     odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
-    return Check(
+    return Question(
         "mounting",
-        f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
         f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
-        "note" if odd else "ok",
-        "the data cannot tell: check units, signs and mounting by hand" if odd else "",
+    ).note(
+        f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
+        "the data cannot tell: check units, signs and mounting by hand",
+        when=odd,
     )
 
 
-def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Check]:
+def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Finding]:
     """Tell where a calibrated mounting is of another camera or another time than the flight.
 
     Parameters
@@ -301,7 +300,7 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Chec
 
     Returns
     -------
-    list of Check
+    list of Finding
         One a file; silent on what the file or the images do not say.
     """
     from ...geodesy.gpstime import calendar_from_gps
@@ -310,7 +309,7 @@ def check_mounting_files(flight: Flight, gps_week: int, tow: float) -> list[Chec
     return [_check_mounting_file(flight, source, day) for source in flight.mounting_files]
 
 
-def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Check:
+def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> Finding:
     made, odd = source.made, []
     if made.date:
         days = (day - date.fromisoformat(made.date)).days
@@ -327,12 +326,12 @@ def _check_mounting_file(flight: Flight, source: MountingSource, day: date) -> C
     name = "mounting file"
     expected = "the camera of the flight, calibrated near its date"
     if not odd:
-        return Check(name, f"{source.file.name} gives {', '.join(source.keys)}", expected)
+        return Question(name, expected).ok(f"{source.file.name} gives {', '.join(source.keys)}")
     advice = (
         "lever arms, bore-sight and delay are those of the camera, its lens and its mount: take"
         " the file of this one, or calibrate it again"
     )
-    return Check(name, f"{source.file.name}: {'; '.join(odd)}", expected, "note", advice)
+    return Question(name, expected).note(f"{source.file.name}: {'; '.join(odd)}", advice)
 
 
 def camera_of(flight: Flight) -> CameraTags | None:
@@ -381,7 +380,7 @@ def _same_name(calibrated: str, model: str) -> bool:
     return first in second or second in first
 
 
-def check_stationary(imu: ImuSamples, periods: Array) -> Check:
+def check_stationary(imu: ImuSamples, periods: Array) -> Finding:
     """Check whether the IMU that `gnss.stationary` says to stand does so.
 
     Parameters
@@ -393,21 +392,19 @@ def check_stationary(imu: ImuSamples, periods: Array) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         The check "standing".
     """
     share = float(np.sum(periods[:, 1] - periods[:, 0]) / (imu.time[-1] - imu.time[0]))
     bad = share < STATIONARY_SHARE
-    return Check(
-        "standing",
+    return Question("standing", f"for {100 * STATIONARY_SHARE:.0f} % at least").contradiction(
         f"at rest for {100 * share:.0f} % of the time",
-        f"for {100 * STATIONARY_SHARE:.0f} % at least",
-        "contradiction" if bad else "ok",
-        "a moving sensor needs fixes: give gnss.file" if bad else "",
+        Step("a moving sensor needs fixes: give {gnss.file}"),
+        when=bad,
     )
 
 
-def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
+def check_heading(flight: Flight, trajectory: Trajectory) -> Finding:
     """Check the heading against the course, which tells a wrong axis of the IMU.
 
     Parameters
@@ -419,7 +416,7 @@ def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         The check of `navigation.recognise.plausibility.check_heading`.
     """
     from ...navigation.recognise import plausibility
@@ -431,7 +428,7 @@ def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
 
 def check_segments(
     times: Sequence[Array], failures: Sequence[tuple[tuple[float, float], DataError]]
-) -> Check:
+) -> Finding:
     """Note what the gaps of the IMU made of the flight.
 
     Parameters
@@ -443,7 +440,7 @@ def check_segments(
 
     Returns
     -------
-    Check
+    Finding
         The note "IMU gaps".
     """
     from ...navigation.prepare.gaps import BRIDGE_S
@@ -453,10 +450,6 @@ def check_segments(
     if failures:
         spans = (f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failures)
         finding += f"; left out: {', '.join(spans)}"
-    return Check(
-        "IMU gaps",
-        finding,
-        f"no gap over {BRIDGE_S:g} s",
-        "note",
-        "images in a gap or in a segment left out have no orientation",
+    return Question("IMU gaps", f"no gap over {BRIDGE_S:g} s").note(
+        finding, "images in a gap or in a segment left out have no orientation"
     )

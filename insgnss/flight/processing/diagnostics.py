@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +24,9 @@ from ...navigation.filter.codes import (
     VELOCITY,
 )
 from ...navigation.filter.solution import trajectory
-from ...records import Array, Check, Diagnostics, Trajectory
+from ...records import Array, Diagnostics, Finding, Trajectory
 from ...records.series import ConstantSeries
 from ...records.states import OF_LEVER_ARM, TIME_OFFSET
-from ...records.verdicts import ConstantEstimate
 from ..config.flight_file import Flight
 from .segment import Segment
 
@@ -74,7 +74,7 @@ def run_diagnostics(
     segments: Sequence[Segment],
     rows: Sequence[ReportRows],
     stationary: Array,
-    checks: tuple[Check, ...],
+    checks: tuple[Finding, ...],
 ) -> Diagnostics:
     """Gather the diagnostics of a run.
 
@@ -86,7 +86,7 @@ def run_diagnostics(
         The rows of each segment that the report shows.
     stationary : ndarray, shape (k, 2), s
         First and last instant of each stationary period.
-    checks : tuple of Check
+    checks : tuple of Finding
         All checks of the run.
 
     Returns
@@ -98,8 +98,8 @@ def run_diagnostics(
     return replace(Diagnostics.joined(of_segments), checks=checks)
 
 
-def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEstimate]:
-    """Return what a flight by itself says of the constants of its fixes.
+def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[dict[str, Any]]:
+    """Return what a flight by itself says of the constants of its fixes, as report.json has it.
 
     Parameters
     ----------
@@ -110,15 +110,22 @@ def constants_of(flight: Flight, segments: Sequence[Segment]) -> list[ConstantEs
 
     Returns
     -------
-    list of ConstantEstimate
+    list of dict
         Lever arm IMU to antenna in body axes, time offset of the fixes and rate of their clock, as
-        far as the flight tells.
+        far as the flight tells: correction and sigma, and the value that it corrects.
     """
     lever = flight.mounting.antenna_lever_b.tolist()
-    assumed = dict(zip(OF_LEVER_ARM, lever, strict=True))
-    assumed[TIME_OFFSET] = flight.gnss.time_offset_s
-    estimates = combined([segment.constants for segment in segments])
-    return [replace(one, assumed=assumed.get(one.state, 0.0)) for one in estimates]
+    stated = dict(zip(OF_LEVER_ARM, lever, strict=True))
+    stated[TIME_OFFSET] = flight.gnss.time_offset_s
+    return [
+        {
+            "name": e.name,
+            "correction": e.value,
+            "sigma": e.sigma,
+            "assumed": stated.get(e.state, 0.0),
+        }
+        for e in combined([segment.constants for segment in segments])
+    ]
 
 
 def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:

@@ -15,7 +15,7 @@ from ...navigation.filter.codes import (
     VELOCITY_CONSTRAINT,
 )
 from ...navigation.filter.event_clock import event_delay
-from ...records import Check
+from ...records import Finding
 from ..config.flight_file import Flight
 from .recording import Recording
 from .segment import Segment
@@ -28,7 +28,7 @@ AIDS = {
 
 
 def run_history(
-    flight: Flight, recording: Recording, segments: Sequence[Segment], checks: Iterable[Check]
+    flight: Flight, recording: Recording, segments: Sequence[Segment], checks: Iterable[Finding]
 ) -> tuple[str, ...]:
     """Say what was done.
 
@@ -40,7 +40,7 @@ def run_history(
         The recording.
     segments : sequence of Segment
         The solved segments.
-    checks : iterable of Check
+    checks : iterable of Finding
         All checks of the run.
 
     Returns

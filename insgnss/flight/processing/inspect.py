@@ -1,16 +1,14 @@
 """The inspection of a flight: the checks of its recording, without processing it."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ...base.errors import InsgnssError
-from ...records import Check
+from ...base.findings import check_lines
+from ...records import Finding, Question
 from ..config.flight_file import Flight
-from .checks import sentence
 from .progress import Progress, quiet
 from .recording import Recording, read_recording
-
-MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 
 
 @dataclass(frozen=True)
@@ -21,32 +19,25 @@ class InspectResult:
     ----------
     name : str
         The name of the flight.
-    checks : tuple of Check
+    checks : tuple of Finding
         The checks.
     """
 
     name: str
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
 
     @property
     def contradictions(self) -> list[str]:
         """One sentence for each check that the data contradict."""
-        return [sentence(check) for check in self.checks if check.verdict == "contradiction"]
+        return [check.named_sentence for check in self.checks if check.verdict == "contradiction"]
 
     def summary(self) -> str:
         """Return a table for the terminal."""
-        width = max(len(check.name) for check in self.checks)
-        lines = [self.name]
-        for check in self.checks:
-            lines.append(f"{MARKS[check.verdict]}  {check.name:<{width}}  {check.found}")
-            if check.verdict != "ok":
-                advice = f"; {check.advice}" if check.advice else ""
-                lines.append(f"      {'':<{width}}  expected: {check.expected}{advice}")
-        return "\n".join(lines)
+        return "\n".join([self.name, *check_lines(self.checks)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the checks in types that JSON has."""
-        return {"name": self.name, "checks": [asdict(check) for check in self.checks]}
+        return {"name": self.name, "checks": [check.as_dict() for check in self.checks]}
 
 
 def inspect(
@@ -88,12 +79,7 @@ def inspect(
             refuse_outside(camera.events, lo, hi)
     except InsgnssError as error:
         message = str(error)
-        checks.append(Check("span", message, "IMU, GNSS and images overlap", "contradiction"))
-    checks.append(
-        Check(
-            "heading against course",
-            "not checked here",
-            "needs the attitude: `insgnss process` checks it",
-        )
-    )
+        checks.append(Question("span", "IMU, GNSS and images overlap").contradiction(message))
+    heading = Question("heading against course", "needs the attitude: `insgnss process` checks it")
+    checks.append(heading.ok("not checked here"))
     return InspectResult(flight.name, tuple(checks))

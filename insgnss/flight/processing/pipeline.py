@@ -21,15 +21,14 @@ from ...base.wording import relative
 from ...io.exposures.instants import refuse_outside
 from ...navigation.prepare.clock import common_span
 from ...records import (
-    Check,
     Diagnostics,
+    Estimate,
     ExteriorOrientation,
+    Finding,
     ImuBiases,
     Innovations,
-    StateVerdict,
     Trajectory,
 )
-from ...records.states import as_named
 from ...records.strips import CommonErrors, StripCovariance
 from ...report.summary import run_summary
 from ..config.flight_file import Flight
@@ -96,12 +95,12 @@ class ProcessResult:
     common: CommonErrors | None = None
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Finding, ...]:
         """Every check of the run, those that found nothing wrong among them."""
         return self.diagnostics.checks
 
     @property
-    def states(self) -> tuple[StateVerdict, ...]:
+    def states(self) -> tuple[Estimate, ...]:
         """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
         return self.diagnostics.states
 
@@ -244,7 +243,7 @@ def _prepared(flight: Flight, recording: Recording) -> PreparedFlight:
 
 def _solve(
     flight: Flight, recording: Recording, prepared: PreparedFlight, step: Progress
-) -> tuple[list[Segment], tuple[Check, ...]]:
+) -> tuple[list[Segment], tuple[Finding, ...]]:
     """Solve the segments of a flight; return them and all checks up to there."""
     segments, gaps = solve_segments(flight, recording, step, prepared)
     checks = [check for segment in segments for check in segment.checks]
@@ -257,7 +256,7 @@ def _solve(
         start = min(float(segment.solution.time[0]) for segment in segments)
         return {
             "span": {"gps_week": recording.gps_week, "start_tow_s": start},
-            "constants": [as_named(one) for one in constants_of(flight, segments)],
+            "constants": constants_of(flight, segments),
         }
 
     refuse_contradictions(flight, checks, findings)
@@ -293,7 +292,7 @@ def _report(
         series=recording.series,
         run=circumstances(),
     )
-    report["constants"] = [as_named(one) for one in constants_of(flight, segments)]
+    report["constants"] = constants_of(flight, segments)
     ppk = recording.ppk
     if ppk is not None:
         quality = json_ready(ppk.quality)

@@ -25,7 +25,6 @@ from ...records import Diagnostics, ExteriorOrientation, Trajectory
 from ...records.framed import PROJECTED
 from ...records.strips import CommonErrors, StripCovariance
 from ..config.flight_file import Flight
-from .checks import sentence
 from .input_files import input_files, measurements
 from .recording import Recording
 
@@ -310,7 +309,7 @@ def _write_solution(
         _, missing = write_antenna_files(ppk.fixes, events, directory, origin)
     except DataError as error:  # no exposure between fixes: those files alone are missing
         return [str(error)]
-    return [] if missing is None else [sentence(missing)]
+    return [] if missing is None else [missing.named_sentence]
 
 
 def _export(

@@ -1,7 +1,6 @@
 """A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
+from ...base.findings.remedies import Remedy, SetKey, Step
 from ...base.received.trusted import at_home
 from ...gnss.covariance_model import MODEL
 from ...io.exposures.rig import CameraExposures, merged_instants
-from ...records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
+from ...records import (
+    Array,
+    BarometerHeights,
+    CameraEvents,
+    Finding,
+    GnssFixes,
+    ImuSamples,
+    Question,
+)
 from ...records.qualities import Quality
 from ..config.flight_file import Flight
 from .checks import (
@@ -58,7 +66,7 @@ class Recording:
         The exposures of each camera; none without a camera.
     gps_week : int
         The GPS week whose seconds all stamps count.
-    checks : tuple of Check
+    checks : tuple of Finding
         The checks of the recording against the flight file.
     noise : NoiseModel
         The noise model of the samples.
@@ -80,7 +88,7 @@ class Recording:
     gnss: GnssFixes
     cameras: tuple[CameraExposures, ...]
     gps_week: int
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     noise: "NoiseModel"
     turn_on: str = ""
     recognition: "Recognition | None" = None
@@ -270,7 +278,7 @@ def covariance_rules(flight: Flight, ppk: "PpkResult | None" = None) -> "Covaria
 
 def with_dead_bands(
     bands: "Mapping[int, DeadBand]", C_b_imu: Array, noise: "NoiseModel"
-) -> "tuple[NoiseModel, list[Check]]":
+) -> "tuple[NoiseModel, list[Finding]]":
     """Add the errors of gyros with a dead band to their noise model, with a note that names them.
 
     Parameters
@@ -284,7 +292,7 @@ def with_dead_bands(
 
     Returns
     -------
-    tuple of NoiseModel, list of Check
+    tuple of NoiseModel, list of Finding
         The same model and no note where no band counts.
     """
     from ...navigation.noise_model.model import GaussMarkov
@@ -302,12 +310,9 @@ def with_dead_bands(
         )
     if not named:
         return noise, []
-    note = Check(
-        "IMU noise",
+    note = Question("IMU noise", "readings that follow every slow turn").note(
         f"dead band or coarse resolution of gyro {', '.join(named)}; an error of that size and"
         " length was added to the noise model",
-        "readings that follow every slow turn",
-        "note",
         "let the device write its raw rates with all digits: heading is worse by what they hide",
     )
     return replace(noise, gyro=(gyro[0], gyro[1], gyro[2])), [note]
@@ -320,8 +325,8 @@ def _checks(
     cameras: tuple[CameraExposures, ...],
     C_b_imu: Array,
     noise: "NoiseModel",
-    more: list[Check],
-) -> list[Check]:
+    more: list[Finding],
+) -> list[Finding]:
     """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
     from ...navigation.diagnosis.turn_on_bias import check_turn_on, without_turn_on
     from ...navigation.recognise.plausibility import check_recording
@@ -341,7 +346,7 @@ def _checks(
     return [*checks, *noise_misfit(noise)]
 
 
-def noise_misfit(noise: "NoiseModel") -> list[Check]:
+def noise_misfit(noise: "NoiseModel") -> list[Finding]:
     """Repeat where a noise model does not fit the recordings that it was estimated from.
 
     Parameters
@@ -351,7 +356,7 @@ def noise_misfit(noise: "NoiseModel") -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         A note, or nothing.
     """
     if not noise.misfit:
@@ -362,7 +367,7 @@ def noise_misfit(noise: "NoiseModel") -> list[Check]:
         "sigmas of this flight are as good as this model; tune it again with one that fits (insgnss"
         " tune, --model)"
     )
-    return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
+    return [Question("noise model", "fits what it was estimated from").note(finding, advice)]
 
 
 def _turn_on_bias(
@@ -382,8 +387,11 @@ def _turn_on_bias(
 
 
 def _with_recognised(
-    checks: list[Check], disagreements: list[Check], recognition: "Recognition", contradicted: bool
-) -> list[Check]:
+    checks: list[Finding],
+    disagreements: list[Finding],
+    recognition: "Recognition",
+    contradicted: bool,
+) -> list[Finding]:
     """Add what the recogniser says, in front of contradictions whose advice would mislead.
 
     Gravity and turns alone take left-handed readings and a reversed force for other axes.
@@ -396,13 +404,13 @@ def _with_recognised(
         return checks
     why = f"see {bad[0].name}" if bad else "see recognised axes"
     explained = [
-        replace(c, advice=why) if c.name in OF_AXES and c.verdict == "contradiction" else c
+        replace(c, remedy=why) if c.name in OF_AXES and c.verdict == "contradiction" else c
         for c in checks
     ]
     return [*disagreements, *explained]
 
 
-def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> str:
+def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> Remedy:
     """Say how the flight file exchanges two axes of gyros and accelerometers alike."""
     from ...io.formats.imu.exchanged_columns import exchanged_columns
     from ...navigation.recognise.claims import exchange_in_words
@@ -414,22 +422,15 @@ def _exchange_remedy(flight: Flight, pair: tuple[int, int]) -> str:
         options.file, pair, options.columns, options.rate_hz, options.accel_file
     )
     if columns is not None:
-        return f"set imu.columns = {_toml(columns)}"
+        return Step("set {}", SetKey("imu.columns", columns))
     if options.accel_file is not None:
         return exchange_in_words(pair)
     return f"exchange {a} and {b} of gyro and accelerometer in the file (convert it to a table)"
 
 
-def _toml(names: Mapping[str, str] | Sequence[str]) -> str:
-    """Return the names of columns as the flight file has them."""
-    if isinstance(names, Mapping):
-        return "{ " + ", ".join(f"{key} = {json.dumps(name)}" for key, name in names.items()) + " }"
-    return json.dumps(list(names))
-
-
 def _recognised(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
-) -> "tuple[Recognition, list[Check]]":
+) -> "tuple[Recognition, list[Finding]]":
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
     from ...navigation.recognise.claims import compare
     from ...navigation.recognise.handedness import with_exchanges

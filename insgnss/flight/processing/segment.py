@@ -9,8 +9,8 @@ import numpy as np
 from ...io.exposures.rig import ExposedRows
 from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import mean_residuals
-from ...records import Check, GnssFixes, MeanResidual
-from ...records.verdicts import ConstantEstimate
+from ...records import Finding, GnssFixes, MeanResidual
+from ...records.verdicts import Estimate
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Segment:
         Which exposures of each camera are at which of these instants.
     history : tuple of str
         What was done, sentence by sentence.
-    checks : tuple of Check
+    checks : tuple of Finding
         What the solution says of the flight file.
     time_offset_s : float
         By how much the stamps of the fixes were moved before the solution, s.
@@ -40,7 +40,7 @@ class Segment:
         without asking for them.
     requested : tuple of str
         Groups of the constants that the flight file has estimated.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the segment alone says of the constants of its fixes.
     """
 
@@ -50,11 +50,11 @@ class Segment:
     at_event: np.ndarray
     exposed: tuple[ExposedRows, ...]
     history: tuple[str, ...]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     time_offset_s: float = 0.0
     stated: Mapping[str, float] = field(default_factory=dict)
     requested: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
     def without_increments(self) -> "Segment":
         """Return the segment without the increments of its IMU."""

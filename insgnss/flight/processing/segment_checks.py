@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...base.wording import named
+from ...base.findings.remedies import SetKey, Step
 from ...navigation.diagnosis.candidates import with_layout
 from ...navigation.diagnosis.evidence import liveliest_window
 from ...navigation.filter.codes import (
@@ -28,7 +28,7 @@ from ...navigation.filter.layout import StateLayout
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.filter.solution import Solution
 from ...navigation.innovations.residuals import worst_piece
-from ...records import Check
+from ...records import Finding, Question
 from ...report.rules.wording import AXES, millimetres
 from ...report.statistics import Z_CONFIDENCE, lag_one, residual_limit
 from ..config.flight_file import Flight
@@ -58,7 +58,7 @@ MOST_NAMED = 5
 
 def check_exposure_clock(
     flight: Flight, recording: Recording, segments: Sequence[Segment]
-) -> list[Check]:
+) -> list[Finding]:
     """Ask whose clock stamps the exposures, where the clocks differ and nobody has said it.
 
     No data of a flight tell it: exposures of the receiver's clock that are taken as stamped by the
@@ -75,7 +75,7 @@ def check_exposure_clock(
 
     Returns
     -------
-    list of Check
+    list of Finding
         A note for each camera with `camera.clock = "auto"` that was taken as the IMU's and has
         exposures further apart than `CLOCKS_MATTER_M` and `CLOCKS_MATTER_SIGMA`.
     """
@@ -98,21 +98,20 @@ def check_exposure_clock(
         ]
         limit = max(CLOCKS_MATTER_M, CLOCKS_MATTER_SIGMA * float(np.median(np.concatenate(sigma))))
         if max(apart) > limit:
-            check = Check(
-                "exposure clock",
+            check = Question("exposure clock", f"no matter, to {1e3 * limit:.0f} mm").note(
                 f"taken as the IMU's; by the clock of the fixes they are up to {max(apart):.2f} m"
                 " elsewhere, and no data of the flight tell which of both it is",
-                f"no matter, to {1e3 * limit:.0f} mm",
-                "note",
-                f'say it: {named("camera.clock")} = "receiver" where the receiver stamps them,'
-                ' "imu" where the IMU does',
+                Step(
+                    'say it: {} where the receiver stamps them, "imu" where the IMU does',
+                    SetKey("camera.clock", "receiver"),
+                ),
             )
             rig = len(recording.cameras) > 1
             checks.append(of_camera(check, exposures.name) if rig else check)
     return checks
 
 
-def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
     """Check the fixes against the smoothed solution, minute by minute.
 
     Parameters
@@ -124,7 +123,7 @@ def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         The check "fixes minus solution", a note where the mean of a minute is beyond what the
         sigmas of solution and fixes allow it; nothing where no fix was used, or where the fixes are
         a given place.
@@ -136,22 +135,20 @@ def check_residuals(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
     worst, axis, sigmas = worst_piece(pieces)
     bad = sigmas > limit
     return [
-        Check(
-            "fixes minus solution",
+        Question(
+            "fixes minus solution", f"at most {limit:.1f} sigma in each of {len(pieces)} pieces"
+        ).note(
             f"mean of {worst.begin_s:.1f} to {worst.end_s:.1f} s"
             f" {millimetres(1e3 * worst.mean_m[axis])} {AXES[axis]}, {sigmas:.1f} sigma",
-            f"at most {limit:.1f} sigma in each of {len(pieces)} pieces",
-            "note" if bad else "ok",
-            "the solution leaves its fixes there: do not rely on positions or sigmas"
-            if bad
-            else "",
+            "the solution leaves its fixes there: do not rely on positions or sigmas",
+            when=bad,
         )
     ]
 
 
 def check_file_sigmas(
     flight: Flight, recording: Recording, segments: Sequence[Segment]
-) -> list[Check]:
+) -> list[Finding]:
     """Note where larger errors of the fixes were adopted than their sigmas needed.
 
     Parameters
@@ -165,7 +162,7 @@ def check_file_sigmas(
 
     Returns
     -------
-    list of Check
+    list of Finding
         The note "sigmas of the fixes" where the flight file leaves their errors to the data and the
         sigmas of the file, as those of white errors, would have done.
     """
@@ -184,14 +181,14 @@ def check_file_sigmas(
         return []
     ratio, factor = wider
     return [
-        Check(
-            "sigmas of the fixes",
+        Question("sigmas of the fixes", "no larger errors than the innovations need").note(
             "as white errors they explain the innovations (NIS per degree of freedom"
             f" {ratio:.2f}, white); with the errors that were adopted besides, sigmas of position"
             f" are {factor:.1f} times as large",
-            "no larger errors than the innovations need",
-            "note",
-            'set gnss.gm_sigma = "off" to take the sigmas of the file at their word',
+            Step(
+                "set {} to take the sigmas of the file at their word",
+                SetKey("gnss.gm_sigma", "off"),
+            ),
         )
     ]
 
@@ -246,7 +243,7 @@ def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory 
     return history
 
 
-def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Finding]:
     """Check whether the vehicle moves as it is said to.
 
     Parameters
@@ -258,31 +255,20 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         The check "motion" where anything is measured of the motion itself: most of it must pass its
         test.
     """
-    offered, rejected = offered_and_rejected(segments, VELOCITY_CONSTRAINT)
-    if offered == 0:
-        return []
-    bad = rejected > MOST_REJECTED * offered
-    key = (
-        "filter.non_holonomic = false"
-        if flight.filter.non_holonomic
-        else 'filter.zero_velocity = "off"'
+    constrained = flight.filter.non_holonomic
+    key = SetKey(
+        *(("filter.non_holonomic", False) if constrained else ("filter.zero_velocity", "off"))
     )
-    return [
-        Check(
-            "motion",
-            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
-            "most of them used",
-            "contradiction" if bad else "ok",
-            f"it does not move so: {key}" if bad else "",
-        )
-    ]
+    measured = "zero-velocity updates or non-holonomic constraints"
+    remedy = Step("it does not move so: {}", key)
+    return _mostly_used("motion", segments, VELOCITY_CONSTRAINT, measured, remedy)
 
 
-def check_barometer(segments: Sequence[Segment]) -> list[Check]:
+def check_barometer(segments: Sequence[Segment]) -> list[Finding]:
     """Check whether the heights of a barometer follow the flight.
 
     Parameters
@@ -292,25 +278,25 @@ def check_barometer(segments: Sequence[Segment]) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         The check "barometer" where there is one: most of its heights must pass their test.
     """
-    offered, rejected = offered_and_rejected(segments, BAROMETER)
-    if offered == 0:
-        return []
+    remedy = Step(
+        "its heights do not follow the flight: check {barometer.columns}, time_offset_s (UTC is"
+        " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
+    )
+    return _mostly_used("barometer", segments, BAROMETER, "heights", remedy)
+
+
+def _mostly_used(
+    name: str, segments: Sequence[Segment], kind: int, measured: str, remedy: Step
+) -> list[Finding]:
+    """Check that most measurements of a kind pass their test; nothing where there are none."""
+    offered, rejected = offered_and_rejected(segments, kind)
+    finding = f"{rejected} of {offered} {measured} rejected"
     bad = rejected > MOST_REJECTED * offered
-    return [
-        Check(
-            "barometer",
-            f"{rejected} of {offered} heights rejected",
-            "most of them used",
-            "contradiction" if bad else "ok",
-            "its heights do not follow the flight: check barometer.columns, time_offset_s (UTC is"
-            " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
-            if bad
-            else "",
-        )
-    ]
+    check = Question(name, "most of them used").contradiction(finding, remedy, when=bad)
+    return [check] if offered else []
 
 
 def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, int]:
@@ -333,7 +319,7 @@ def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, i
     return int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
 
 
-def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Check]:
+def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Finding]:
     """Note the exposures that have no orientation.
 
     Parameters
@@ -345,7 +331,7 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Chec
 
     Returns
     -------
-    list of Check
+    list of Finding
         The note "images" where there are such.
     """
     images: list[str] = []
@@ -360,11 +346,8 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Chec
     names = ", ".join(missing[:MOST_NAMED])
     names += ", ..." if len(missing) > MOST_NAMED else ""
     return [
-        Check(
-            "images",
+        Question("images", "all images within the segments").note(
             f"{len(missing)} of {len(images)} have no orientation: {names}",
-            "all images within the segments",
-            "note",
             "they lie in a gap, before the first fix or in a segment left out",
         )
     ]

@@ -18,7 +18,7 @@ from ...navigation.filter.codes import NAV
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...navigation.prepare.clock import SHORTEST_S, common_span
 from ...navigation.recognise.claims import RECOGNISED
-from ...records import Check
+from ...records import Finding
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET
 from ..config.flight_file import Flight
 from .checks import check_segments, refusal
@@ -92,7 +92,7 @@ def prepare_segments(flight: Flight, recording: Recording) -> PreparedFlight:
 
 def solve_segments(
     flight: Flight, recording: Recording, step: Progress, prepared: PreparedFlight | None = None
-) -> tuple[list[Segment], list[Check]]:
+) -> tuple[list[Segment], list[Finding]]:
     """Solve every segment of a flight that can be solved.
 
     Parameters
@@ -109,7 +109,7 @@ def solve_segments(
 
     Returns
     -------
-    tuple of list of Segment and list of Check
+    tuple of list of Segment and list of Finding
         The solved segments, and, where the IMU has gaps, the check that says what became of the
         rest.
 
@@ -142,7 +142,7 @@ def solve_segments(
     ) > 1 else []
 
 
-def _noted(checks: Iterable[Check]) -> str:
+def _noted(checks: Iterable[Finding]) -> str:
     """What the checks of a recording found odd, to be said beside its failure.
 
     What recognises units and axes by the motion says nothing more where there is none.

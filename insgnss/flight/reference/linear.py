@@ -57,7 +57,7 @@ class LinearProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class GaussianStates:
     """Means (m, n) and covariances (m, n, n) at every epoch.
 
     Parameters
@@ -87,7 +87,7 @@ def new_filter(mean: Array, P: Array) -> "KalmanFilter":
     return kf
 
 
-def filtered(problem: LinearProblem) -> Estimate:
+def filtered(problem: LinearProblem) -> GaussianStates:
     """Return the Kalman filter's estimate after the update at each epoch."""
     kf, identity = new_filter(problem.mean, problem.P), np.eye(problem.mean.size)
     means, covariances = [], []
@@ -98,10 +98,10 @@ def filtered(problem: LinearProblem) -> Estimate:
             kf.update(z[:, None], R=R, H=H)
         means.append(kf.x[:, 0])
         covariances.append(kf.P)
-    return Estimate(np.array(means), np.array(covariances))
+    return GaussianStates(np.array(means), np.array(covariances))
 
 
-def smoothed(problem: LinearProblem, filtered: Estimate) -> Estimate:
+def smoothed(problem: LinearProblem, filtered: GaussianStates) -> GaussianStates:
     """Return the Rauch-Tung-Striebel smoother's estimate of a filter's.
 
     Parameters
@@ -113,7 +113,7 @@ def smoothed(problem: LinearProblem, filtered: Estimate) -> Estimate:
     x, P, gain, _ = kf.rts_smoother(
         (filtered.mean - c)[..., None], filtered.P, problem.Phi, problem.Q, inv=_inverse
     )
-    return Estimate(x[..., 0] + c, P, gain)
+    return GaussianStates(x[..., 0] + c, P, gain)
 
 
 def _inverse(P: Array) -> Array:

@@ -46,7 +46,7 @@ from ...navigation.filter.filter import FEEDBACK_RAD, RESET_FIXES, RESET_S
 from ...navigation.filter.problem import EstimationProblem, InitialState
 from ...records import Array
 from .error_model import propagate
-from .linear import Estimate, LinearProblem, Measurement, new_filter, smoothed
+from .linear import GaussianStates, LinearProblem, Measurement, new_filter, smoothed
 from .measurements import measurement
 from .strapdown import State
 
@@ -73,7 +73,7 @@ class Forward:
 
     states: list[State]
     linear: LinearProblem
-    filtered: Estimate
+    filtered: GaussianStates
     nis: Array
     decision: np.ndarray
 
@@ -92,7 +92,7 @@ class TwinSolution:
 
     nav: Array
     x: Array
-    smoothed: Estimate
+    smoothed: GaussianStates
     forward: Forward
 
 
@@ -165,7 +165,7 @@ def run_forward(
         measured.append(used)
     first = State.from_arrays(start.nav, start.x).minus(states[0]) + start.mean
     linear = LinearProblem(first, start.P + Q[0], Phi, Q, gap, measured)
-    return Forward(states, linear, Estimate(means, covariances), update.nis, update.decision)
+    return Forward(states, linear, GaussianStates(means, covariances), update.nis, update.decision)
 
 
 class _Update:

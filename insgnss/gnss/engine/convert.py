@@ -19,7 +19,7 @@ from ...base.inputs import first_bytes
 from ...base.output.scratch import refuse_cut_off
 from ...base.wording import DOCTOR
 from ...geodesy.gpstime import calendar_from_gps
-from ...records import Check
+from ...records import Finding, Question
 from ..rinex.navigation_message import TOE, read_navigation
 from ..rinex.observations import read_observations
 
@@ -36,7 +36,7 @@ class Converted:
     """RINEX observations of a log, and what is to be said of it."""
 
     path: Path
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
 
 
 def log_format(path: Path) -> str:
@@ -118,7 +118,7 @@ def converted(path: Path, directory: Path, navigation: tuple[Path, ...]) -> Conv
             refuse_cut_off(written)
     epochs = read_observations(observations).time.size
     finding = f"{path.name} is of {NAMES[form]}: {epochs} epochs as RINEX 3.04{week}"
-    check = Check("receiver log", finding, "RINEX, or a log that the converter reads")
+    check = Question("receiver log", "RINEX, or a log that the converter reads").ok(finding)
     return Converted(observations, (check,))
 
 

@@ -30,7 +30,7 @@ from ...base.units import FOOT_M
 from ...base.wording import named, setting
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ...records import Array, Check, GnssFixes
+from ...records import Array, Finding, GnssFixes, Question
 from ..options import EngineOptions, base_position
 from ..phase.time_differences import VelocityOptions
 from ..phase.velocity import time_differenced_velocity
@@ -53,12 +53,12 @@ SECOND = "L2, of Galileo E5b, of BeiDou B2"
 
 def check_observations(
     rover: Observations, base: Observations, options: EngineOptions
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """Check frequencies and common time of rover and base.
 
     Returns
     -------
-    tuple of Check
+    tuple of Finding
         Notes for epochs that stay without base.
 
     Raises
@@ -77,7 +77,7 @@ def check_observations(
 
 def _check_base_times(
     rover: Observations, base: Observations, max_age_s: float
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """A note where epochs of the rover are without one of the base, InputError where all are."""
     time, reference, pace = absolute(rover), absolute(base), interval(base)
     near, within_pace = (
@@ -109,7 +109,7 @@ def _check_base_times(
         "give a base of the whole flight": ~inside,
     }
     advice = "; ".join(reason for reason, those in reasons.items() if (those & ~near).any())
-    return (Check("epochs with a base", finding, f"all within {max_age_s:g} s", "note", advice),)
+    return (Question("epochs with a base", f"all within {max_age_s:g} s").note(finding, advice),)
 
 
 def absolute(observations: Observations) -> Array:
@@ -170,7 +170,7 @@ def _check_frequencies(observations: Observations, options: EngineOptions) -> No
 
 def _check_third(
     rover: Observations, base: Observations, options: EngineOptions
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """A note where a third frequency is asked for, and no system has it in both files."""
     if options.frequencies < 3:
         return ()
@@ -183,15 +183,8 @@ def _check_third(
         if lacking
         else "none whose third one is in both files"
     )
-    return (
-        Check(
-            "frequencies",
-            finding,
-            "systems with three in both",
-            "note",
-            f"{setting('gnss.frequencies', 2)} says what is solved",
-        ),
-    )
+    advice = f"{setting('gnss.frequencies', 2)} says what is solved"
+    return (Question("frequencies", "systems with three in both").note(finding, advice),)
 
 
 def _with_third(observations: Observations, options: EngineOptions) -> set[str]:
@@ -211,12 +204,12 @@ def satellites_with_phases(observations: Observations, options: EngineOptions) -
 
 def check_navigation(
     navigation: Navigation, rover: Observations, options: EngineOptions
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """Check systems and days of the ephemerides.
 
     Returns
     -------
-    tuple of Check
+    tuple of Finding
         A note for systems other than GPS without ephemerides.
 
     Raises
@@ -267,7 +260,7 @@ def check_navigation(
         f"; {given}" if given else ""
     )
     advice = "give the navigation of that day" if given else "add their navigation file"
-    return (Check("navigation", finding, "ephemerides of every system observed", "note", advice),)
+    return (Question("navigation", "ephemerides of every system observed").note(finding, advice),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +323,7 @@ def check_base_place(
     base: Observations,
     options: EngineOptions,
     whereabouts: Callable[[Observations], Whereabouts],
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """Check whether the base stands, and where its coordinates say.
 
     Parameters
@@ -344,7 +337,7 @@ def check_base_place(
 
     Returns
     -------
-    tuple of Check
+    tuple of Finding
         A note where the base stands more than `NEAR_M` off its coordinates.
 
     Raises
@@ -474,7 +467,7 @@ def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> 
     )
 
 
-def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = True) -> Check:
+def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = True) -> Finding:
     """Report the base's coordinates that are taken, and the point that they are of.
 
     It is a note where they are given and nobody has `chosen` what stands there.
@@ -487,23 +480,17 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     }[point]
     lat, lon, height = (float(x) for x in ecef_to_geodetic(np.array(position)))
     finding = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
-    expected = "what stands at the coordinates is said"
+    ask = Question("base point", "what stands at the coordinates is said")
     if chosen or options.base_position_m is None:
-        return Check("base point", finding, expected)
+        return ask.ok(finding)
     advice = (
         f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
-        " reference point, and as such"
+        " reference point, and as such 0.05 to 0.2 m below the phase centre"
     )
-    return Check(
-        "base point",
-        f"{finding}, as nothing says",
-        expected,
-        "note",
-        f"{advice} 0.05 to 0.2 m below the phase centre",
-    )
+    return ask.note(f"{finding}, as nothing says", advice)
 
 
-def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Check, ...]:
+def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Finding, ...]:
     """Return what is said of the rover's antenna where an ANTEX file is given: that it is not used.
 
     Parameters
@@ -516,17 +503,15 @@ def check_rover_antenna(options: EngineOptions, rover: RinexHeader) -> tuple[Che
     if options.antex is None:
         return ()
     antenna = " ".join(rover.antenna.split())
-    return (
-        Check(
-            "rover antenna",
-            f"{antenna or 'not named'}: {Path(options.antex).name} is used for the base alone;"
-            " positions are of the rover's phase centre",
-            "a lever arm that ends at the phase centre, not at the reference point below it",
-        ),
+    expected = "a lever arm that ends at the phase centre, not at the reference point below it"
+    finding = (
+        f"{antenna or 'not named'}: {Path(options.antex).name} is used for the base alone;"
+        " positions are of the rover's phase centre"
     )
+    return (Question("rover antenna", expected).ok(finding),)
 
 
-def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Check, ...]:
+def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Finding, ...]:
     """Notes on coordinates of the header or far from the codes, and on a phase centre that is not
     applied.
     """
@@ -538,13 +523,12 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
             f" {point}"
         )
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
-        checks.append(
-            Check("base coordinates", finding, "coordinates that are known", "note", advice)
-        )
+        ask = Question("base coordinates", "coordinates that are known")
+        checks.append(ask.note(finding, advice))
     elif off > NEAR_M:
         finding = f"{off:.1f} m from the position of {base.path} by codes"
         advice = "check them, their datum and height (ellipsoidal); every position has their error"
-        checks.append(Check("base coordinates", finding, f"within {NEAR_M:.0f} m", "note", advice))
+        checks.append(Question("base coordinates", f"within {NEAR_M:.0f} m").note(finding, advice))
     if (
         point != "apc"
         and options.antex is None
@@ -555,5 +539,5 @@ def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> 
             f"give {named('gnss.antex')}, or the coordinates of the phase centre; heights are off"
             " by its offset, 0.05 to 0.2 m"
         )
-        checks.append(Check("base antenna", finding, "the phase centre", "note", advice))
+        checks.append(Question("base antenna", "the phase centre").note(finding, advice))
     return tuple(checks)

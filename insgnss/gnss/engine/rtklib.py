@@ -14,7 +14,7 @@ from ...base.errors import InputError, UsageError
 from ...base.files import atomic_write
 from ...base.output.scratch import scratch_directory
 from ...io.formats.gnss.rtklib_pos import PosRows
-from ...records import Check
+from ...records import Check, Finding, Question
 from ..options import DIRECTIONS, KINEMATIC, EngineOptions, check_dynamics, option_file
 from ..rinex.navigation_message import read_navigation
 from ..rinex.observations import Observations, read_observations
@@ -50,7 +50,7 @@ class EngineRun:
         Option files by direction.
     rows : mapping
         Rows of combined, forward and backward as numbers.
-    checks : tuple of Check
+    checks : tuple of Finding
         Findings to report.
     """
 
@@ -62,7 +62,7 @@ class EngineRun:
     cpu_of: Mapping[str, float]
     option_files: Mapping[str, Path]
     rows: Mapping[str, PosRows]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
 
 
 def solve(
@@ -175,12 +175,8 @@ def _check_refused(ends: Mapping[str, "RunEnd"]) -> tuple[Check, ...]:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 takes them"
     return (
-        Check(
-            "engine options",
-            f"values that it refused: {' '.join(names)}",
-            "values that it takes",
-            "note",
-            advice,
+        Question("engine options", "values that it takes").note(
+            f"values that it refused: {' '.join(names)}", advice
         ),
     )
 

@@ -24,7 +24,7 @@ import numpy as np
 from ...base.errors import DataError
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...geodesy.gpstime import WEEK_S
-from ...records import Array, CameraEvents, Check, GnssFixes
+from ...records import Array, CameraEvents, Finding, GnssFixes, Question
 from ...records.camera_positions import CameraPositions
 from ...records.qualities import Quality
 from ..antenna_files import cubic, positions_at
@@ -37,7 +37,7 @@ LARGE_M = 0.05  # beyond it the interpolation is what limits a position: a note
 
 def camera_positions(
     fixes: GnssFixes, events: CameraEvents
-) -> tuple[CameraPositions, tuple[Check, ...]]:
+) -> tuple[CameraPositions, tuple[Finding, ...]]:
     """Return the camera's, or else the antenna's, positions at the exposures between fixes.
 
     Parameters
@@ -51,7 +51,7 @@ def camera_positions(
     -------
     positions : CameraPositions
         Of the exposures that have fixes around them.
-    checks : tuple of Check
+    checks : tuple of Finding
         What the positions are of, and how well they are interpolated.
 
     Raises
@@ -157,31 +157,24 @@ def interpolation_error(time: Array, position: Array) -> Array:
     return np.asarray(np.sqrt(total / count)[np.clip(np.arange(n) - 2, 0, rows.size - 1)])
 
 
-def _of_what(events: CameraEvents) -> Check:
-    name, expected = "camera positions", "of the camera: offsets from the antenna (.MRK)"
+def _of_what(events: CameraEvents) -> Finding:
+    ask = Question("camera positions", "of the camera: offsets from the antenna (.MRK)")
     if events.offset_ned is not None:
         size = 1e3 * np.linalg.norm(events.offset_ned, axis=1)
-        return Check(
-            name,
-            f"{size.size} of the camera, {size.min():.0f} to {size.max():.0f} mm from the antenna",
-            expected,
+        return ask.ok(
+            f"{size.size} of the camera, {size.min():.0f} to {size.max():.0f} mm from the antenna"
         )
-    return Check(
-        name,
+    return ask.note(
         f"{events.time.size} of the antenna's phase centre, since the events state no offset",
-        expected,
-        "note",
         "give the bundle adjustment the lever arm, or process the flight with its IMU",
     )
 
 
-def _interpolated(between: Array) -> Check:
+def _interpolated(between: Array) -> Finding:
     middle, most = 1e3 * float(np.median(between)), 1e3 * float(between.max())
     large = most > 1e3 * LARGE_M
-    return Check(
-        "camera interpolation",
+    return Question("camera interpolation", f"{1e3 * LARGE_M:.0f} mm").note(
         f"standard deviation {middle:.1f} mm in the median, {most:.1f} mm at most",
-        f"{1e3 * LARGE_M:.0f} mm",
-        "note" if large else "ok",
-        "log the rover faster, or process the flight with its IMU" if large else "",
+        "log the rover faster, or process the flight with its IMU",
+        when=large,
     )

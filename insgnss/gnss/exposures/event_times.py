@@ -12,7 +12,7 @@ import numpy as np
 
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...io.exposures.clocks import match_clocks
-from ...records import Array, CameraEvents, Check
+from ...records import Array, CameraEvents, Finding, Question
 
 NAME = "camera events"
 SAME_S = 0.005
@@ -21,7 +21,7 @@ EXPECTED = "those that the rover recorded"
 MOST_DELAY_S = 0.5
 
 
-def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Check | None:
+def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Finding | None:
     """Compare the events of a file with the rover's, both in GPST and without a camera's delay.
 
     Parameters
@@ -33,7 +33,7 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Ch
 
     Returns
     -------
-    Check or None
+    Finding or None
         None for fewer than three of either; a contradiction where all are off by a constant, a note
         where no constant brings half of the fewer ones together.
     """
@@ -50,20 +50,20 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Ch
             f"no constant brings more than {pairs} of the {events.time.size} events of {source} to"
             f" the {theirs.size} of the rover's"
         )
-        return Check(NAME, finding, EXPECTED, "note", "are they of this flight and camera?")
+        return Question(NAME, EXPECTED).note(finding, "are they of this flight and camera?")
     finding = (
         f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
         " rover's are the same"
     )
     if abs(offset) <= SAME_S:
-        return Check(NAME, f"{finding}, {1e3 * offset:+.1f} ms apart", EXPECTED)
+        return Question(NAME, EXPECTED).ok(f"{finding}, {1e3 * offset:+.1f} ms apart")
     utc = abs(offset + leap) <= SAME_S
     finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
     advice = (
         f"give them in GPST{'' if utc else ', at the pulses'}, or take those of the rover without"
         " this file"
     )
-    return Check(NAME, finding, EXPECTED, "contradiction", advice)
+    return Question(NAME, EXPECTED).contradiction(finding, advice)
 
 
 def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[float, int]:
@@ -85,16 +85,12 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
     return match.offset_s, most
 
 
-def check_camera_delay(delay_s: float) -> Check:
+def check_camera_delay(delay_s: float) -> Finding:
     """Report the delay, s, that is added to the events; a note where it exceeds `MOST_DELAY_S`."""
     finding = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
     expected = f"{MOST_DELAY_S:g} s at most"
     if abs(delay_s) <= MOST_DELAY_S:
-        return Check("camera delay", finding, expected)
-    return Check(
-        "camera delay",
-        finding,
-        expected,
-        "note",
-        "cameras expose within tenths of a second of their pulse; give it in seconds",
+        return Question("camera delay", expected).ok(finding)
+    return Question("camera delay", expected).note(
+        finding, "cameras expose within tenths of a second of their pulse; give it in seconds"
     )

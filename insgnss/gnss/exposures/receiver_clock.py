@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geodesy.gpstime import WEEK_S
-from ...records import Array, CameraEvents, Check, GnssFixes
+from ...records import Array, CameraEvents, Finding, GnssFixes, Question
 from ..quality.solution_quality import LONG_GAP_S
 from ..satellites.satellite_geometry import epochs_of
 
@@ -61,11 +61,10 @@ def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> Ca
     stamp, clock = clock_error(rover, fixes)
     if any(MARKS_IN_GPST in line.lower() for line in rover.header.records.get("COMMENT", ())):
         finding = f"{_span(clock)} off GPST, left on the camera events"
-        clock_note = Check(
+        clock_note = Question(
             "receiver clock",
-            finding,
             "time marks of u-blox, as its converter writes them, which are in GPST",
-        )
+        ).ok(finding)
         return replace(events, notes=(*events.notes, clock_note))
     week = rover.gps_week if events.gps_week is None else events.gps_week
     when = events.time + (week - rover.gps_week) * WEEK_S
@@ -127,18 +126,14 @@ def _span(clock: Array) -> str:
     return f"{1e3 * clock.min():+.4f} to {1e3 * clock.max():+.4f} ms"
 
 
-def _clock_note(clock: Array, unsure: Array) -> Check:
+def _clock_note(clock: Array, unsure: Array) -> Finding:
     finding = f"{_span(clock)} off GPST, taken off the camera events"
     if not unsure.size:
-        return Check("receiver clock", finding, "below 1 ms")
+        return Question("receiver clock", "below 1 ms").ok(finding)
     finding += (
         f"; {unsure.size} events, the first at {unsure[0]:.3f} s, have no positions before and"
         f" behind them within {LONG_GAP_S:g} s"
     )
-    return Check(
-        "receiver clock",
-        finding,
-        "positions around each event",
-        "note",
-        "their clock is that of the nearest positions",
+    return Question("receiver clock", "positions around each event").note(
+        finding, "their clock is that of the nearest positions"
     )

@@ -29,7 +29,7 @@ from ...navigation.prepare.fix_covariance.classes import (
     Separation,
 )
 from ...navigation.prepare.fix_covariance.numbers import CLASSES, UNKNOWN_SIGMA_M
-from ...records import Array, Check, GnssFixes
+from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals
 
@@ -111,7 +111,7 @@ def _without_roots(rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         f"they get {size} m and count as single; dynamics of an engine need epochs every second"
         " or so"
     )
-    note = Check("GNSS covariance", finding, "a covariance each", "note", advice)
+    note = Question("GNSS covariance", "a covariance each").note(finding, advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
     return replace(fixes, notes=(*others, note))
 
@@ -267,15 +267,15 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
 
 
 def verdict(
-    numbers: Mapping[str, Any], before: Iterable[Check] = ()
-) -> tuple[str, tuple[Check, ...]]:
+    numbers: Mapping[str, Any], before: Iterable[Finding] = ()
+) -> tuple[str, tuple[Finding, ...]]:
     """Return one sentence for the whole, and a check for each of its causes.
 
     Parameters
     ----------
     numbers : mapping
         Of `solution_numbers` and `coverage_numbers`, and those of `signal_numbers` under "signals".
-    before : iterable of Check
+    before : iterable of Finding
         Checks of inputs and steps.
     """
     checks = [_check_rate(numbers), _check_unsolved(numbers), _check_degraded(numbers)]
@@ -317,11 +317,7 @@ def verdict(
     )
 
 
-def _check(name: str, finding: str, expected: str, bad: bool, advice: str) -> Check:
-    return Check(name, finding, expected, "note" if bad else "ok", advice if bad else "")
-
-
-def _check_rate(n: Mapping[str, Any]) -> Check:
+def _check_rate(n: Mapping[str, Any]) -> Finding:
     isolated = n["classes"][CLASSES[ISOLATED]] + n["classes"][CLASSES[UNSUPPORTED]]
     finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
     finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
@@ -329,69 +325,53 @@ def _check_rate(n: Mapping[str, Any]) -> Check:
         "check base coordinates, antenna, navigation files and the mask; float epochs carry"
         " decimetres, and the IMU must bridge them"
     )
-    return _check(
-        "GNSS fix rate",
-        finding,
-        f"{100 * GOOD_RATE:.0f} % at least",
-        n["fix_rate_observed"] < GOOD_RATE,
-        advice,
+    return Question("GNSS fix rate", f"{100 * GOOD_RATE:.0f} % at least").note(
+        finding, advice, when=n["fix_rate_observed"] < GOOD_RATE
     )
 
 
-def _check_unsolved(n: Mapping[str, Any]) -> Check:
-    name, expected = (
-        "GNSS epochs",
-        f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without",
-    )
-    finding, periods = (
-        f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution",
-        n["unsolved_periods"],
-    )
+def _check_unsolved(n: Mapping[str, Any]) -> Finding:
+    expected = f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without"
+    ask = Question("GNSS epochs", expected)
+    finding = f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution"
+    periods = n["unsolved_periods"]
     if n["unsolved_s"] is None:
-        return Check(name, finding, expected)
+        return ask.ok(finding)
     first, last = n["unsolved_s"]
     finding += (
         f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {first:.1f} s"
         f" to {last:.1f} s"
     )
     bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
-    return _check(
-        name,
-        finding,
-        expected,
-        bad,
-        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?",
+    advice = (
+        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?"
     )
+    return ask.note(finding, advice, when=bad)
 
 
-def _check_degraded(n: Mapping[str, Any]) -> Check:
+def _check_degraded(n: Mapping[str, Any]) -> Finding:
     degraded = n["classes"][CLASSES[DEGRADED]]
     finding = f"{degraded} fixed epochs, in minutes of which a good part is not fixed"
     advice = (
         "what obstructs or reflects there also moves what is fixed, by centimetres: they have"
         " standard deviations of such size"
     )
-    return _check("GNSS degraded fixes", finding, "none", degraded > 0, advice)
+    return Question("GNSS degraded fixes", "none").note(finding, advice, when=degraded > 0)
 
 
-def _check_satellites(n: Mapping[str, Any]) -> Check:
+def _check_satellites(n: Mapping[str, Any]) -> Finding:
     s = n["satellites"]
     finding = f"{s['median']:.0f} in the median, {s['least']} at least"
     advice = (
         "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
-        " have in"
-        " common, or a lower mask"
+        " have in common, or a lower mask"
     )
-    return _check(
-        "GNSS satellites",
-        finding,
-        f"{FEW_SATELLITES} at least",
-        s["least"] < FEW_SATELLITES,
-        advice,
+    return Question("GNSS satellites", f"{FEW_SATELLITES} at least").note(
+        finding, advice, when=s["least"] < FEW_SATELLITES
     )
 
 
-def _check_distance(n: Mapping[str, Any]) -> Check:
+def _check_distance(n: Mapping[str, Any]) -> Finding:
     d = n["base_distance_m"]
     low, high = n["height_above_base_m"]
     finding = (
@@ -401,24 +381,20 @@ def _check_distance(n: Mapping[str, Any]) -> Check:
     advice = (
         "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
     )
-    return _check(
-        "GNSS base distance",
-        finding,
-        f"below {1e-3 * LONG_BASELINE_M:.0f} km",
-        d["largest"] > LONG_BASELINE_M,
-        advice,
+    return Question("GNSS base distance", f"below {1e-3 * LONG_BASELINE_M:.0f} km").note(
+        finding, advice, when=d["largest"] > LONG_BASELINE_M
     )
 
 
-def _check_age(n: Mapping[str, Any]) -> Check:
+def _check_age(n: Mapping[str, Any]) -> Finding:
     finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
-    return _check(
-        "GNSS base age", finding, f"below {OLD_S:.0f} s", n["age_s"]["largest"] > OLD_S, advice
+    return Question("GNSS base age", f"below {OLD_S:.0f} s").note(
+        finding, advice, when=n["age_s"]["largest"] > OLD_S
     )
 
 
-def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
+def _check_separation(s: Mapping[str, Any], epochs: int) -> Finding:
     rms = s["fixed_rms_m"]
     finding = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
     finding += (
@@ -430,19 +406,14 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
     )
     advice = (
         "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
-        " by their whole"
-        " difference"
+        " by their whole difference"
     )
-    return _check(
-        "GNSS forward and backward",
-        finding,
-        f"{100 * APART_SHARE:.1f} % at most",
-        s["contradicting"] > APART_SHARE * epochs,
-        advice,
+    return Question("GNSS forward and backward", f"{100 * APART_SHARE:.1f} % at most").note(
+        finding, advice, when=s["contradicting"] > APART_SHARE * epochs
     )
 
 
-def _check_signals(n: Mapping[str, Any]) -> list[Check]:
+def _check_signals(n: Mapping[str, Any]) -> list[Finding]:
     rate, slips = n["cycle_slips_per_satellite_hour"], n["cycle_slips"]
     slip_finding = (
         f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"
@@ -452,15 +423,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
         "vibration, shading by the airframe or interference: look at when and on which satellites"
         " they come"
     )
-    checks = [
-        _check(
-            "GNSS cycle slips",
-            slip_finding,
-            f"{MANY_SLIPS:.0f} an hour and satellite at most",
-            (rate or 0.0) > MANY_SLIPS,
-            advice,
-        )
-    ]
+    ask = Question("GNSS cycle slips", f"{MANY_SLIPS:.0f} an hour and satellite at most")
+    checks = [ask.note(slip_finding, advice, when=(rate or 0.0) > MANY_SLIPS)]
     gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
     finding = (
         f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
@@ -469,15 +433,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
         "observations are missing in the file: was the memory too slow, or was the receiver"
         " restarted?"
     )
-    checks.append(
-        _check(
-            "GNSS gaps",
-            finding,
-            f"{LONG_GAP_S:.0f} s at most",
-            n["longest_gap_s"] > LONG_GAP_S,
-            advice,
-        )
-    )
+    ask = Question("GNSS gaps", f"{LONG_GAP_S:.0f} s at most")
+    checks.append(ask.note(finding, advice, when=n["longest_gap_s"] > LONG_GAP_S))
     levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
     if levels:
         finding = (
@@ -493,7 +450,7 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
             for band, level in levels.items()
         )
         expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
-        checks.append(_check("GNSS C/N0", finding, expected, bad, advice))
+        checks.append(Question("GNSS C/N0", expected).note(finding, advice, when=bad))
     if n["multipath_m"]:
         finding = (
             ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
@@ -501,7 +458,6 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
         )
         advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
-        checks.append(
-            _check("GNSS multipath", finding, f"below {MUCH_MULTIPATH_M:g} m", bad, advice)
-        )
+        ask = Question("GNSS multipath", f"below {MUCH_MULTIPATH_M:g} m")
+        checks.append(ask.note(finding, advice, when=bad))
     return checks

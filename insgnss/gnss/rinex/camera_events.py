@@ -18,7 +18,7 @@ from ...io.formats.events.events import numbered
 from ...io.formats.text.layout import shown
 from ...io.formats.text.order import note, put_in_order
 from ...io.options.camera_options import RoverEvents
-from ...records import CameraEvents, Check
+from ...records import CameraEvents, Finding
 from .observations import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
@@ -71,7 +71,7 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
     return CameraEvents(names, time, observations.gps_week, path, (*notes, unnamed))
 
 
-def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
+def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tuple[Finding, ...]]:
     """Return the events of a file where none are requested.
 
     None without any, and None with a note where all are marked as not valid.
@@ -98,7 +98,7 @@ def _chosen(observations: Observations, wanted: RoverEvents) -> tuple[Records, R
     )
 
 
-def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tuple[Check, ...]]:
+def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tuple[Finding, ...]]:
     """Events that are exposures, and what was left out."""
     path = observations.header.path
     records, invalid = _chosen(observations, wanted)

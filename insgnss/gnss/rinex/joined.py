@@ -17,7 +17,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...geodesy.gpstime import WEEK_S
-from ...records import Check
+from ...records import Finding, Question
 from .header import RinexHeader, header_of, load_rinex
 from .observations import Observations, read_observations
 
@@ -30,7 +30,7 @@ class Joined:
     """A file of one receiver, and what is to be said of it."""
 
     path: Path
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
 
 
 def joined(paths: Sequence[Path], directory: Path) -> Joined:
@@ -69,10 +69,8 @@ def joined(paths: Sequence[Path], directory: Path) -> Joined:
     span = (_last(read[-1]) - _first(read[0])) / 3600.0
     gaps = [_first(b) - _last(a) for a, b in pairwise(read)]
     finding = f"{len(read)} of {read[0].header.marker or path.name} over {span:.2f} hours"
-    check = Check(
-        "GNSS files",
-        f"{finding}, at most {max(gaps):g} s between them",
-        "files that follow each other",
+    check = Question("GNSS files", "files that follow each other").ok(
+        f"{finding}, at most {max(gaps):g} s between them"
     )
     return Joined(path, (check, *(note for one in read for note in one.notes)))
 

@@ -23,7 +23,7 @@ from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...io.formats.text.layout import decode, shown
 from ...io.formats.text.order import note
 from ...io.formats.text.text import Source
-from ...records import Array, Check
+from ...records import Array, Finding
 from .header import (
     LABEL,
     SYSTEM_NAMES,
@@ -105,7 +105,7 @@ class Observations:
         s, of the external events (flag 5), as they stand in the file.
     records : tuple of EventRecord
         All events.
-    notes : tuple of Check
+    notes : tuple of Finding
         Of the reader.
     """
 
@@ -122,7 +122,7 @@ class Observations:
     strength: NDArray[np.int8]
     events: Array
     records: tuple[EventRecord, ...] = ()
-    notes: tuple[Check, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     def of(self, signal: str) -> Array:
         """Return the values (m,) of a signal; raise InputError where the file does not have it."""
@@ -198,7 +198,7 @@ class _Reading:
         self.event_records: list[
             tuple[int, int, int, tuple[str, ...]]
         ] = []  # flag, ticks, line, records
-        self.notes: list[Check] = []
+        self.notes: list[Finding] = []
         if header.version >= 3:
             for system in self.types:
                 self.learn(system)
@@ -534,7 +534,7 @@ class _Reading:
 
 def _gpst(
     header: RinexHeader,
-    notes: list[Check],
+    notes: list[Finding],
     ticks: NDArray[np.int64],
     flags: NDArray[np.int8],
     events: Sequence[int],

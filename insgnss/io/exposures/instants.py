@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.errors import InputError
 from ...geodesy.gpstime import LONG_S, weeks_apart
-from ...records import CameraEvents, Check
+from ...records import CameraEvents, Finding, Question
 from ...records.observations import in_week
 from ..options.camera_options import CameraInput
 from .numbering import with_numbering_note
@@ -64,7 +64,7 @@ def on_clock(
 
 def within(
     cameras: Sequence[CameraExposures], start: float | None, end: float | None
-) -> tuple[tuple[CameraExposures, ...], list[Check]]:
+) -> tuple[tuple[CameraExposures, ...], list[Finding]]:
     """Return the exposures within the span that the flight file chooses.
 
     Parameters
@@ -76,7 +76,7 @@ def within(
 
     Returns
     -------
-    tuple of tuple of CameraExposures and list of Check
+    tuple of tuple of CameraExposures and list of Finding
         The exposures within, and a note where images are left out.
 
     Raises
@@ -89,7 +89,7 @@ def within(
     if inside == count:
         return kept, []
     finding = f"{count - inside} of {count} images left out"
-    return kept, [Check("start_tow, end_tow", finding, "all images within", "note")]
+    return kept, [Question("start_tow, end_tow", "all images within").note(finding)]
 
 
 def cut_events(events: CameraEvents, start: float | None, end: float | None) -> CameraEvents:

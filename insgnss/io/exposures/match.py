@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.wording import named, setting
-from ...records import Array, CameraEvents, Check
+from ...records import Array, CameraEvents, Finding
 from ..formats.events.events import UNNAMED
 from ..formats.text.order import note
 from .clocks import ClockMatch, match_clocks, misfit
@@ -128,7 +128,7 @@ def _check_skipped(
 
 def _taken(
     path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]
-) -> tuple[Array | None, tuple[Check, ...]]:
+) -> tuple[Array | None, tuple[Finding, ...]]:
     """The own times (n,) s of the images at the places `given`, None with a note where their
     fractions of a second cannot be right.
     """
@@ -170,9 +170,9 @@ class _Match:
     number: NDArray[np.int64]
     names: Sequence[str]
     taken: Array | None
-    event_notes: Sequence[Check]
+    event_notes: Sequence[Finding]
 
-    def checked(self) -> tuple[Check, ...]:
+    def checked(self) -> tuple[Finding, ...]:
         """Notes of the match; InputError with the place where something is missing where there is
         none.
         """
@@ -182,9 +182,9 @@ class _Match:
         hint = hint or _of_intervals(self.time, self.number, len(self.names))
         raise self.refusal(f"one too many or too few moves all names behind it: {hint}", "; ")
 
-    def in_order(self) -> tuple[Check, ...]:
+    def in_order(self) -> tuple[Finding, ...]:
         """Notes of as many images as events; InputError where their times show another order."""
-        notes: tuple[Check, ...] = ()
+        notes: tuple[Finding, ...] = ()
         timed = self.taken is not None and self.time.size >= FEWEST_TIMES
         discrepancy = misfit(self.time, self.taken) if timed and self.taken is not None else None
         if discrepancy is not None and discrepancy.better is not None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...records import Array, CameraEvents, Check
+from ...records import Array, CameraEvents, Question
 
 FEWEST = 8  # images whose numbers show how the camera counts
 NEIGHBOURS = 4  # intervals on either side that are usual ones
@@ -46,11 +46,8 @@ def with_numbering_note(events: CameraEvents) -> CameraEvents:
         for k in skipped[:MOST_NAMED]
     ]
     more = f" and {skipped.size - MOST_NAMED} more" if skipped.size > MOST_NAMED else ""
-    note = Check(
-        "images",
+    note = Question("images", "numbers and times that go together").note(
         f"a number lacks between {', '.join(places)}{more}, as far as two that follow each other",
-        "numbers and times that go together",
-        "note",
         "look at the table of names and stamps there: where a stamp was lost elsewhere, the images"
         " from here to there have that of their neighbour",
     )

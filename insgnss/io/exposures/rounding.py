@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...records import Array, CameraEvents, Check
+from ...records import Array, CameraEvents, Question
 from ...records.observations import decimal_step
 
 LARGEST_S, SMALLEST_S = 1.0, 0.01  # of a step; a finer one costs 1 cm at 10 m/s
@@ -52,7 +52,7 @@ def with_stamp_rounding(events: CameraEvents) -> CameraEvents:
         f"if they were rounded, they are {10.0 * sigma:.2g} m off along the path at 10 m/s: write"
         " them with all their digits (7 decimals of a second)"
     )
-    note = Check("exposure times", finding, f"stamps finer than {SMALLEST_S:g} s", "note", advice)
+    note = Question("exposure times", f"stamps finer than {SMALLEST_S:g} s").note(finding, advice)
     return replace(events, notes=(*events.notes, note))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from ...base.errors import InputError
 from ...geodesy.atmosphere import LOWEST_PA, standard_height
-from ...records import Array, BarometerHeights, Check
+from ...records import Array, BarometerHeights, Finding
 from .names import BAROMETER
 from .text.columns import Columns, TableSpec
 from .text.order import Lines, put_in_order, refuse_rows
@@ -73,7 +73,7 @@ def heights_from_columns(
     lines: Lines,
     source: str,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> BarometerHeights:
     """Make heights of columns: each stamp once, in order.
 
@@ -89,7 +89,7 @@ def heights_from_columns(
         Name of the file.
     gps_week : int, optional
         The week of `time`.
-    notes : tuple of Check
+    notes : tuple of Finding
         What the reader found odd.
 
     Returns

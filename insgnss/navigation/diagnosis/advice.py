@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.rotation import right_angle_rotations
-from ...records import Array, Check
+from ...records import Array, Finding, Question
 from ...records.cameras.mounting import Mounting
 from ...records.states import (
     AXES,
@@ -47,7 +48,7 @@ UNSEEN_SIGMA = 3.0
 BY_CHANCE = 3.0
 TURNED = 0.5  # of an element of two matrices: these are turned by some right angle
 STAMPED = (
-    "and see that camera.clock is the clock that stamps the exposures (imu or receiver): by the"
+    "and see that {camera.clock} is the clock that stamps the exposures (imu or receiver): by the"
     " other one they are off by as much"
 )
 # of the IMU's interval: samples taken for its mean are late by half of it where they are
@@ -62,7 +63,7 @@ def advice(
     suspected: Hypothesis,
     rivals: Sequence[Hypothesis] = (),
     exposures: bool = False,
-) -> list[Check]:
+) -> list[Finding]:
     """Say which constants contradict the flight file, and what would put them right.
 
     Parameters
@@ -81,7 +82,7 @@ def advice(
 
     Returns
     -------
-    list of Check
+    list of Finding
         One for each kind of constant, the most significant first.
     """
     values = {
@@ -97,13 +98,13 @@ def advice(
     )
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
     beyond_chance = suspected.wide_evidence >= BY_CHANCE
-    checks: list[tuple[float, Check]] = []
+    checks: list[tuple[float, Finding]] = []
     lever = [values.get(state) for state in OF_LEVER_ARM]
 
     def of_group(group: str) -> dict[State, tuple[float, float]]:
         return {state: value for state, value in values.items() if state.group == group}
 
-    def add(group: str, check: Check) -> None:
+    def add(group: str, check: Finding) -> None:
         check = replace(check, beyond_chance=beyond_chance)
         checks.append((max(abs(v) / s for v, s in of_group(group).values()), check))
 
@@ -114,7 +115,7 @@ def advice(
         strong = _shown(TIME_OFFSET.group, suspected, rivals)
         check = _time_offset(*values[TIME_OFFSET], speed, by, strong)
         of_samples = _late_samples(*values[TIME_OFFSET], solution.problem.inc.nominal_s)
-        add(TIME_OFFSET.group, replace(check, advice=f"{check.advice}{of_samples}"))
+        add(TIME_OFFSET.group, replace(check, remedy=joined((check.remedy, of_samples), "")))
     if CLOCK_RATE in values:
         strong = _shown(CLOCK_RATE.group, suspected, rivals)
         add(CLOCK_RATE.group, _clock_rate(*values[CLOCK_RATE], minutes, speed, by, strong))
@@ -138,7 +139,7 @@ def _shown(group: str, suspected: Hypothesis, rivals: Sequence[Hypothesis]) -> b
 
 def unseen(
     solution: Solution, constants: ConstantsEvidence, events_with_fixes: bool = False
-) -> Check | None:
+) -> Finding | None:
     """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
 
     Parameters
@@ -153,7 +154,7 @@ def unseen(
 
     Returns
     -------
-    Check or None
+    Finding or None
         A note where an error could stay unseen (`SEEN` sigmas of what the flight tells) that moves
         positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
         of them are estimated in any case.
@@ -189,15 +190,13 @@ def unseen(
     text = f"this flight tells {' and '.join(parts)}"
     if hidden:
         text += f"; it would not show errors of {', '.join(hidden)}"
-    return Check(
-        "unseen constants",
+    return Question("unseen constants", f"errors of more than {1e3 * limit:.0f} mm seen").note(
         text,
-        f"errors of more than {1e3 * limit:.0f} mm seen",
-        "note" if hidden else "ok",
-        "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"
-        " tilts and changes of speed show them"
-        if hidden
-        else "",
+        Step(
+            "measure them, and state how well: {mounting.antenna_sigma_m}, {gnss.time_sigma_s};"
+            " turns, tilts and changes of speed show them"
+        ),
+        when=hidden,
     )
 
 
@@ -206,7 +205,7 @@ def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
-def variance_check(suspected: "VarianceHypothesis") -> Check:
+def variance_check(suspected: "VarianceHypothesis") -> Finding:
     """Say whose noise is larger than its model says.
 
     Parameters
@@ -216,24 +215,23 @@ def variance_check(suspected: "VarianceHypothesis") -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A note: the flight is solved with the larger noise.
     """
     # smaller noise than the model's is not adopted
     larger = {name: factor for name, factor in suspected.factors.items() if factor > 1.0}
     factors = ", ".join(f"{name} {factor:.2f}" for name, factor in larger.items())
     if suspected.family == "GNSS sigmas":
-        remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
+        remedy: Remedy = Step(
+            "raise {gnss.sigma_m}, or the receiver's or the engine's sigmas, by this factor"
+        )
         name = "GNSS sigmas"
     else:
         remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
         name = "IMU noise"
-    return Check(
-        name,
+    return Question(name, "factors of one").note(
         f"{suspected.family} times {factors} explains the innovations, log evidence"
         f" {suspected.evidence:.0f}; solved with it",
-        "factors of one",
-        "note",
         remedy,
     )
 
@@ -257,7 +255,7 @@ def _lever_arm(
     by: str,
     strong: bool,
     exposures: bool,
-) -> Check:
+) -> Finding:
     """Check the antenna lever arm."""
     value: Array = np.array([0.0 if one is None else one[0] for one in lever])
     sigma = max(one[1] for one in lever if one is not None)
@@ -268,26 +266,25 @@ def _lever_arm(
     )
     contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
     exact = mounting.antenna_sigma_m == 0.0
-    advised = _either(mounting, value, sigma, exposures)
+    advised: Remedy = _either(mounting, value, sigma, exposures)
     if exact:
-        advised += "; mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+        stated = "mounting.antenna_sigma_m = 0 states it as exact, so it is not estimated"
+        advised = joined((advised, stated), "; ")
     elif not exposures:
-        advised = f"set filter.lever_arm = true to have it estimated, or {advised}"
+        estimated = SetKey("filter.lever_arm", True)
+        advised = Step("set {} to have it estimated, or {}", estimated, advised)
     turns = _other_cameras(mounting, lever) if contradicts else []
     if turns:
         matrix = f" = {np.rint(turns[0]).astype(int).tolist()}" if len(turns) == 1 else ""
-        advised = (
+        first = (
             f"another mounting.camera_from_body{matrix} would explain it with antenna_m as it is,"
             " and turn the images as well: look at it first, nothing else of a flight shows it;"
-            f" else {advised}"
         )
-    return Check(
-        LEVER_ARM,
-        f"{'another one explains the innovations, ' * exact}from the IMU off by {estimate} m{by}",
-        f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off",
-        "contradiction" if contradicts else "note",
-        advised,
-    )
+        advised = joined((first, advised), " else ")
+    stated = f"the flight file's{', stated as exact' * exact}, or less than {NEGLIGIBLE_M:g} m off"
+    another = "another one explains the innovations, " * exact
+    finding = f"{another}from the IMU off by {estimate} m{by}"
+    return Question(LEVER_ARM, stated).against(finding, advised, contradicts)
 
 
 def _either(mounting: Mounting, value: Array, sigma: float, exposures: bool) -> str:
@@ -341,62 +338,63 @@ def _other_cameras(mounting: Mounting, lever: Sequence[tuple[float, float] | Non
     ]
 
 
-def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:
+def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Finding:
     """Check the time offset of the fixes."""
     contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
-    return Check(
-        str(TIME_OFFSET),
+    return Question(str(TIME_OFFSET), f"none, or less than {NEGLIGIBLE_M:g} m").against(
         f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
         f"{speed:.1f} m/s{by}",
-        f"none, or less than {NEGLIGIBLE_M:g} m",
-        "contradiction" if contradicts else "note",
-        f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
-        f"estimated; {STAMPED}",
+        Step(
+            f"add {offset:+.4f} to {{gnss.time_offset_s}}, or set {{}} to have it estimated;"
+            f" {STAMPED}",
+            SetKey("filter.time_offset", True),
+        ),
+        contradicts,
     )
 
 
-def _late_samples(offset: float, sigma: float, interval_s: float) -> str:
+def _late_samples(offset: float, sigma: float, interval_s: float) -> Remedy:
     """Say that samples which are no means over their intervals would look like this offset."""
     least, most = (share * interval_s for share in LATE_SAMPLES)
     slack = LATE_SIGMAS * sigma
     if not least - slack <= -offset <= most + slack or slack > most:
         return ""
-    return (
+    return Step(
         f"; or is each IMU sample no mean over its {1e3 * interval_s:.3g} ms: instantaneous"
-        ' (imu.quantity = "instant_rate"), or every k-th kept of more (give all of them, or their'
-        f" means)? then the IMU's stamps are late: add {-offset:+.4f} to imu.time_offset_s instead,"
-        " which keeps the exposures right"
+        " ({}), or every k-th kept of more (give all of them, or their means)? then the IMU's"
+        f" stamps are late: add {-offset:+.4f} to {{imu.time_offset_s}} instead, which keeps the"
+        " exposures right",
+        SetKey("imu.quantity", "instant_rate"),
     )
 
 
 def _clock_rate(
     rate: float, sigma: float, minutes: float, speed: float, by: str, strong: bool
-) -> Check:
+) -> Finding:
     """Check the rate of the IMU's clock against that of the fixes."""
     moves = 0.5 * abs(rate) * 60.0 * minutes * speed
-    return Check(
-        "clock rate",
+    return Question("clock rate", f"one clock, or less than {NEGLIGIBLE_M:g} m").against(
         f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
         f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
-        f"one clock, or less than {NEGLIGIBLE_M:g} m",
-        "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
-        "set filter.time_offset = true, which estimates offset and rate of the clocks; " + STAMPED,
+        Step(
+            f"set {{}}, which estimates offset and rate of the clocks; {STAMPED}",
+            SetKey("filter.time_offset", True),
+        ),
+        strong and moves > NEGLIGIBLE_M,
     )
 
 
 def _of_imu(
     group: str, values: dict[State, tuple[float, float]], unit: str, factor: float, by: str
-) -> Check:
+) -> Finding:
     """Note scale factors or misalignments of the IMU, which are estimated."""
     largest = sorted(values, key=lambda state: -abs(values[state][0] / values[state][1]))[:3]
     numbers = ", ".join(
         f"{state} {factor * values[state][0]:+.2f} +- {factor * values[state][1]:.2f} {unit}"
         for state in largest
     )
-    return Check(
-        f"IMU {group}s",
+    key = SetKey(f"filter.{group.replace(' ', '_')}", True)
+    return Question(f"IMU {group}s", "within what the noise model has").note(
         f"{numbers}{by}; estimated",
-        "within what the noise model has",
-        "note",
-        f"calibrate the IMU (imu.calibration), or set filter.{group.replace(' ', '_')} = true",
+        Step("calibrate the IMU ({imu.calibration}), or set {}", key),
     )

@@ -35,8 +35,9 @@ from typing import Literal
 import numpy as np
 
 from ...base.errors import DataError
+from ...base.findings.remedies import Step
 from ...geodesy.rotation import rotation_from_quaternion
-from ...records import Array, Check
+from ...records import Array, Finding, Question
 from ..filter.codes import (
     COVARIANCE_RESET,
     N_NAV,
@@ -243,7 +244,7 @@ def _refined(
     return _moved(problem, solution, since, step_s), step_s, float(sigma[0])
 
 
-def step_check(step: ClockStep) -> Check:
+def step_check(step: ClockStep) -> Finding:
     """Say that a clock steps, and how to mend it.
 
     Parameters
@@ -253,7 +254,7 @@ def step_check(step: ClockStep) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A contradiction: one time scale holds for a whole flight.
     """
     speed = rms_speed(step.solution)
@@ -277,17 +278,16 @@ def step_check(step: ClockStep) -> Check:
         ""
         if back
         else f"; or process two flight files, one with end_tow = {step.before:.2f}, one with"
-        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to gnss.time_offset_s"
+        f" start_tow = {step.after:.2f} and {step.size:+.4f} added to {{gnss.time_offset_s}}"
     )
     about = "some seconds about " if back else ""
-    return Check(
-        STEP,
+    return Question(
+        STEP, f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m"
+    ).contradiction(
         f"from {about}{step.after:.2f} s on the fixes' stamps lack {step.size:+.4f} +-"
         f" {step.sigma:.4f} s more than before, {abs(step.size) * speed:.2f} m at"
         f" {speed:.1f} m/s{beyond}{whose}",
-        f"clocks that do not step, or by less than {NEGLIGIBLE_M:g} m",
-        "contradiction",
-        f"{mended}: solved so, the flight follows its fixes{parts}",
+        Step(f"{mended}: solved so, the flight follows its fixes{parts}"),
     )
 
 

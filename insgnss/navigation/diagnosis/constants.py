@@ -56,7 +56,7 @@ from ...records.states import (
     TIME_OFFSET,
     State,
 )
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, NAV, NHC, NO_CONSTRAINT, NOT_MEASURED, POSITION
 from ..filter.filter import make_history, run_filter
 from ..filter.layout import StateLayout
@@ -237,7 +237,7 @@ class ConstantsEvidence:
         with np.errstate(divide="ignore"):
             return dict(zip(self.states, (self.wide / own).tolist(), strict=True))
 
-    def estimates(self, middle_s: float = 0.0) -> tuple[ConstantEstimate, ...]:
+    def estimates(self, middle_s: float = 0.0) -> tuple[Estimate, ...]:
         """Return what this flight alone says of the constants of its fixes.
 
         The components of a lever arm are estimated together, another constant alone; what is not
@@ -251,7 +251,7 @@ class ConstantsEvidence:
 
         Returns
         -------
-        tuple of ConstantEstimate
+        tuple of Estimate
             Those of which the flight says anything: whose sigma is below half of the wide one.
         """
         estimates = []
@@ -265,7 +265,7 @@ class ConstantsEvidence:
                 sigma = float(np.sqrt(max(cov[k, k], 0.0)))
                 if sigma < TELLING:
                     value, own = float(estimate[k] * self.wide[k]), sigma * float(self.wide[k])
-                    estimates.append(ConstantEstimate(self.states[k], value, own))
+                    estimates.append(Estimate(self.states[k], value, own))
         return tuple(estimates)
 
     def _offset_at(self, instant_s: float) -> "ConstantsEvidence":
@@ -440,7 +440,7 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
     return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
 
 
-def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[ConstantEstimate, ...]:
+def combined(of_segments: Sequence[Sequence[Estimate]]) -> tuple[Estimate, ...]:
     """Return the estimates of several segments of one flight as one each, by their weights.
 
     Each is a correction of the flight file's one value, whatever a segment was solved with. Where
@@ -449,24 +449,24 @@ def combined(of_segments: Sequence[Sequence[ConstantEstimate]]) -> tuple[Constan
 
     Parameters
     ----------
-    of_segments : sequence of sequence of ConstantEstimate
+    of_segments : sequence of sequence of Estimate
         What each segment says, independently of the others.
 
     Returns
     -------
-    tuple of ConstantEstimate
+    tuple of Estimate
         One of each constant, in the order in which they first occur.
     """
-    by_state: dict[State, list[ConstantEstimate]] = {}
+    by_state: dict[State, list[Estimate]] = {}
     for estimates in of_segments:
         for one in estimates:
             by_state.setdefault(one.state, []).append(one)
     joined = []
     for state, several in by_state.items():
         weight = np.array([one.sigma**-2 for one in several])
-        values = np.array([one.correction for one in several])
+        values = np.array([one.value for one in several])
         mean = float(weight @ values / weight.sum())
         excess = float(weight @ (values - mean) ** 2) / max(1, len(several) - 1)
         sigma = float((max(1.0, excess) / weight.sum()) ** 0.5)
-        joined.append(ConstantEstimate(state, mean, sigma))
+        joined.append(Estimate(state, mean, sigma))
     return tuple(joined)

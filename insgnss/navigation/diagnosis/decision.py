@@ -11,10 +11,10 @@ import numpy as np
 
 from ...base.beside import Beside
 from ...base.errors import DataError
-from ...records import Check
+from ...records import Finding
 from ...records.cameras.mounting import Mounting
 from ...records.states import CLOCK_RATE, LEVER_ARM, TIME_OFFSET, State
-from ...records.verdicts import ConstantEstimate
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION
 from ..filter.layout import FixErrors, StateLayout
 from ..filter.problem import EstimationProblem, InitialState
@@ -153,18 +153,18 @@ class Diagnosis:
     ----------
     solution : Solution
         The solution to go on with.
-    checks : tuple of Check
+    checks : tuple of Finding
         What it says of the flight file.
     history : tuple of str
         What was done, sentence by sentence.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the flight alone says of the constants of its fixes.
     """
 
     solution: Solution
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
 
 def diagnose(
@@ -223,7 +223,7 @@ class _State:
 
     solution: Solution
     model: ErrorModel
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
     attempted: frozenset[State | str] = frozenset()
 
@@ -232,7 +232,7 @@ Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check | None:
+def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Finding | None:
     """Say that a clock steps, where an offset or a rate of it was adopted or is requested.
 
     So may what reset the covariance: fixes that went on elsewhere along the flight.
@@ -247,7 +247,7 @@ def _clock_step(search: ErrorModelSearch, posed: Posed, here: _State) -> Check |
 
 def step_under(
     search: ErrorModelSearch, posed: Posed, model: ErrorModel, against: Solution | None
-) -> Check | None:
+) -> Finding | None:
     """Say that a clock steps, if that explains more under an error model than another solution.
 
     Parameters
@@ -263,7 +263,7 @@ def step_under(
 
     Returns
     -------
-    Check or None
+    Finding or None
         None where nothing steps.
     """
     layout = search.layout(with_constants(model, OF_CLOCK[:1], FAR))

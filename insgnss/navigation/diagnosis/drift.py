@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...records import Check
+from ...records import Finding, Question
 from ..filter.solution import Solution
 
 APART = 6.0  # sigmas: of a thousand normal variables the largest is beyond once in a million
@@ -21,8 +21,8 @@ STATES = ("position", "velocity", "attitude")
 
 
 def hidden_drift(
-    before: Solution, adopted: Solution, adopted_checks: Sequence[Check]
-) -> Check | None:
+    before: Solution, adopted: Solution, adopted_checks: Sequence[Finding]
+) -> Finding | None:
     """Say where forward and backward disagreed before another error model was adopted.
 
     Parameters
@@ -31,12 +31,12 @@ def hidden_drift(
         The solution with the errors of the flight file.
     adopted : Solution
         The solution that is gone on with.
-    adopted_checks : sequence of Check
+    adopted_checks : sequence of Finding
         What its error model says of the flight file.
 
     Returns
     -------
-    Check or None
+    Finding or None
         A note; None where they disagree nowhere, still do, or do so throughout, and where no larger
         noise was adopted: a constant, a time offset say, explains such instants.
     """
@@ -51,14 +51,11 @@ def hidden_drift(
         return None
     k, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     time = float(np.abs(before.problem.inc.marks[before.separation_epoch[k]]))
-    return Check(
-        "drift",
+    return Question("drift", f"below {APART:g} sigmas").note(
         f"before larger errors were adopted forward and backward disagreed by"
         f" {ratio[k, column]:.1f} sigmas in {STATES[int(column) // 3]} {AXES[int(column) % 3]} at"
         f" TOW {time:.1f} s, and agreed elsewhere: about then the fixes or the IMU drifted for"
         " seconds or minutes, which the adopted noise holds in the mean only",
-        f"below {APART:g} sigmas",
-        "note",
         "look at the quality of the fixes there; do not rely on the sigmas of images near it",
     )
 

@@ -9,8 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...records import Array, StateVerdict, TimeCorrelatedError
-from ...records.verdicts import OBSERVED
+from ...records import Array, Estimate, TimeCorrelatedError
 from ..filter.codes import BIAS, DRIFT, NAV, VEL
 from ..filter.solution import Solution
 
@@ -69,7 +68,7 @@ def state_verdicts(
     moved_s: float = 0.0,
     stated: Mapping[str, float] = MappingProxyType({}),
     requested: Collection[str] | None = None,
-) -> tuple[StateVerdict, ...]:
+) -> tuple[Estimate, ...]:
     """Judge all constants that the flight estimates besides biases.
 
     Parameters
@@ -86,7 +85,7 @@ def state_verdicts(
 
     Returns
     -------
-    tuple of StateVerdict
+    tuple of Estimate
         Value, sigma and observability of each constant.
     """
     layout = solution.problem.layout
@@ -100,11 +99,11 @@ def state_verdicts(
             moves_m = sigma
         elif s == layout.offset:
             value, moves_m = value + moved_s, sigma * speed
-        observed = sigma < OBSERVED * prior
-        if 0 <= layout.barometer == s - 1 and not observed:
-            continue  # at one height nobody asks for it
         of_file = requested is None or state.group in requested
-        verdicts.append(StateVerdict(state, value, sigma, prior, moves_m, observed, of_file))
+        estimate = Estimate(state, value, sigma, prior, moves_m, of_file)
+        if 0 <= layout.barometer == s - 1 and not estimate.observed:
+            continue  # at one height nobody asks for it
+        verdicts.append(estimate)
     return tuple(verdicts)
 
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...records import Array, Check
+from ...records import Array, Finding, Question
 from ..filter.codes import COVARIANCE_RESET, NOT_MEASURED, POS, POSITION, REJECTED
 from ..filter.event_chain import SharedError
 from ..filter.filter import make_history, run_filter
@@ -274,7 +274,9 @@ def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
     return replace(enlarged, chain=replace(chain, shared=(*chain.shared, *shared)))
 
 
-def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool) -> Check:
+def incorrect_check(
+    problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool
+) -> Finding:
     """Say which fixes stand apart, and what was done.
 
     Parameters
@@ -288,7 +290,7 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withh
 
     Returns
     -------
-    Check
+    Finding
         A note.
     """
     time = problem.inc.marks
@@ -303,13 +305,9 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withh
         if withheld
         else "nothing tells which level is right: there the covariance is enlarged by the step"
     )
-    return Check(
-        "incorrect fixes",
+    return Question("incorrect fixes", "one level throughout").note(
         "fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
-        f" {listed}"
-        f"{more}; {done}",
-        "one level throughout",
-        "note",
+        f" {listed}{more}; {done}",
         "see the quality of the PPK solution there",
     )
 

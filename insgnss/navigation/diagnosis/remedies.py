@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.errors import DataError
-from ...records import Check
-from ...records.verdicts import ConstantEstimate
+from ...records import Finding
+from ...records.verdicts import Estimate
 from ..filter.codes import COVARIANCE_RESET, POSITION
 from ..filter.filter import gate_from_sigma
 from ..filter.layout import FixErrors
@@ -79,19 +79,19 @@ class Case:
         The solution; None before there is one.
     failure : DataError or None
         Why there is none.
-    refused : tuple of Check and str, or None
-        A contradiction that ends the run, and the remark that follows it.
+    refused : tuple, or None
+        A contradiction that ends the run, the remark that follows it, and the checks to accept.
     followed : Sensitivity or None
         What went along with the first filter pass.
     spells : tuple of Spell
         Spells of incorrect fixes that are withheld.
     other_imu : bool
         Whether a remedy changed the error model of the IMU; no other model is searched then.
-    checks : tuple of Check
+    checks : tuple of Finding
         What the solution says of the flight file.
     history : tuple of str
         What was done after the solution, sentence by sentence.
-    constants : tuple of ConstantEstimate
+    constants : tuple of Estimate
         What the segment alone says of the constants of its fixes.
     """
 
@@ -107,13 +107,13 @@ class Case:
     how: str = ""
     solution: Solution | None = None
     failure: DataError | None = None
-    refused: tuple[Check, str] | None = None
+    refused: tuple[Finding, str, tuple[str, ...]] | None = None
     followed: Sensitivity | None = None
     spells: tuple[Spell, ...] = ()
     other_imu: bool = False
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     history: tuple[str, ...] = ()
-    constants: tuple[ConstantEstimate, ...] = ()
+    constants: tuple[Estimate, ...] = ()
 
     @property
     def failed(self) -> bool:
@@ -242,11 +242,11 @@ def _explained(case: Case) -> Case | None:
     """Refuse a failure whose cause the flight shows: a constant of the flight file."""
     case.search.progress("what would explain it")
     if without_turn_on(case.noise) and (biases := _biases(case)) is not None:
-        return replace(case, refused=(biases, ""))
+        return replace(case, refused=(biases, "", ()))
     cause = explain_failure(case.search, case.problem, lambda problem: case.align(problem)[0])
     if cause is None:
         return None
-    return replace(case, refused=(cause, f"; as the flight file is, {case.failure}"))
+    return replace(case, refused=(cause, f"; as stated, {case.failure}", ()))
 
 
 def _with_open_gate(case: Case) -> Case | None:
@@ -287,7 +287,7 @@ def _with_other_imu(case: Case) -> Case | None:
     return replace(case, start=start, how=how, solution=solution)
 
 
-def _biases(case: Case) -> Check | None:
+def _biases(case: Case) -> Finding | None:
     """Check whether the innovations show the turn-on biases that the noise model lacks."""
     search = case.search
     search.progress("turn-on biases, which the noise model lacks")
@@ -306,8 +306,7 @@ def _with_missing_biases(case: Case) -> Case | None:
     if biases is None:
         return None
     if biases.name not in case.accept:
-        remark = f'; accept = ["{biases.name}"] in the flight file overrules'
-        return replace(case, refused=(biases, remark))
+        return replace(case, refused=(biases, "", (biases.name,)))
     return replace(case, checks=(biases, *case.checks))
 
 
@@ -329,7 +328,7 @@ def _with_error_model(case: Case) -> Case:
 
 def _with_undecided_steps(case: Case) -> Case:
     """Say which fixes are withheld, and enlarge the covariance where nothing tells which level."""
-    solution, notes = case.solution, list[Check]()
+    solution, notes = case.solution, list[Finding]()
     assert solution is not None
     if case.spells:
         notes.append(incorrect_check(solution.problem, case.spells, True))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.errors import DataError
 from ...base.units import STANDARD_GRAVITY
-from ...records import Check
+from ...records import Finding, Question
 from .evidence import GAIN, misfit
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def with_turn_on(noise: "NoiseModel") -> "NoiseModel":
     return replace(noise, gyro=(gx, gy, gz), accel=(ax, ay, az))
 
 
-def check_turn_on(noise: "NoiseModel") -> Check:
+def check_turn_on(noise: "NoiseModel") -> Finding:
     """Note what a noise model that `without_turn_on` names does.
 
     Parameters
@@ -81,7 +81,7 @@ def check_turn_on(noise: "NoiseModel") -> Check:
 
     Returns
     -------
-    Check
+    Finding
         The note "turn-on bias".
     """
     missing = " and ".join(without_turn_on(noise))
@@ -89,12 +89,12 @@ def check_turn_on(noise: "NoiseModel") -> Check:
         f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken "
         "for zero"
     )
-    return Check("turn-on bias", finding, "turn_on_bias of gyro and accel", "note", TURN_ON_ADVICE)
+    return Question("turn-on bias", "turn_on_bias of gyro and accel").note(finding, TURN_ON_ADVICE)
 
 
 def check_biases_in_innovations(
     noise: "NoiseModel", solution: "Solution | None", solve_with_biases: "Callable[[], Solution]"
-) -> Check | None:
+) -> Finding | None:
     """Check whether the innovations show the turn-on biases that a noise model lacks.
 
     Parameters
@@ -108,7 +108,7 @@ def check_biases_in_innovations(
 
     Returns
     -------
-    Check or None
+    Finding or None
         The contradiction "turn-on bias" where they gain more than `evidence.GAIN` in (C.1).
     """
     try:

@@ -27,7 +27,7 @@ from ...base.errors import InputError
 from ...base.files import atomic_write
 from ...base.tables import Table, read_toml
 from ...base.units import format_quantity, parse_quantity
-from ...records import Array, Check, ImuSamples
+from ...records import Array, ImuSamples, Question
 from .gaps import LACKING, nominal_interval
 
 FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
@@ -117,8 +117,8 @@ class ImuCalibration:
             dt = np.where(step > LACKING * nominal, nominal, step)[
                 :, None
             ]  # an increment after a gap is over one interval
-        note = Check(
-            "IMU calibration", f"{self.name or 'calibration'} applied: {self.summary()}", "", "ok"
+        note = Question("IMU calibration", "").ok(
+            f"{self.name or 'calibration'} applied: {self.summary()}"
         )
         return replace(
             imu,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...records import Array, Check, GnssFixes, ImuSamples, Increments
+from ...records import Array, Finding, GnssFixes, ImuSamples, Increments
 from ...records.observations import in_week
 from .calibration import ImuCalibration
 from .dead_band import DeadBand, dead_bands
@@ -89,7 +89,7 @@ class PreparedImu:
         By the number of the gyro.
     weight : ndarray, shape (m, 2), or None
         Shares of each of m IMUs in gyro and accelerometer; None of a single one.
-    checks : tuple of Check
+    checks : tuple of Finding
         What several IMUs say of each other.
     """
 
@@ -98,7 +98,7 @@ class PreparedImu:
     stationary: StationaryPeriods
     dead_bands: Mapping[int, DeadBand]
     weight: Array | None = None
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
 
     def segments(self, lo: float, hi: float) -> list[tuple[float, float]]:
         """Return begin and end, s, of the segments of [lo, hi] between gaps that are not bridged.
@@ -170,7 +170,7 @@ def prepared(devices: Sequence[Device], gnss: GnssFixes, week: int) -> PreparedI
         Where several IMUs do not make one.
     """
     imus = [device.in_shape(week) for device in devices]
-    imu, C_b_imu, weight, checks = imus[0], devices[0].C_b_imu, None, tuple[Check, ...]()
+    imu, C_b_imu, weight, checks = imus[0], devices[0].C_b_imu, None, tuple[Finding, ...]()
     if len(imus) > 1:
         combined = combine(
             imus,

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ...base.errors import DataError
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import EARTH_RATE
-from ...records import Array, Check, ImuSamples, Verdict
+from ...records import Array, Finding, ImuSamples, Question
 from ...records.variances import MAD_TO_SIGMA
 from .gaps import LACKING, find_gaps, mean_interval, nominal_interval
 from .stationarity import (
@@ -97,7 +97,7 @@ class StaticSpan:
         Begin of the span, from the recording's first sample.
     filled : int
         Number of interpolated samples in the place of missing ones.
-    checks : tuple of Check
+    checks : tuple of Finding
     disturbances : tuple of Disturbance
         The strongest first.
     """
@@ -107,7 +107,7 @@ class StaticSpan:
     rate_hz: float
     begin_s: float
     filled: int
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     disturbances: tuple[Disturbance, ...]
 
     @property
@@ -185,42 +185,35 @@ def static_span(
     )
 
 
-def _length(length_s: float) -> Check:
-    verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
-    expected, advice = (
-        f"{LEAST_S:.0f} s and more",
-        "record for longer: hours, to resolve slow processes",
+def _length(length_s: float) -> Finding:
+    advice = "record for longer: hours, to resolve slow processes"
+    return Question("length", f"{LEAST_S:.0f} s and more").contradiction(
+        f"{length_s:.1f} s without interruption", advice, when=length_s < LEAST_S
     )
-    return Check("length", f"{length_s:.1f} s without interruption", expected, verdict, advice)
 
 
-def _rate(time: Array, nominal: float) -> Check:
+def _rate(time: Array, nominal: float) -> Finding:
     """Stamps that come in bunches make no rate."""
-    mean = mean_interval(time)
+    mean, ask = mean_interval(time), Question("sampling", "even stamps")
     finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if nominal < 0.5 * mean:
         advice = (
             "the stamps come in bunches: leave their column out and give the sensor's rate"
             " (--columns, --rate)"
         )
-        return Check(
-            "sampling",
-            f"{finding}; median interval {nominal:.3g} s, mean {mean:.3g} s",
-            "even stamps",
-            "contradiction",
-            advice,
-        )
-    return Check("sampling", finding, "even stamps")
+        finding += f"; median interval {nominal:.3g} s, mean {mean:.3g} s"
+        return ask.contradiction(finding, advice)
+    return ask.ok(finding)
 
 
 def _unbroken(
     time: Array, lo: int, hi: int, nominal: float, bridge_s: float
-) -> tuple[int, int, Check]:
+) -> tuple[int, int, Finding]:
     """First sample, the one after the last of the longest unbroken span, and the check."""
-    expected = "no interval over 1.5 nominal ones"
+    ask = Question("missing samples", "no interval over 1.5 nominal ones")
     gaps = find_gaps(time[lo:hi], nominal)
     if not gaps:
-        return lo, hi, Check("missing samples", "none", expected)
+        return lo, hi, ask.ok("none")
     step = np.diff(time[lo:hi])
     cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
     edges = np.concatenate([[0], cuts + 1, [hi - lo]])
@@ -236,17 +229,8 @@ def _unbroken(
         )
     if bridge_s:
         finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
-    return (
-        first,
-        last,
-        Check(
-            "missing samples",
-            finding,
-            expected,
-            "note",
-            "" if bridge_s else "--bridge SECONDS fills short gaps instead",
-        ),
-    )
+    advice = "" if bridge_s else "--bridge SECONDS fills short gaps instead"
+    return first, last, ask.note(finding, advice)
 
 
 def _places(time: Array, nominal: float) -> NDArray[np.int64]:
@@ -264,45 +248,34 @@ def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) ->
     return values if scale == 1.0 else values * scale
 
 
-def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Check]:
+def _channels(named: Sequence[tuple[str, Array]], rate: float) -> list[Finding]:
     """Check for stuck channels, rails and rounding."""
-    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    ask = Question("constant channel", f"no channel constant for over {STUCK_S:.0f} s")
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
         advice = "the sensor is dead, its column is wrong, or its driver hides small values"
-        return [Check("constant channel", "; ".join(stuck), expected, "contradiction", advice)]
-    checks = [Check("constant channel", "every channel alive", expected)]
+        return [ask.contradiction("; ".join(stuck), advice)]
+    checks = [ask.ok("every channel alive")]
     size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
     coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
     if coarse:
-        names, steps = (
-            ", ".join(name for name, _, _ in coarse),
-            ", ".join(f"{n:.2g}" for _, n, _ in coarse),
-        )
+        names = ", ".join(name for name, _, _ in coarse)
+        steps = ", ".join(f"{n:.2g}" for _, n, _ in coarse)
         shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
         finding = (
             f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
             " rounding"
         )
         hidden = min(n for _, n, _ in coarse) < ROUNDED
-        verdict: Verdict = "contradiction" if hidden else "note"
         advice = (
             "the rounding hides the noise: record with a finer range"
             if hidden
             else "the white noise found contains the rounding"
         )
-        checks.append(
-            Check("rounding", finding, f"samples scatter by {FINE} steps and more", verdict, advice)
-        )
+        scattering = Question("rounding", f"samples scatter by {FINE} steps and more")
+        checks.append(scattering.against(finding, advice, hidden))
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
-        checks.append(
-            Check(
-                "range",
-                "; ".join(rails),
-                "no reading at the end of the range",
-                "note",
-                "a knock, or a range too small",
-            )
-        )
+        at_end = Question("range", "no reading at the end of the range")
+        checks.append(at_end.note("; ".join(rails), "a knock, or a range too small"))
     return checks
 
 
@@ -325,17 +298,15 @@ def _stuck(column: Array, rate: float) -> str:
     )
 
 
-def _units(gyro: Array, accel: Array, whole: bool) -> Check:
+def _units(gyro: Array, accel: Array, whole: bool) -> Finding:
     """Check the units against gravity and the smallness of the rate at rest.
 
     whole : whether the three accelerometers are there; fewer do not show gravity.
     """
-    name, expected = (
+    ask = Question(
         "units",
-        (
-            f"|mean force| {NORM_LOW} to {NORM_HIGH} m/s^2, mean rate below"
-            f" {np.degrees(MAX_BIAS):.1f} deg/s"
-        ),
+        f"|mean force| {NORM_LOW} to {NORM_HIGH} m/s^2, mean rate below"
+        f" {np.degrees(MAX_BIAS):.1f} deg/s",
     )
     force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
     finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
@@ -352,19 +323,15 @@ def _units(gyro: Array, accel: Array, whole: bool) -> Check:
             if near
             else f"if these are counts, --accel-unit {one!r}"
         )
-        return Check(name, finding, expected, "contradiction", f"{advice}; gravity must be in them")
+        return ask.contradiction(finding, f"{advice}; gravity must be in them")
     if rate > MAX_BIAS:
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count",
+        return ask.contradiction(
+            finding, "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count"
         )
-    return Check(name, finding, expected)
+    return ask.ok(finding)
 
 
-def _earth_rate(gyro: Array) -> list[Check]:
+def _earth_rate(gyro: Array) -> list[Finding]:
     """Note that the rates are too small for a sensor on the turning Earth.
 
     At rest the three read the Earth's rate and their biases, whose sum is so small by chance only.
@@ -377,15 +344,9 @@ def _earth_rate(gyro: Array) -> list[Check]:
         "fine where the sensor takes its mean off at the start; else the values are of a larger"
         f" unit, rad/s taken for deg/s (then {per_hour[2]:.3g} deg/h): give --gyro-unit"
     )
-    return [
-        Check(
-            "Earth's rate",
-            f"|mean rate| {per_hour[0]:.3g} deg/h",
-            f"{LEAST_EARTH * per_hour[1]:.3g} deg/h and more: the Earth turns by {per_hour[1]:.4g}",
-            "note",
-            advice,
-        )
-    ]
+    least, earth = LEAST_EARTH * per_hour[1], per_hour[1]
+    ask = Question("Earth's rate", f"{least:.3g} deg/h and more: the Earth turns by {earth:.4g}")
+    return [ask.note(f"|mean rate| {per_hour[0]:.3g} deg/h", advice)]
 
 
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:
@@ -418,7 +379,7 @@ def _rail(column: Array) -> str:
 
 def _at_rest(
     gyro: Array, accel: Array, begin: float, rate: float, columns: Sequence[Array]
-) -> tuple[tuple[Disturbance, ...], Check]:
+) -> tuple[tuple[Disturbance, ...], Finding]:
     """Find the disturbances, and check that the sensor is stationary."""
     length = len(gyro) / rate
     periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
@@ -438,16 +399,12 @@ def _at_rest(
             " out with --skip and --keep; if it was at rest, check the units: it scatters by"
             f" {scatter}{unit}"
         )
-        return (), Check(
-            name,
-            f"at rest for {share:.0%} of the time{_longest(periods, begin)}",
-            expected,
-            "contradiction",
-            advice,
+        return (), Question(name, expected).contradiction(
+            f"at rest for {share:.0%} of the time{_longest(periods, begin)}", advice
         )
     disturbances = _disturbances(np.column_stack(columns), begin, rate)
     if not disturbances:
-        return (), Check(name, "at rest throughout", expected)
+        return (), Question(name, expected).ok("at rest throughout")
     more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
     how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
     advice = (
@@ -455,12 +412,8 @@ def _at_rest(
         if disturbances[0].sigmas > STRONG
         else ""
     )
-    return disturbances, Check(
-        name,
-        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}",
-        "nothing but noise",
-        "note",
-        advice,
+    return disturbances, Question(name, "nothing but noise").note(
+        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}", advice
     )
 
 

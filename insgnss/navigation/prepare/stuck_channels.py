@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...records import Array, Check, ImuSamples
+from ...records import Array, ImuSamples, Question
 from .gaps import nominal_interval
 
 STUCK_S = 5.0  # of a run: beyond it the channel is dead, and its samples are kept to be looked at
@@ -94,12 +94,8 @@ def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
         f"{int(drop.sum())} samples left out where a channel is stuck:"
         f" {', '.join(runs[:5])}{', ...' if runs[5:] else ''}"
     )
-    note = Check(
-        "IMU rows",
-        finding,
-        "every channel renewed with every sample",
-        "note",
-        "look at the sensor's connection and logger",
+    note = Question("IMU rows", "every channel renewed with every sample").note(
+        finding, "look at the sensor's connection and logger"
     )
     return replace(
         imu,

@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.gpstime import WEEK_S, weeks_apart
-from ...records import Array, Check, Verdict
+from ...records import Array, Finding, Question
 from .axes import axes_words, imu_word
 from .handedness import LEFT_HANDED, SURE, of_axes, what_is_wrong
 from .recognition import EXCHANGED_ADVICE, Recognition
@@ -21,13 +22,13 @@ LEAST_OFFSET_S = 0.02  # a time offset that is reported
 # a time offset that stops the job; below it the filter copes, and a note reports it
 OFFSET_LIMIT_S = 0.5
 RECOGNISED = tuple(f"recognised {kind}" for kind in ("units", "axes", "sign", "clock"))
-Remedy = Callable[[tuple[int, int]], str]
+Exchange = Callable[[tuple[int, int]], Remedy]
 
 
-def exchange_in_words(pair: tuple[int, int]) -> str:
+def exchange_in_words(pair: tuple[int, int]) -> Remedy:
     """Say how to exchange two axes in a flight file whose columns are not known."""
     a, b = ("xyz"[k] for k in pair)
-    return f"exchange the names g{a} and g{b}, and a{a} and a{b}, in imu.columns"
+    return Step(f"exchange the names g{a} and g{b}, and a{a} and a{b}, in {{imu.columns}}")
 
 
 def compare(
@@ -39,8 +40,8 @@ def compare(
     accel_unit: str = "m/s^2",
     accel_sign: int = 1,
     time_offset_s: float = 0.0,
-    remedy: Remedy = exchange_in_words,
-) -> list[Check]:
+    remedy: Exchange = exchange_in_words,
+) -> list[Finding]:
     """Compare the flight file's claim with the data.
 
     Parameters
@@ -61,7 +62,7 @@ def compare(
 
     Returns
     -------
-    list of Check
+    list of Finding
         Those of `RECOGNISED`: "contradiction" where the data are surer than `SURE` of something
         else (of a clock: by more than `OFFSET_LIMIT_S`), "note" where they do not determine it or
         are less sure, "ok" otherwise.
@@ -76,11 +77,10 @@ def compare(
 
 def _compare_units(
     recognition: Recognition, quantity: str, gyro_unit: str, accel_unit: str
-) -> Check:
+) -> Finding:
     """Compare the units. A factor other than 1 shows by what the claim is wrong."""
-    name, expected = (
-        "recognised units",
-        f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}",
+    ask = Question(
+        "recognised units", f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}"
     )
     sensors = (
         (
@@ -99,9 +99,10 @@ def _compare_units(
         ),
     )
     wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
-    advice, sure, evidence = [], 1.0, []
+    remedies: list[Remedy] = []
+    sure, evidence = 1.0, []
     for sensor, finding, factor, units, claimed in sensors:
-        evidence.append(f"{finding.name} {finding.value}: {finding.evidence}")
+        evidence.append(f"{finding.name} {finding.found}: {finding.evidence}")
         if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
             continue
         true = factor * units[claimed]
@@ -114,159 +115,130 @@ def _compare_units(
             ),
             None,
         )
-        look = f'the numbers look like imu.units {sensor} = "{unit}"'
-        advice.append(
-            look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
-        )
+        key = f"imu.units {sensor}"
+        off = Step(f"the numbers are off by {factor:.4g}, check {{{key}}}")
+        remedies.append(Step("the numbers look like {}", SetKey(key, unit)) if unit else off)
         sure = min(sure, finding.confidence)
     if wrong_quantity and recognition.finding("quantity").confidence:
-        advice.append(f'they look like imu.quantity = "{recognition.quantity}"')
-    if advice:
-        verdict: Verdict = "contradiction" if sure > SURE else "note"
-        return Check(name, "; ".join(evidence), expected, verdict, "; ".join(advice))
+        quantity_of = SetKey("imu.quantity", recognition.quantity)
+        remedies.append(Step("they look like {}", quantity_of))
+    if remedies:
+        return ask.against("; ".join(evidence), joined(remedies, "; "), sure > SURE)
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
-    return Check(
-        name,
-        "; ".join(evidence),
-        expected,
-        "note" if silent else "ok",
-        f"the data do not determine the {' and '.join(silent)}" if silent else "",
+    return ask.note(
+        "; ".join(evidence), f"the data do not determine the {' and '.join(silent)}", when=silent
     )
 
 
 def _compare_axes(
-    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Remedy
-) -> Check:
+    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Exchange
+) -> Finding:
     """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
-    name, claimed = "recognised axes", axes_words(C_b_imu)
+    claimed = axes_words(C_b_imu)
+    ask = Question("recognised axes", claimed)
     finding, vertical, triads = (
         recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
     )
     if recognition.exchanges:
         return _left_handed(recognition, C_b_imu, accel_sign, remedy)
-    if triads.value not in ("aligned", "unknown"):
-        advice = (
-            f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
-            " in the file"
+    if triads.found not in ("aligned", "unknown"):
+        advice = Step(
+            f"about the accelerometers' x y z turn {triads.found}: correct {{imu.columns}} or the"
+            " signs in the file"
         )
-        return Check(
-            name,
-            f"{triads.value}; {triads.evidence}",
-            claimed,
-            "contradiction" if triads.confidence > SURE else "note",
-            advice,
-        )
+        return ask.against(f"{triads.found}; {triads.evidence}", advice, triads.confidence > SURE)
     statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
     if recognition.axes == claimed:
-        return Check(name, statement, claimed)
-    down_word = vertical.value.split()[0]
+        return ask.ok(statement)
+    down_word = vertical.found.split()[0]
     if vertical.confidence > SURE and down_word != imu_word(C_b_imu[2]):
         hint = (
-            f'imu.axes = "{recognition.axes}"'
+            SetKey("imu.axes", recognition.axes)
             if recognition.axes
-            else f"imu.axes must have the IMU's {down_word} down"
+            else Step(f"{{imu.axes}} must have the IMU's {down_word} down")
         )
-        return Check(name, statement, claimed, "contradiction", f"the data look like {hint}")
+        return ask.contradiction(statement, Step("the data look like {}", hint))
     if recognition.axes is None:
-        return Check(
-            name, statement, claimed, "note", "the data do not determine which axis is forward"
-        )
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    advice = f'the data look like imu.axes = "{recognition.axes}"'
-    if verdict == "note":
-        advice += ", if it moves nose first"
-    return Check(name, statement, claimed, verdict, advice)
+        return ask.note(statement, "the data do not determine which axis is forward")
+    sure = finding.confidence > SURE
+    nose_first = "" if sure else ", if it moves nose first"
+    advice = Step("the data look like {}{}", SetKey("imu.axes", recognition.axes), nose_first)
+    return ask.against(statement, advice, sure)
 
 
 def _left_handed(
-    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Remedy
-) -> Check:
+    recognition: Recognition, C_b_imu: Array, accel_sign: int, remedy: Exchange
+) -> Finding:
     """Name the exchange of two axes that was tried and explains the motion, and its remedy."""
     claimed = axes_words(C_b_imu)
     exchange = of_axes(recognition.exchanges, C_b_imu)
-    sign = ", and imu.accel_sign = 1" if accel_sign < 0 else ""
+    sign = Step(", and {}", SetKey("imu.accel_sign", 1)) if accel_sign < 0 else ""
     if exchange is not None:
         a, b = exchange.words
-        error, axes = f"{a} and {b} are exchanged in gyro and accelerometer alike", ""
+        error = f"{a} and {b} are exchanged in gyro and accelerometer alike"
+        axes: Remedy = ""
     else:
         exchange = recognition.exchanges[0]
         a, b = exchange.words
         error, trial = what_is_wrong(exchange, C_b_imu), exchange.recognition
         axes = (
-            f', with imu.axes = "{trial.axes}"'
+            Step(", with {}", SetKey("imu.axes", trial.axes))
             if trial.axes
-            else ", and the words of imu.axes by how the exchanged axes lie, the IMU's"
-            f" {trial.finding('vertical axis').value}"
+            else Step(
+                ", and the words of {imu.axes} by how the exchanged axes lie, the IMU's {}",
+                trial.finding("vertical axis").found,
+            )
         )
         if error != LEFT_HANDED:
-            axes += "; or correct the signs in the file"
+            axes = Step("{}; or correct the signs in the file", axes)
     triads = exchange.recognition.finding("gyro triad")
     finding = f"{error}: with {a} and {b} exchanged {triads.evidence}"
-    verdict: Verdict = (
-        "contradiction" if recognition.finding("gyro triad").confidence > SURE else "note"
-    )
-    return Check(
-        "recognised axes",
-        finding,
-        f"{claimed}, right-handed",
-        verdict,
-        f"{remedy(exchange.pair)}{sign}{axes}",
-    )
+    sure = recognition.finding("gyro triad").confidence > SURE
+    advice = joined((remedy(exchange.pair), sign, axes), "")
+    return Question("recognised axes", f"{claimed}, right-handed").against(finding, advice, sure)
 
 
-def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
-    name, finding = "recognised sign", recognition.finding("force sign")
-    expected = "specific force (up at rest)" + (
-        ", with the sign of the claim" if accel_sign < 0 else ""
-    )
-    statement = f"{finding.value}: {finding.evidence}"
+def _compare_sign(recognition: Recognition, accel_sign: int) -> Finding:
+    finding, claim = recognition.finding("force sign"), ", with the sign of the claim"
+    ask = Question("recognised sign", f"specific force (up at rest){claim * (accel_sign < 0)}")
+    statement = f"{finding.found}: {finding.evidence}"
     if recognition.exchanged:
-        return Check(name, statement, expected, "contradiction", EXCHANGED_ADVICE)
+        return ask.contradiction(statement, EXCHANGED_ADVICE)
     if not finding.confidence:
-        return Check(
-            name, statement, expected, "note", "the data do not determine the sign of the force"
-        )
+        return ask.note(statement, "the data do not determine the sign of the force")
     if recognition.exchanges:  # as mirrored readings have it: no sign of the force's own
-        advice = "of the left-handed axes alone, see recognised axes"
-        return Check(name, statement, expected, "note", advice)
+        return ask.note(statement, "of the left-handed axes alone, see recognised axes")
     if recognition.accel_sign > 0:
-        return Check(name, statement, expected)
-    verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    advice = (
-        f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
-        " longitude are exchanged, or one of them has the wrong sign"
+        return ask.ok(statement)
+    advice = Step(
+        "the accelerometers report the reverse: {}; or latitude and longitude are exchanged, or one"
+        " of them has the wrong sign",
+        SetKey("imu.accel_sign", -accel_sign),
     )
-    return Check(name, statement, expected, verdict, advice)
+    return ask.against(statement, advice, finding.confidence > SURE)
 
 
-def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
-    name, finding = "recognised clock", recognition.finding("time offset")
-    expected, statement = (
-        f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s",
-        f"{finding.value}: {finding.evidence}",
-    )
+def _compare_clock(recognition: Recognition, time_offset_s: float) -> Finding:
+    finding = recognition.finding("time offset")
+    ask = Question("recognised clock", f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s")
+    statement = f"{finding.found}: {finding.evidence}"
     if not finding.confidence:
-        return Check(name, statement, expected, "note", "the data do not determine the time offset")
+        return ask.note(statement, "the data do not determine the time offset")
     offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
     if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
-        return Check(name, statement, expected)
-    advice = (
-        f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
-    )
+        return ask.ok(statement)
+    set_to = SetKey("gnss.time_offset_s", round(time_offset_s + offset, 3))
+    advice = Step("{} would put the fixes on the IMU's clock", set_to)
     if weeks := weeks_apart(offset):
         sense = "behind" if offset > 0.0 else "ahead of"
         statement = f"the fixes are {weeks} {sense} the IMU: {statement}"
         whole = time_offset_s + WEEK_S * round(offset / WEEK_S)
-        advice = (
+        advice = Step(
             "the times of one of them are of another week, or count from another one: give both as"
-            f" times of one week; gnss.time_offset_s = {whole:.1f} would do it"
+            " times of one week; {} would do it",
+            SetKey("gnss.time_offset_s", round(whole, 1)),
         )
     if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
-        advice += f" ({recognition.time_scale}, leap seconds)"
-    return Check(
-        name,
-        statement,
-        expected,
-        "contradiction" if abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE else "note",
-        advice,
-    )
+        advice = Step("{} ({}, leap seconds)", advice, recognition.time_scale)
+    sure = abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE
+    return ask.against(statement, advice, sure)

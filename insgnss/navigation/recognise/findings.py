@@ -1,43 +1,35 @@
 """One property of a recording as the recogniser finds it, and how sure it is."""
 
-from dataclasses import dataclass
+from ...records import Finding
+
+MOST = 0.999
+"""Probability, at most, that an answer is right: the recogniser is never surer than this."""
 
 
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """One answer of the recogniser.
+def answer(name: str, value: str, confidence: float, evidence: str) -> Finding:
+    """Return what is found of a property.
 
     Parameters
     ----------
     name : str
-        The property, one of `NAMES`.
+        The property.
     value : str
-        The answer in the words of the flight file, or "unknown".
+        The answer in the words of the flight file; "unknown" stands for it without confidence.
     confidence : float
         Probability that the value is right, 0 to `MOST`; 0 where the data do not determine it.
     evidence : str
-        The numbers behind it, in plain words.
+        The numbers behind it.
+
+    Returns
+    -------
+    Finding
+        Of verdict "ok", or "unknown".
     """
-
-    name: str
-    value: str
-    confidence: float
-    evidence: str
+    if not confidence:
+        return unknown(name, evidence)
+    return Finding(name, value, confidence=confidence, evidence=evidence)
 
 
-MOST = 0.999
-"""The recogniser is never surer than this."""
-
-NAMES = (
-    "quantity",
-    "accelerometer unit",
-    "gyro unit",
-    "gyro triad",
-    "force sign",
-    "vertical axis",
-    "forward axis",
-    "axes",
-    "time offset",
-    "time scale",
-)
-"""Of all findings, in their order in `Recognition.findings`."""
+def unknown(name: str, why: str) -> Finding:
+    """Return that the data do not determine a property, with the reason `why`."""
+    return Finding(name, "unknown", verdict="unknown", confidence=0.0, evidence=why)

@@ -58,7 +58,7 @@ def mirrored(recognition: Recognition, accel_sign: int = 1) -> bool:
     """
     triads = recognition.finding("gyro triad")
     return (
-        triads.value == MIRRORED
+        triads.found == MIRRORED
         and recognition.finding("force sign").confidence > 0.0
         and recognition.accel_sign * accel_sign < 0
     )
@@ -99,7 +99,7 @@ def explains(recognition: Recognition) -> bool:
     """Tell whether a trial is a recording of aligned triads and specific force, for sure."""
     triads, sign = (recognition.finding(name) for name in ("gyro triad", "force sign"))
     return (
-        triads.value == "aligned"
+        triads.found == "aligned"
         and recognition.accel_sign > 0
         and min(triads.confidence, sign.confidence) > SURE
     )
@@ -122,7 +122,7 @@ def of_axes(exchanges: Iterable[Exchange], C_b_imu: Array) -> Exchange | None:
             if np.array_equal(parse_axes(trial.axes), C_b_imu):
                 return exchange
             continue
-        down = trial.finding("vertical axis").value.split()[0]
+        down = trial.finding("vertical axis").found.split()[0]
         moved = int(np.argmax(np.abs(C_b_imu[2]))) in exchange.pair
         if down == imu_word(C_b_imu[2]) and not moved:
             return exchange

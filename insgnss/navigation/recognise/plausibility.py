@@ -6,9 +6,11 @@ sensor or a single impossible reading upsets what is computed from it further do
 
 import numpy as np
 
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...base.units import STANDARD_GRAVITY
 from ...geodesy.earth import curvature_radii
-from ...records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question
+from ...records.verdicts import CHECKS
 from ..prepare.fix_path import north_east, sound_fixes
 from ..prepare.gaps import LACKING, find_gaps, mean_interval, nominal_interval
 from ..prepare.stuck_channels import STUCK_S, constant_runs, dead_band
@@ -35,57 +37,6 @@ LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
 MANY = 0.01
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
-NAMES = (
-    "IMU rate",
-    "silent sensor",
-    "specific force",
-    "axes, vertical",
-    "IMU readings",
-    "GNSS rate",
-    "GNSS speed",
-    "GNSS position",
-    "GNSS velocity",
-    "tangent plane origin",
-    "turn rate, gyro against GNSS course",
-    "camera events",
-    "heading against course",
-    "recognised units",
-    "recognised axes",
-    "recognised sign",
-    "recognised clock",
-    "IMU rows",
-    "GNSS rows",
-    "event rows",
-    "barometer rows",
-    "standing",
-    "IMU parity",
-    "IMU clocks",
-    "IMU overlap",
-    "IMU calibration",
-    "IMU gaps",
-    "images",
-    "motion",
-    "mounting",
-    "mounting file",
-    "bore-sight",
-    "barometer",
-    "GNSS quality",
-    "antenna lever arm",
-    "GNSS time offset",
-    "clock rate",
-    "clock step",
-    "exposure clock",
-    "IMU scale factors",
-    "IMU misalignments",
-    "IMU noise",
-    "drift",
-    "GNSS sigmas",
-    "unseen constants",
-    "incorrect fixes",
-    "turn-on bias",
-)
-"""Of all checks; the flight file's `accept` takes them."""
-
 
 def check_recording(
     imu: ImuSamples,
@@ -95,7 +46,7 @@ def check_recording(
     origin: Array | None,
     forces: Forces | None = None,
     event_clock: str = "",
-) -> list[Check]:
+) -> list[Finding]:
     """Make all checks that need no navigation solution.
 
     Parameters
@@ -114,8 +65,8 @@ def check_recording(
 
     Returns
     -------
-    list of Check
-        In the order of `NAMES`.
+    list of Finding
+        In the order of `CHECKS`.
     """
     dt = nominal_interval(imu.time)
     checks = [] if gnss.velocity_ned is None else [check_velocity(gnss)]
@@ -131,10 +82,10 @@ def check_recording(
         checks.append(_origin_distance(gnss, origin))
     if events is not None:
         checks.append(check_events(events, gnss, event_clock))
-    return sorted(checks, key=lambda check: NAMES.index(check.name))
+    return sorted(checks, key=lambda check: list(CHECKS).index(check.name))
 
 
-def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
+def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array) -> Finding:
     """Check the smoothed heading against the course over ground while fast.
 
     A vehicle that leans to change its speed (`propulsion`) need not fly nose first.
@@ -150,13 +101,13 @@ def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array)
 
     Returns
     -------
-    Check
+    Finding
     """
-    name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
+    ask = Question("heading against course", "median within 60 deg (a drone crabs in wind)")
     speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
     fast = speed > FAST_MS
     if fast.sum() < 50:
-        return Check(name, f"never faster than {FAST_MS:.0f} m/s", expected)
+        return ask.ok(f"never faster than {FAST_MS:.0f} m/s")
     course = np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
     off = np.arctan2(C_nb[fast, 1, 0], C_nb[fast, 0, 0]) - course
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
@@ -164,31 +115,26 @@ def check_heading(time: Array, C_nb: Array, velocity_ned: Array, C_b_imu: Array)
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
     finding = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
     if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
-        return Check(
-            name,
+        return ask.note(
             f"{finding}, all on one course, which does not determine the axes",
-            expected,
-            "note" if abs(median) > 30.0 else "ok",
+            when=abs(median) > 30.0,
         )
     ahead = np.array([np.cos(np.radians(median)), -np.sin(np.radians(median)), 0.0])
     if abs(median) > 60.0 and _leans(time, C_nb, velocity_ned, ahead):
-        return Check(
-            name,
+        return ask.note(
             f"{finding}; it leans to change its speed, as a multirotor, which may fly sideways or"
-            " backwards",
-            expected,
-            "note",
+            " backwards"
         )
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
         c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]
         turned = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ C_b_imu
-        advice = (
-            f"imu.axes looks turned by {90 * quarter} deg about the vertical; if the drone flies"
-            f" nose first it is {_axes_words(turned)!r}"
+        advice = Step(
+            f"{{imu.axes}} looks turned by {90 * quarter} deg about the vertical; if the drone"
+            f" flies nose first it is {_axes_words(turned)!r}"
         )
-        return Check(name, finding, expected, "contradiction", advice)
-    return Check(name, finding, expected, "note" if abs(median) > 30.0 else "ok")
+        return ask.contradiction(finding, advice)
+    return ask.note(finding, when=abs(median) > 30.0)
 
 
 def _leans(time: Array, C_nb: Array, velocity_ned: Array, ahead: Array) -> bool:
@@ -199,10 +145,10 @@ def _leans(time: Array, C_nb: Array, velocity_ned: Array, ahead: Array) -> bool:
     return propulsion(time, C_nb, force, ahead).leans
 
 
-def _imu_rate(imu: ImuSamples, dt: float) -> Check:
+def _imu_rate(imu: ImuSamples, dt: float) -> Finding:
     gaps = find_gaps(imu.time, dt)
     longest = max((g[1] for g in gaps), default=0.0)
-    name, expected = "IMU rate", "no interval over 1.5 nominal ones"
+    ask = Question("IMU rate", "no interval over 1.5 nominal ones")
     span = float(imu.time[-1] - imu.time[0])
     finding = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
     if gaps:
@@ -213,11 +159,11 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Check:
             "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
             " own clock"
         )
-        return Check(name, finding, expected, "contradiction", advice)
-    return Check(name, finding, expected, "note" if gaps else "ok")
+        return ask.contradiction(finding, advice)
+    return ask.note(finding, when=gaps)
 
 
-def _silent(imu: ImuSamples, dt: float) -> Check:
+def _silent(imu: ImuSamples, dt: float) -> Finding:
     """Check for channels that repeat one value for longer than `STUCK_S`."""
     names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
     limit = max(int(STUCK_S / dt), 10)
@@ -236,31 +182,21 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
             or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
             f" from {imu.time[first]:.2f} s on"
         )
-    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    ask = Question("silent sensor", f"no channel constant for over {STUCK_S:.0f} s")
     if dead:
         finding = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
-        return Check(
-            "silent sensor",
-            finding,
-            expected,
-            "contradiction",
-            "a sensor is dead or a column is wrong; check imu.columns",
-        )
+        advice = Step("a sensor is dead or a column is wrong; check {imu.columns}")
+        return ask.contradiction(finding, advice)
+    finding = f"{', '.join(band)} read exactly 0 for a while"
     if band:
-        return Check(
-            "silent sensor",
-            f"{', '.join(band)} read exactly 0 for a while",
-            expected,
-            "note",
-            "a dead band hides slow turns and the bias",
-        )
-    return Check("silent sensor", "every channel alive", expected)
+        return ask.note(finding, "a dead band hides slow turns and the bias")
+    return ask.ok("every channel alive")
 
 
-def _readings(imu: ImuSamples, dt: float) -> Check:
+def _readings(imu: ImuSamples, dt: float) -> Finding:
     """Check for readings that no sensor can give: few are spikes, many are a wrong unit."""
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
-    name, expected = "IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2"
+    ask = Question("IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2")
     findings, worst = [], 0
     for sensor, unit, values, limit in (
         ("gyro", "rad/s", imu.gyro, GYRO_LIMIT),
@@ -276,14 +212,14 @@ def _readings(imu: ImuSamples, dt: float) -> Check:
         )
         worst = max(worst, beyond.size)
     if not findings:
-        return Check(name, "all within", expected)
-    advice = (
+        return ask.ok("all within")
+    advice: Remedy = (
         "spikes of the recording: correct them at their source, or cut them away with start_tow or"
         " end_tow"
     )
     if worst > MANY * imu.time.size:
-        advice = "check imu.units and imu.columns"
-    return Check(name, "; ".join(findings), expected, "contradiction", advice)
+        advice = Step("check {imu.units} and {imu.columns}")
+    return ask.contradiction("; ".join(findings), advice)
 
 
 def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
@@ -320,29 +256,26 @@ def _load(time: Array, rate: Array, gnss: GnssFixes) -> Array:
     return np.asarray(np.minimum(load, MOST_LOAD))
 
 
-def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: float) -> Check:
-    name, expected = "specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2"
+def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: float) -> Finding:
+    ask = Question("specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2")
     norms = np.linalg.norm(force, axis=1)
     norm, level = float(np.median(norms)), float(np.median(norms / load))
     finding = f"median norm {norm:.4g} m/s^2"
     if norm > FORCE[1]:
         finding += f", {level:.4g} m/s^2 without what turns at that speed add"
     if norm >= FORCE[0] and level <= FORCE[1]:
-        return Check(name, finding, expected)
+        return ask.ok(finding)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            "gyro and accelerometer look exchanged; correct imu.columns",
+        return ask.contradiction(
+            finding, Step("gyro and accelerometer look exchanged; correct {imu.columns}")
         )
+    key = "imu.units accel"
     guesses = [
         quantity_guess(imu, dt),  # said of all channels at once, a unit of one sensor alone
-        (1.0 / STANDARD_GRAVITY, 'imu.units accel = "g"'),
-        (STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in g)'),
-        (1e-3 * STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in mg)'),
-        (1e3 / STANDARD_GRAVITY, 'imu.units accel = "mg"'),
+        (1.0 / STANDARD_GRAVITY, SetKey(key, "g")),
+        (STANDARD_GRAVITY, SetKey(key, "m/s^2", "g")),
+        (1e-3 * STANDARD_GRAVITY, SetKey(key, "m/s^2", "mg")),
+        (1e3 / STANDARD_GRAVITY, SetKey(key, "mg")),
     ]
     close = [
         advice
@@ -350,22 +283,21 @@ def _force_norm(rate: Array, force: Array, load: Array, imu: ImuSamples, dt: flo
         if LOOKS_LIKE[0] < norm / STANDARD_GRAVITY / factor < LOOKS_LIKE[1]
     ]
     advice = (
-        f"the values look like {' or '.join(close)}"
+        Step("the values look like {}", joined(close))
         if close
-        else "check imu.columns, imu.units and imu.quantity"
+        else Step("check {imu.columns}, {imu.units} and {imu.quantity}")
     )
-    return Check(name, finding, expected, "contradiction", advice)
+    return ask.contradiction(finding, advice)
 
 
-def _down_axis(force: Array, C_b_imu: Array) -> Check:
-    name, expected = (
-        "axes, vertical",
-        "specific force points up, along body -z, within 60 deg in the median",
+def _down_axis(force: Array, C_b_imu: Array) -> Finding:
+    ask = Question(
+        "axes, vertical", "specific force points up, along body -z, within 60 deg in the median"
     )
     up = np.median(force, axis=0)
     norm = np.linalg.norm(up)
     if norm == 0.0:
-        return Check(name, "no specific force", expected, "contradiction", "check imu.columns")
+        return ask.contradiction("no specific force", Step("check {imu.columns}"))
     angle = float(np.degrees(np.arccos(np.clip(-up[2] / norm, -1.0, 1.0))))
     finding = (
         f"median ({up[0]:z.2f}, {up[1]:z.2f}, {up[2]:z.2f}) m/s^2 in body axes, {angle:.0f} deg"
@@ -375,12 +307,12 @@ def _down_axis(force: Array, C_b_imu: Array) -> Check:
         in_imu = C_b_imu.T @ up
         axis = int(np.argmax(np.abs(in_imu)))
         sense, called = ("down", "up")[int(in_imu[axis] > 0)], _axes_words(C_b_imu).split()[axis]
-        advice = (
-            f"the IMU's {'xyz'[axis]} axis points {sense}, imu.axes calls it {called!r}; correct"
-            " imu.axes"
+        advice = Step(
+            f"the IMU's {'xyz'[axis]} axis points {sense}, {{imu.axes}} calls it {called!r};"
+            " correct {imu.axes}"
         )
-        return Check(name, finding, expected, "contradiction", advice)
-    return Check(name, finding, expected, "note" if angle > 30.0 else "ok")
+        return ask.contradiction(finding, advice)
+    return ask.note(finding, when=angle > 30.0)
 
 
 def _axes_words(C_b_imu: Array) -> str:
@@ -390,24 +322,22 @@ def _axes_words(C_b_imu: Array) -> str:
     )
 
 
-def _gnss_rate(gnss: GnssFixes) -> Check:
+def _gnss_rate(gnss: GnssFixes) -> Finding:
     step = np.diff(gnss.time)
     if not step.size:
-        return Check("GNSS rate", "a single fix", "no interval over 1.5 nominal ones", "note")
+        return Question("GNSS rate", "no interval over 1.5 nominal ones").note("a single fix")
     nominal = float(np.median(step))
     gaps = step > LACKING * nominal
     finding = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
         finding += f", longest {step.max():.1f} s"
-    return Check(
-        "GNSS rate", finding, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok"
-    )
+    return Question("GNSS rate", "no interval over 1.5 nominal ones").note(finding, when=gaps.any())
 
 
-def _gnss_speed(gnss: GnssFixes) -> Check:
-    name, expected = "GNSS speed", "below 100 m/s"
+def _gnss_speed(gnss: GnssFixes) -> Finding:
+    ask = Question("GNSS speed", "below 100 m/s")
     if gnss.time.size < 2:
-        return Check(name, "a single fix", expected, "note")
+        return ask.note("a single fix")
     step = np.maximum(np.diff(gnss.time), 1e-3)
     noise = np.sqrt(np.trace(gnss.cov_ned, axis1=1, axis2=2))
     distance = np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1)
@@ -416,19 +346,15 @@ def _gnss_speed(gnss: GnssFixes) -> Check:
     fast = int((speed > 100.0).sum())
     finding = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
     if typical > 100.0:
-        return Check(
-            name,
-            finding,
-            expected,
-            "contradiction",
-            "check the columns, angle units and time unit of the GNSS file",
+        return ask.contradiction(
+            finding, "check the columns, angle units and time unit of the GNSS file"
         )
-    return Check(name, finding, expected, "note" if fast else "ok")
+    return ask.note(finding, when=fast)
 
 
-def _gnss_position(gnss: GnssFixes) -> Check:
+def _gnss_position(gnss: GnssFixes) -> Finding:
     """Units and columns of the positions, from where on Earth they lie."""
-    name, expected = (
+    ask = Question(
         "GNSS position",
         f"away from 0, 0 deg, {LOWEST_M:.0f} to {HIGHEST_M:.0f} m high, changing from fix to fix",
     )
@@ -436,22 +362,20 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     finding = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
     largest = np.degrees([np.abs(gnss.lat).max(), np.abs(gnss.lon).max()])
     if (largest <= np.pi).all():  # nothing but sea, in either order of radians read as degrees
-        advice = 'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }'
-        if largest[0] > 0.5 * np.pi:
-            advice += ", latitude and longitude exchanged,"
-        return Check(name, finding, expected, "contradiction", f"{advice} or are zeros")
+        exchanged = ", latitude and longitude exchanged," if largest[0] > 0.5 * np.pi else ""
+        advice = Step(
+            "that is the Gulf of Guinea: the values look like radians ({}){} or are zeros",
+            *(SetKey("gnss.units", {"angle": "rad"}), exchanged),
+        )
+        return ask.contradiction(finding, advice)
     beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
     if beyond.size:
         outlying = (
             f"; height {gnss.height[beyond[0]]:.1f} m at {gnss.time[beyond[0]]:.1f} s,"
             f" {beyond.size} such fixes"
         )
-        return Check(
-            name,
-            finding + outlying,
-            expected,
-            "contradiction",
-            "check gnss.columns and the unit of the heights, which is m",
+        return ask.contradiction(
+            finding + outlying, Step("check {gnss.columns} and the unit of the heights, which is m")
         )
     columns = (("latitude", gnss.lat), ("longitude", gnss.lon), ("height", gnss.height))
     constant = [
@@ -462,16 +386,16 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     if constant:
         coordinate = " and ".join(constant)
         finding += f", {coordinate} the same in all {gnss.time.size} fixes"
-        advice = f"{coordinate} must change; check gnss.columns"
+        advice = Step(f"{coordinate} must change; check {{gnss.columns}}")
         near = np.ptp(north_east(gnss), axis=0).max() < NEAR_M
         if near and len(constant) < len(columns):  # it hovers, and has too few digits
-            return Check(name, finding, expected, "note", advice)
-        return Check(name, finding, expected, "contradiction", advice)
-    return Check(name, finding, expected)
+            return ask.note(finding, advice)
+        return ask.contradiction(finding, advice)
+    return ask.ok(finding)
 
 
-def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
-    name, expected = "tangent plane origin", f"within {FAR_M / 1e3:.0f} km of the flight"
+def _origin_distance(gnss: GnssFixes, origin: Array) -> Finding:
+    ask = Question("tangent plane origin", f"within {FAR_M / 1e3:.0f} km of the flight")
     M, N = curvature_radii(origin[0])
     north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
     distance = float(np.hypot(north, east))
@@ -486,10 +410,10 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
             )
             < FAR_M
         )
-        advice = (
-            "latitude and longitude look exchanged; correct gnss.columns or tangent_plane.origin"
+        advice = Step(
+            "latitude and longitude look exchanged; correct {gnss.columns} or tangent_plane.origin"
             if swapped
             else "correct tangent_plane.origin or the GNSS columns"
         )
-        return Check(name, finding, expected, "contradiction", advice)
-    return Check(name, finding, expected)
+        return ask.contradiction(finding, advice)
+    return ask.ok(finding)

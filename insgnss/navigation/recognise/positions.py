@@ -18,8 +18,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.findings.remedies import Remedy, SetKey, Step, joined
 from ...geodesy.explain import Candidate, explain
-from ...records import Array, Check, GnssFixes
+from ...records import Array, Finding, GnssFixes, Question
 from ...records.observations import UNKNOWN_MPS
 from ..prepare.fix_path import north_east
 
@@ -37,7 +38,7 @@ Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 Motion = tuple[Array, Array]  # displacements by time, and mean velocities, m/s
 
 
-def check_velocity(gnss: GnssFixes) -> Check:
+def check_velocity(gnss: GnssFixes) -> Finding:
     """Check the positions against the velocities of the same fixes.
 
     Parameters
@@ -47,7 +48,7 @@ def check_velocity(gnss: GnssFixes) -> Check:
 
     Returns
     -------
-    Check
+    Finding
         A contradiction names the misreading; a note says that nothing explains the difference.
     """
     expected = f"displacements are the velocity times the time, within {AGREE:.0%} in the median"
@@ -55,43 +56,54 @@ def check_velocity(gnss: GnssFixes) -> Check:
     assert gnss.velocity_cov_ned is not None
     pairs = _pairs(gnss.time)
     if pairs is None:
-        return Check(NAME, "too few fixes to compare displacements with", expected)
+        return Question(NAME, expected).ok("too few fixes to compare displacements with")
     mean = _mean_velocity(gnss.time, gnss.velocity_ned, pairs)
     rows = _fast(mean[:, :2], LEAST_MPS)
     if rows.sum() < LEAST_ROWS:
-        return Check(NAME, f"never faster than {LEAST_MPS:g} m/s for long", expected)
+        return Question(NAME, expected).ok(f"never faster than {LEAST_MPS:g} m/s for long")
     moved = _displaced(gnss, pairs)
     off = _off(moved[rows, :2], mean[rows, :2])
     finding = f"displacements are {off:.0%} off the velocities in the median"
     if off > AGREE:
+        ways = list(_misreadings(gnss, pairs))
         explanation = explain(
             (moved, mean),
-            _misreadings(gnss, pairs),
+            [Candidate(str(k), read) for k, (_, read) in enumerate(ways)],
             lambda motion: _off(motion[0][rows, :2], motion[1][rows, :2]),
             GOOD,
             AGREE,
         )
         if explanation is not None:
-            return Check(NAME, finding, expected, "contradiction", explanation.clauses())
-        advice = "one of them is wrong: check gnss.columns and their units, or leave velocities out"
-        return Check(NAME, finding, expected, "note", advice)
+            close = [ways[int(one.statement)][0] for one in (explanation.best, *explanation.alike)]
+            return Question(NAME, expected).contradiction(finding, joined(close))
+        advice = Step(
+            "one of them is wrong: check {gnss.columns} and their units, or leave velocities out"
+        )
+        return Question(NAME, expected).note(finding, advice)
     measured = gnss.velocity_cov_ned[:, 2, 2].min() < 0.5 * UNKNOWN_MPS**2
     climbs = _fast(mean[:, 2:], CLIMB_MPS)
     if measured and climbs.sum() >= LEAST_ROWS:
         down, stated = moved[climbs, 2:], mean[climbs, 2:]
         if np.corrcoef(down[:, 0], stated[:, 0])[0, 1] < REVERSED:
             finding = "the heights rise where the vertical velocity falls"
-            advice = (
-                "it is of the other sense: in gnss.columns call it vu instead of vd, or vd of vu"
+            advice = Step(
+                "it is of the other sense: in {gnss.columns} call it vu instead of vd, or vd of vu"
             )
-            return Check(NAME, finding, expected, "contradiction", advice)
-    return Check(NAME, finding, expected)
+            return Question(NAME, expected).contradiction(finding, advice)
+    return Question(NAME, expected).ok(finding)
 
 
-def _misreadings(gnss: GnssFixes, pairs: Pairs) -> Iterator[Candidate[Motion]]:
-    """What files are known for; the statements say what to do."""
-    exchange = "latitude and longitude are exchanged: exchange their names in gnss.columns"
-    radians = 'latitude and longitude are in radians: set gnss.units = { angle = "rad" }'
+def _misreadings(
+    gnss: GnssFixes, pairs: Pairs
+) -> Iterator[tuple[Remedy, Callable[[Motion], Motion]]]:
+    """What files are known for: what to do, and the data read so."""
+    exchange = Step("latitude and longitude are exchanged: exchange their names in {gnss.columns}")
+    radians, degrees = (
+        Step(
+            f"latitude and longitude are in {name}: set {{}}", SetKey("gnss.units", {"angle": unit})
+        )
+        for name, unit in (("radians", "rad"), ("degrees", "deg"))
+    )
 
     def placed(lat: Array, lon: Array) -> Callable[[Motion], Motion]:
         return lambda motion: (_displaced(replace(gnss, lat=lat, lon=lon), pairs), motion[1])
@@ -99,22 +111,22 @@ def _misreadings(gnss: GnssFixes, pairs: Pairs) -> Iterator[Candidate[Motion]]:
     def moving(factor: float) -> Callable[[Motion], Motion]:
         return lambda motion: (motion[0], factor * motion[1])
 
-    degrees = 'latitude and longitude are in degrees: set gnss.units = { angle = "deg" }'
-    for advice, lat, lon in (
+    places: list[tuple[Remedy, Array, Array]] = [
         (exchange, gnss.lon, gnss.lat),
         (radians, gnss.lat / DEG, gnss.lon / DEG),
-        (f"{radians}; and {exchange}", gnss.lon / DEG, gnss.lat / DEG),
+        (joined((radians, exchange), "; and "), gnss.lon / DEG, gnss.lat / DEG),
         (degrees, gnss.lat * DEG, gnss.lon * DEG),
         ("the sign of the latitude is wrong", -gnss.lat, gnss.lon),
         ("the sign of the longitude is wrong", gnss.lat, -gnss.lon),
-    ):
+    ]
+    for advice, lat, lon in places:
         if np.abs(lat).max() <= 0.5 * np.pi and np.abs(lon).max() <= 2.0 * np.pi:
-            yield Candidate(advice, placed(lat, lon))
+            yield advice, placed(lat, lon)
     for unit, factor in VELOCITY_UNITS.items():
-        advice = f'the velocities are in {unit}: set gnss.units = {{ velocity = "{unit}" }}'
-        yield Candidate(advice, moving(factor))
-    advice = "vn and ve are exchanged: exchange their names in gnss.columns"
-    yield Candidate(advice, lambda motion: (motion[0], motion[1][:, [1, 0, 2]]))
+        remedy = SetKey("gnss.units", {"velocity": unit})
+        yield Step(f"the velocities are in {unit}: set {{}}", remedy), moving(factor)
+    crossed = Step("vn and ve are exchanged: exchange their names in {gnss.columns}")
+    yield crossed, lambda motion: (motion[0], motion[1][:, [1, 0, 2]])
 
 
 def _pairs(time: Array) -> Pairs | None:

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.findings.remedies import Step
 from ...geodesy.rotation import right_angle_rotations
-from ...records import Array, GnssFixes, ImuSamples, Quantity
+from ...records import Array, Finding, GnssFixes, ImuSamples, Quantity
 from ..prepare.clock import cut_fixes, cut_samples
 from ..prepare.fix_path import liveliest, sound_fixes
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
-from .findings import MOST, NAMES, Finding
+from .findings import MOST, answer, unknown
 from .propulsion import propulsion
 from .relation import MAX_LAG_S, Relation, relate
 from .signal import ImuGrid, dead_channel, imu_grid
@@ -21,7 +22,6 @@ from .units import ForceUnit, force_unit, gyro_unit, unknown_force
 from .verdict import (
     TELLING,
     exchange_odds,
-    nothing,
     of_clock,
     of_forward,
     of_gyro,
@@ -29,8 +29,13 @@ from .verdict import (
     of_vertical,
 )
 
-EXCHANGED_ADVICE = (
-    "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
+EXCHANGED_ADVICE = Step(
+    "latitude and longitude are exchanged: exchange their names in {gnss.columns} or in the file"
+)
+# what motion alone shows, in the order in which `_recognised` lists it
+OF_MOTION = (
+    *("gyro unit", "gyro triad", "force sign", "vertical axis", "forward axis", "axes"),
+    *("time offset", "time scale"),
 )
 # s that clocks must have in common to be one, and how far starts may lie apart if they are not
 COMMON_S, WIDE_S = 10.0, 900.0
@@ -68,7 +73,7 @@ class Recognition:
         without a week) within half a second, "other" where it is larger than half a second
         otherwise.
     findings : tuple of Finding
-        One for each of `findings.NAMES`, in that order.
+        One for each property, in the order in which `_recognised` lists them.
     curves : dict of str to ndarray
         Arrays for a picture (`recognise` lists them).
     exchanged : bool
@@ -257,13 +262,9 @@ def _recognised(
     C_b_imu = np.array(
         [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
     )
-    axes = axes_words(C_b_imu) if of_ahead.confidence and triads.value == "aligned" else None
-    of_axes = Finding(
-        "axes",
-        axes or "unknown",
-        of_ahead.confidence if axes else 0.0,
-        f"{of_down.evidence}; {of_ahead.evidence}",
-    )
+    axes = axes_words(C_b_imu) if of_ahead.confidence and triads.found == "aligned" else None
+    evidence = f"{of_down.evidence}; {of_ahead.evidence}"
+    of_axes = answer("axes", axes or "", of_ahead.confidence if axes else 0.0, evidence)
     unit_is_known, per_sample = (
         of_unit.confidence > 0.0,
         interval if force.quantity == "increments" else 1.0,
@@ -309,7 +310,8 @@ def _abstained(
     force: ForceUnit, per_sample: float, why: str, curves: dict[str, Array] | None = None
 ) -> Recognition:
     """What is left where GNSS does not help: the unit of the accelerometers."""
-    findings = (force.of_quantity, force.of_unit, *nothing(NAMES[2:], why))
+    of_motion = (unknown(name, why) for name in OF_MOTION)
+    findings = (force.of_quantity, force.of_unit, *of_motion)
     plain = _plain_gyro_unit(force)
     factor = force.factor * per_sample
     return Recognition(

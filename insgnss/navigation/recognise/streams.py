@@ -10,7 +10,8 @@ explained by both standard deviations. Where it is not, the filter would follow 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...records import Array, Check, GnssFixes
+from ...base.findings.remedies import Step
+from ...records import Array, Finding, GnssFixes, Question
 from ...records.qualities import Quality
 from ..prepare.fix_path import north_east
 
@@ -61,17 +62,19 @@ def classes_apart(gnss: GnssFixes) -> dict[Quality, tuple[str, list[float], floa
     return apart
 
 
-def check_classes(gnss: GnssFixes) -> list[Check]:
+def check_classes(gnss: GnssFixes) -> list[Finding]:
     """Check that fixes of all qualities draw one path; nothing where they do."""
     apart = classes_apart(gnss)
     if not apart:
         return []
     floors = ", ".join(f"{q.name.lower()} = {sigma}" for q, (_, sigma, _) in apart.items())
-    advice = f"gnss.quality_sigma_m = {{ {floors} }} says what they are worth, or leave them out"
+    advice = Step(
+        f"{{gnss.quality_sigma_m}} = {{{{ {floors} }}}} says what they are worth, or leave them out"
+    )
     expected = f"one path, within {NOTED:.0f} sigmas in the median"
     finding = "; ".join(text for text, _, _ in apart.values())
     stopped = max(ratio for _, _, ratio in apart.values()) > STOPPED
-    return [Check(NAME, finding, expected, "contradiction" if stopped else "note", advice)]
+    return [Question(NAME, expected).against(finding, advice, stopped)]
 
 
 def _ratio(off: Array, variance: Array) -> float:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from ...base.findings.remedies import Remedy, SetKey, Step
+from ...records import Array, CameraEvents, Finding, GnssFixes, ImuSamples, Question, Verdict
 from ..prepare.fix_path import north_east, sound_fixes
 from .relation import MAX_LAG_S
 
@@ -61,7 +62,7 @@ ROUNDING = 1e-12  # of all squares: what rounding leaves of those of readings th
 CLOCKS = {"imu": " of the IMU's clock", "receiver": " of the receiver's clock", "": ""}
 
 
-def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Check:
+def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Finding:
     """Check count and spacing of the exposures, and their time scale.
 
     The exposures contradict the fixes where they would lie on straighter lines in another time
@@ -76,9 +77,9 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Chec
 
     Returns
     -------
-    Check
+    Finding
     """
-    name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
+    ask = Question("camera events", "in the time scale of the fixes: on lines, not in turns")
     step = np.diff(events.time)
     finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
     finding += CLOCKS[clock]
@@ -87,7 +88,7 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Chec
     grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
     width = _width(gnss, grid)
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
-        return Check(name, finding, expected)
+        return ask.ok(finding)
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = (
         _turning(events.time, grid, rate, moving),
@@ -100,22 +101,23 @@ def check_events(events: CameraEvents, gnss: GnssFixes, clock: str = "") -> Chec
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
             f" {np.degrees(shifted[best]):.1f} deg/s"
         )
-        return Check(name, finding, expected, "contradiction", _other_scale(events, best))
-    return Check(name, finding, expected)
+        return ask.contradiction(finding, _other_scale(events, best))
+    return ask.ok(finding)
 
 
-def _other_scale(events: CameraEvents, offset: float) -> str:
+def _other_scale(events: CameraEvents, offset: float) -> Remedy:
     """What to set for events that are on lines `offset` s later."""
     taken = {UTC_S: ("gpst", "gps"), -UTC_S: ("utc",)}[offset]
     if events.time_scale in taken:
         other = "utc" if offset == UTC_S else "gpst"
-        return (
-            f"the events look like {other.upper()}, and were taken as {taken[0].upper()}:"
-            f' camera.time_scale = "{other}" would put them on lines'
+        return Step(
+            f"the events look like {other.upper()}, and were taken as {taken[0].upper()}: {{}}"
+            " would put them on lines",
+            SetKey("camera.time_scale", other),
         )
-    return (
-        f"the events look like UTC or another clock: camera.time_offset_s = {offset:.0f} would put"
-        " them on lines"
+    return Step(
+        "the events look like UTC or another clock: {} would put them on lines",
+        SetKey("camera.time_offset_s", round(offset)),
     )
 
 
@@ -147,11 +149,11 @@ def _width(gnss: GnssFixes, grid: Array) -> int:
     )
 
 
-def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
-    """Factor by which readings are off where increments and rates are mixed up, and the advice."""
+def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, SetKey]:
+    """Factor by which readings are off where increments and rates are mixed up, and the remedy."""
     if imu.quantity == "increments":
-        return 1.0 / dt, 'imu.quantity = "mean_rate"'
-    return dt, 'imu.quantity = "increments"'
+        return 1.0 / dt, SetKey("imu.quantity", "mean_rate")
+    return dt, SetKey("imu.quantity", "increments")
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,7 @@ def check_turns(
     imu: ImuSamples,
     dt: float,
     forces: Forces | None = None,
-) -> Check:
+) -> Finding:
     """Check gyro unit, handedness and clock against the turns of the course.
 
     The check never contradicts what the forces show: there it abstains. A course is not a heading,
@@ -203,22 +205,21 @@ def check_turns(
 
     Returns
     -------
-    Check
+    Finding
     """
-    name, expected = (
-        "turn rate, gyro against GNSS course",
-        f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag",
+    ask = Question(
+        "turn rate, gyro against GNSS course", f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag"
     )
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
-        return Check(name, "too short or too few fixes to compare", expected, "note")
+        return ask.note("too short or too few fixes to compare")
     course_rate, moving = _course_rate(gnss, grid, width)
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
     if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
-        return Check(name, "no turns at speed to compare", expected, "note")
+        return ask.note("no turns at speed to compare")
     lag, best, here, rival = _best_lag(gyro, course_rate, moving)
     common, squares = (float(np.sum(a[moving] * course_rate[moving])) for a in (gyro, course_rate))
     ratio = common / squares
@@ -228,26 +229,23 @@ def check_turns(
     if steady and abs(here) < ALIKE:
         here = best = float(np.sign(ratio))
         lag, finding = 0.0, f"ratio {ratio:.3g}, a turn that never changes"
-    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
-    if not advice:
-        return Check(name, finding, expected, verdict, advice)
-    of_clock = advice == STRANGERS or "time_offset_s" in advice
+    verdict, remedy, of_clock = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
+    if not remedy:
+        return ask.answer(finding, verdict)
     forces = forces or _forces(imu, gnss)
     agree = forces.sure_of_all >= SURE and abs(forces.offset_s) <= AT_ONCE_S
     if agree and (verdict == "contradiction" or of_clock):
         finding += f"; but the forces agree at {forces.offset_s:+.3f} s"
-        return Check(name, finding, expected, "note", NOSE)
+        return ask.note(finding, NOSE)
     if of_clock and forces.sure_of_clock >= CLOCK_SURE and abs(forces.offset_s - lag) > AT_ONCE_S:
         finding += f"; but the forces show {forces.offset_s:+.3f} s"
-        return Check(name, finding, expected, "note", NOSE)
-    if "time_offset_s" in advice and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
+        return ask.note(finding, NOSE)
+    if of_clock and remedy != STRANGERS and 1.0 - rival**2 < DISTINCT * (1.0 - best**2):
         finding += f", and {rival:.2f} over {RIVAL_S:.0f} s from there"
-        return Check(name, finding, expected, "note", "the turns repeat themselves: no clock shows")
+        return ask.note(finding, "the turns repeat themselves: no clock shows")
     if verdict == "contradiction" and not _reliable(gnss, grid, width):
-        return Check(
-            name, finding, expected, "note", "the fixes are too poor, or too few, to show turns"
-        )
-    return Check(name, finding, expected, verdict, advice)
+        return ask.note(finding, "the fixes are too poor, or too few, to show turns")
+    return ask.answer(finding, verdict, remedy)
 
 
 def _reliable(gnss: GnssFixes, grid: Array, width: int) -> bool:
@@ -269,7 +267,7 @@ def _forces(imu: ImuSamples, gnss: GnssFixes) -> Forces:
     clock = recognition.finding("time offset").confidence
     sure = min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad"))
     right = (
-        recognition.finding("gyro triad").value == "aligned"
+        recognition.finding("gyro triad").found == "aligned"
         and abs(np.log(recognition.gyro_factor)) < 1e-6
         and recognition.accel_sign > 0
     )
@@ -278,55 +276,52 @@ def _forces(imu: ImuSamples, gnss: GnssFixes) -> Forces:
 
 def _judge_turns(
     ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float
-) -> tuple[Verdict, str]:
-    """Verdict and advice.
+) -> tuple[Verdict, Remedy, bool]:
+    """Verdict, remedy, and whether it is that of a clock.
 
     least_lag : s, the shortest lag that fixes so far apart can show; 1 - r^2 is what a correlation
     r leaves.
     """
     offset, shift = (
         f"IMU time is about {lag:+.1f} s off GNSS time",
-        f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
+        f"add {lag:+.1f} s to {{gnss.time_offset_s}} or {-lag:+.1f} s to {{imu.time_offset_s}}",
     )
     if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
-            return "contradiction", STRANGERS
+            return "contradiction", STRANGERS, True
         hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
-        return "contradiction", f"{offset}: {hint}; {shift}"
+        return "contradiction", Step(f"{offset}: {hint}; {shift}"), True
     if abs(best) < UNLIKE:
-        return "contradiction", STRANGERS
+        return "contradiction", STRANGERS, True
     if here < -ALIKE:
-        return (
-            "contradiction",
-            (
-                "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and"
-                " longitude are exchanged, or the sign of latitude or longitude is wrong"
-            ),
+        remedy = Step(
+            "the gyros turn the other way: {imu.axes} or gyro sign is wrong, or latitude and"
+            " longitude are exchanged, or the sign of latitude or longitude is wrong"
         )
+        return "contradiction", remedy, False
     if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
-        return "contradiction", _gyro_unit_advice(ratio, imu, dt)
+        return "contradiction", _gyro_unit_remedy(ratio, imu, dt), False
     explains = 1.0 - best**2 < LAG_GAIN * (1.0 - here**2)
     if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and explains:
-        return "note", f"{offset}; {shift}"
-    return ("ok" if here > ALIKE else "note"), ""
+        return "note", Step(f"{offset}; {shift}"), True
+    return ("ok" if here > ALIKE else "note"), "", False
 
 
-def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
+def _gyro_unit_remedy(ratio: float, imu: ImuSamples, dt: float) -> Remedy:
     """What the ratio looks like most."""
     ratio = max(ratio, 1e-12) / USUAL_COSINE
+    key = "imu.units gyro"
     guesses = [
-        (np.degrees(1.0), 'imu.units gyro = "deg/s"'),
-        (np.radians(1.0), 'imu.units gyro = "rad/s" (not in deg)'),
-        (np.radians(1.0) / 3600.0, 'imu.units gyro = "rad/s" (not in deg/h)'),
-        (1.0 / 3600.0, 'imu.units gyro = "deg/s" (not in deg/h)'),
+        (np.degrees(1.0), SetKey(key, "deg/s")),
+        (np.radians(1.0), SetKey(key, "rad/s", "deg")),
+        (np.radians(1.0) / 3600.0, SetKey(key, "rad/s", "deg/h")),
+        (1.0 / 3600.0, SetKey(key, "deg/s", "deg/h")),
         quantity_guess(imu, dt),
     ]
-    factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
-    return (
-        f"the gyro values look like {advice}"
-        if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1]
-        else "check imu.units gyro and imu.quantity"
-    )
+    factor, remedy = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
+    if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1]:
+        return Step("the gyro values look like {}", remedy)
+    return Step("check {imu.units gyro} and {imu.quantity}")
 
 
 def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:

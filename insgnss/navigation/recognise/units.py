@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.units import STANDARD_GRAVITY
-from ...records import Quantity
-from .findings import MOST, Finding
+from ...records import Finding, Quantity
+from .findings import MOST, answer, unknown
 from .signal import ImuGrid
 
 DEG, G = np.pi / 180.0, STANDARD_GRAVITY
@@ -79,18 +79,15 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     kind = "rates, mean or instantaneous: the data do not show which"
     if quantity == "increments":
         evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
-    of_quantity = Finding(
-        "quantity", "rates" if quantity == "mean_rate" else quantity, sure, f"{kind}; {evidence}"
-    )
-    of_unit = Finding("accelerometer unit", value, sure, evidence)
+    rates = "rates" if quantity == "mean_rate" else quantity
+    of_quantity = answer("quantity", rates, sure, f"{kind}; {evidence}")
+    of_unit = answer("accelerometer unit", value, sure, evidence)
     return ForceUnit(factor, unit or "m/s^2", quantity, of_quantity, of_unit)
 
 
 def unknown_force(factor: float, why: str) -> ForceUnit:
     """Return the abstention, with the reason `why`."""
-    of_quantity, of_unit = (
-        Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit")
-    )
+    of_quantity, of_unit = unknown("quantity", why), unknown("accelerometer unit", why)
     return ForceUnit(factor, "m/s^2", "mean_rate", of_quantity, of_unit)
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
-from ...records import Array
+from ...records import Array, Finding
 from .axes import Direction, Forward
-from .findings import MOST, Finding
+from .findings import MOST, answer, unknown
 from .fit import CAUTION
 from .propulsion import Propulsion
 from .relation import Relation
@@ -36,11 +36,6 @@ DEFAULT_LEAP_S = 18.0
 def odds(x: float) -> float:
     """Return the probability of the logarithm x of a likelihood ratio (R.10); 0 below `TELLING`."""
     return min(MOST, 1.0 / (1.0 + math.exp(-min(x, 50.0)))) if x > TELLING else 0.0
-
-
-def nothing(names: tuple[str, ...], why: str) -> list[Finding]:
-    """Return abstentions of these names, with the reason `why`."""
-    return [Finding(name, "unknown", 0.0, why) for name in names]
 
 
 def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Finding, Finding]:
@@ -75,15 +70,13 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
             )
             sure = 0.0
         sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
-    of_unit = Finding("gyro unit", value if sure else "unknown", sure, evidence)
+    of_unit = answer("gyro unit", value, sure, evidence)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
     evidence = (
         f"explained {_percent(scan.score[scan.best])}, with the gyros' sense reversed"
         f" {_percent(relation.rival)}"
     )
-    return of_unit, Finding(
-        "gyro triad", triads_words(relation.triads) if triads else "unknown", triads, evidence
-    )
+    return of_unit, answer("gyro triad", triads_words(relation.triads), triads, evidence)
 
 
 def triads_words(triads: Array) -> str:
@@ -135,8 +128,7 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
         )
         x = exchange_odds(relation, mirrored)
         sure = 0.0 if x > TELLING else min(sure, 0.5) if x > HINT else sure
-    value = ("specific force" if sign > 0 else "reversed") if sure else "unknown"
-    return sign, Finding("force sign", value, sure, evidence)
+    return sign, answer("force sign", "specific force" if sign > 0 else "reversed", sure, evidence)
 
 
 def exchange_odds(relation: Relation, mirrored: float) -> float:
@@ -153,12 +145,7 @@ def of_vertical(vertical: Direction, also: float) -> Finding:
     """Return the finding which axis points down; `also` is the confidence of its basis."""
     sure = min(MOST, vertical.confidence) * also
     evidence = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
-    return Finding(
-        "vertical axis",
-        f"{vertical.word} down" if sure > 0.5 else "unknown",
-        sure if sure > 0.5 else 0.0,
-        evidence,
-    )
+    return answer("vertical axis", f"{vertical.word} down", _likely(sure), evidence)
 
 
 def of_forward(ahead: Forward, moved: Propulsion, also: float) -> Finding:
@@ -176,12 +163,7 @@ def of_forward(ahead: Forward, moved: Propulsion, also: float) -> Finding:
     elif free:
         seen = "leans to change its speed, as" if moved.leans else "may be"
         evidence += f"; {seen} a multirotor, which may fly sideways or backwards"
-    return Finding(
-        "forward axis",
-        f"{ahead.direction.word} forward" if sure > 0.5 else "unknown",
-        sure if sure > 0.5 else 0.0,
-        evidence,
-    )
+    return answer("forward axis", f"{ahead.direction.word} forward", _likely(sure), evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +219,7 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
             f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s,"
             f" {_percent(far.max(initial=0.0))} far from it"
         )
-        return Clock(0.0, np.inf, "same", *nothing(("time offset", "time scale"), why))
+        return Clock(0.0, np.inf, "same", unknown("time offset", why), unknown("time scale", why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
     leap = DEFAULT_LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
     offsets = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
@@ -260,9 +242,14 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
         offset,
         sigma,
         scale,
-        Finding("time offset", f"{offset:+.3f} s", sure, evidence),
-        Finding("time scale", scale, sure, whole),
+        answer("time offset", f"{offset:+.3f} s", sure, evidence),
+        answer("time scale", scale, sure, whole),
     )
+
+
+def _likely(sure: float) -> float:
+    """Return a confidence; zero of what is less likely than its contrary."""
+    return sure if sure > 0.5 else 0.0
 
 
 def _percent(score: float | Array) -> str:

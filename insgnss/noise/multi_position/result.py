@@ -17,8 +17,8 @@ from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
 from ...records import Array
-from ...records.states import State, as_named
-from ...records.verdicts import OBSERVED
+from ...records.states import State
+from ...records.verdicts import Estimate
 
 # by unit, of biases, scale factors and misalignments: 40 deg/h, 1 mg, 1000 ppm, 1 mrad
 USUAL = {"rad/s": 2e-4, "m/s^2": 0.01, "": 1e-3, "rad": 1e-3}
@@ -33,38 +33,32 @@ NAMED = 0.3  # least component of a blind direction that is named
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One parameter of the calibration.
+class Parameter(Estimate):
+    """One parameter of the calibration, whose `prior` is what is usual of such sensors.
 
     Parameters
     ----------
     sensor : str
-        "gyro" or "accel".
-    state : State
-        What it is.
-    value, sigma : float
-        Value and standard error: a bias in rad/s or m/s^2, a scale factor in 1, a misalignment in
-        rad.
-    verdict : str
-        "observed", "weakly observed" or "not observed".
+        "gyro" or "accel"; the others are those of `Estimate`: a bias in rad/s or m/s^2, a scale
+        factor in 1, a misalignment in rad.
     """
 
-    sensor: str
-    state: State
-    value: float
-    sigma: float
-    verdict: str
+    sensor: str = ""
 
     @property
-    def name(self) -> str:
-        """Its name, such as "bias x"."""
-        return str(self.state)
+    def verdict(self) -> str:
+        """How well it is observed."""
+        return self.degree("observed", "weakly observed", "not observed")
 
     @property
     def shown(self) -> tuple[float, float, str]:
         """The value and the standard error in the unit that stands third."""
         factor, unit = SHOWN[self.state.unit]
         return factor * self.value, factor * self.sigma, unit
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for machines."""
+        return {key: getattr(self, key) for key in ("sensor", "name", "value", "sigma", "verdict")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,20 +104,9 @@ class TriadEstimate:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters, with a verdict on each."""
-        out = []
-        for state, value, sigma, size in zip(
-            self.states, self.values, self.sigma, sizes(USUAL, self.states), strict=True
-        ):
-            share = sigma / size
-            verdict = (
-                "observed"
-                if share < OBSERVED
-                else "weakly observed"
-                if share < 1.0
-                else "not observed"
-            )
-            out.append(Parameter(self.sensor, state, float(value), float(sigma), verdict))
-        return tuple(out)
+        usual = sizes(USUAL, self.states)
+        columns = zip(self.states, self.values.tolist(), self.sigma.tolist(), usual, strict=True)
+        return tuple(Parameter(*of_one, sensor=self.sensor) for of_one in columns)
 
     def triad(self) -> TriadCalibration:
         """Return the estimate for the calibration file."""
@@ -222,7 +205,7 @@ class MultiPosition:
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {
-                "parameters": [as_named(parameter) for parameter in estimate.parameters],
+                "parameters": [parameter.as_dict() for parameter in estimate.parameters],
                 "correlation": estimate.correlation.tolist(),
                 "variance_factor": estimate.variance_factor,
                 "largest_residual_sigma": float(np.abs(estimate.residual).max()),

@@ -101,7 +101,7 @@ def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[bo
     with_notes = replace(
         imu,
         notes=tuple(
-            replace(note, found=own_text(note.found), advice=own_text(note.advice))
+            replace(note, found=own_text(note.found), remedy=own_text(note.advice))
             for note in imu.notes
         ),
     )

@@ -6,7 +6,7 @@ is let go once its wavelet variances and block means are taken, so that memory h
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 
@@ -18,7 +18,7 @@ from ...io.formats.imu.variances import read_variances
 from ...io.formats.logs.rosbag import bag_file
 from ...navigation.noise_model.model import RecordingSource
 from ...navigation.prepare.static_recording import Disturbance, StaticSpan, static_span
-from ...records import Array, Check, WaveletVariance
+from ...records import Array, Finding, Question, WaveletVariance
 from ..moments.wavelet import wavelet_variances
 from .options import TuneOptions
 from .reading import HEAD, own_words, read_samples
@@ -45,7 +45,7 @@ class StaticRecording:
         Means of equal parts in time by sensor; None where only variances are known.
     begin_s, length_s : float
         Begin and length of the part that was used, s.
-    checks : tuple of Check
+    checks : tuple of Finding
         Checks of the recording.
     disturbances : tuple of Disturbance
         Disturbances in it.
@@ -56,7 +56,7 @@ class StaticRecording:
     blocks: Mapping[str, Array] | None
     begin_s: float
     length_s: float
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
 
     @property
@@ -121,7 +121,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
 
 def _variances(
     triads: Mapping[str, Array], span: StaticSpan, robust: bool | None, wanted: tuple[bool, ...]
-) -> tuple[dict[tuple[str, int], WaveletVariance], list[Check]]:
+) -> tuple[dict[tuple[str, int], WaveletVariance], list[Finding]]:
     """Return the curves, and what is to be said of how they were taken.
 
     robust : None: where the recording holds disturbances, and its rounding allows it.
@@ -139,15 +139,15 @@ def _variances(
     knocks = len(span.disturbances)
     if robust is not None or not knocks:
         return taken(bool(robust)), []
-    name, expected = "wavelet variances", "nothing but noise"
+    ask = Question("wavelet variances", "nothing but noise")
     finding = f"{knocks} disturbance{'s' if knocks > 1 else ''}"
     try:
         curves = taken(True)
     except DataError as error:
         advice = f"they are in the variances, since robust ones cannot be had: {error}"
-        return taken(False), [Check(name, finding, expected, "note", advice)]
+        return taken(False), [ask.note(finding, advice)]
     advice = "robust variances, which a few of them do not move; --no-robust takes plain ones"
-    return curves, [Check(name, finding, expected, "note", advice)]
+    return curves, [ask.note(finding, advice)]
 
 
 def holds_variances(path: Path) -> bool:
@@ -195,12 +195,8 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
     description = f"{len(curves)} axes of {variances.sensor or 'a sensor'}"
     checks = (
-        Check(
-            "variances",
-            description,
-            "samples",
-            "note",
-            "rest, gaps and disturbances of the recording behind them are not checked",
+        Question("variances", "samples").note(
+            description, "rest, gaps and disturbances of the recording behind them are not checked"
         ),
     )
     return StaticRecording(source, curves, None, 0.0, longest.samples / longest.rate_hz, checks)
@@ -212,9 +208,7 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
             advice = f"{check.advice}; --accept {quote(check.name)} takes it all the same"
-            raise DataError(
-                f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
-            )
+            raise DataError(f"{path}: {replace(check, remedy=advice).named_sentence}")
     if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
         raise UsageError(
             f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"

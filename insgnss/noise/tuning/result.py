@@ -40,7 +40,7 @@ class TuneResult(TuneData):
 def _recording(r: StaticRecording) -> dict[str, Any]:
     out = asdict(r.source) | {"begin_s": r.begin_s, "length_s": r.length_s}
     return out | {
-        "checks": [asdict(c) for c in r.checks],
+        "checks": [c.as_dict() for c in r.checks],
         "disturbances": [asdict(d) for d in r.disturbances],
     }
 

@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ...base.findings import Finding, ranked
 from ...base.wording import first_of
-from ...report.rules.wording import Limit, lengths, screen_unit
+from ...records.states import State
+from ...records.verdicts import Estimate
+from ...report.rules.wording import lengths, screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.precision import IMAGE
 from ..adjust.separation import NORMAL
@@ -21,7 +24,8 @@ from .pattern import Pattern, patterns
 from .processed import processed_with
 from .solve import GROUND, Solved
 from .trials import Trial, shift_of_check_points, trials
-from .vehicle.verdict import determined_of, few_sizes, headline_words, left_out
+from .vehicle.verdict import AXES as OF_VEHICLE
+from .vehicle.verdict import few_sizes, headline_words, left_out
 
 OUTSIDE, WORSE = 0.9995, 1.2
 GROSS_W = 4.0
@@ -37,10 +41,9 @@ HELD_WORSE = 4.0
 """The same of rays from held poses; 6e-5 of normal errors are farther off."""
 HIDDEN = 1e-6
 """Chance that an unknown of no effect is called one."""
-DETERMINED, UNDETERMINED = 0.5, 0.9  # of the standard deviation before
 SIGNIFICANT = 3.0
 STRONG = 0.95  # of a correlation that is worth a sentence
-AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)}
+AXES = {LEVER_ARM: ("x", "y", "z"), BORESIGHT: ("x", "y", "z"), TIME_OFFSET: ("",)} | OF_VEHICLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class Judgement:
     ----------
     headline : str
         The most important thing, without full stop.
-    findings : tuple of Limit
+    findings : tuple of Finding
         What stands out, the worst first; of rank one and more it contradicts.
     determined : tuple of tuple of str
         Each unknown with its verdict, "determined", "improved" or "not determined", and a sentence.
@@ -59,16 +62,16 @@ class Judgement:
         Of the residuals on the format, a camera each.
     trials_made : tuple of Trial
         What was tried to explain a contradiction.
-    refused : tuple of Limit
+    refused : tuple of Finding
         Contradictions that are too large for a result, and that the block file does not accept.
     """
 
     headline: str
-    findings: tuple[Limit, ...]
+    findings: tuple[Finding, ...]
     determined: tuple[tuple[str, str, str], ...]
     patterns: tuple[Pattern, ...]
     trials_made: tuple[Trial, ...]
-    refused: tuple[Limit, ...] = ()
+    refused: tuple[Finding, ...] = ()
 
     @property
     def contradicted(self) -> bool:
@@ -110,7 +113,7 @@ def judged(
         own = (*shown_anyway, *((of_checks,) if of_checks is not None else ()), *trials_made)
         beyond = [
             _explained(
-                finding, own if finding.topic == CHECKS else trials_made, solved.direct, smoothed
+                finding, own if finding.name == CHECKS else trials_made, solved.direct, smoothed
             )
             for finding in beyond
         ]
@@ -122,7 +125,7 @@ def judged(
     findings += _correlations(figures)
     ordered = tuple(sorted(findings, key=lambda finding: -finding.rank))
     accepted = solved.inputs.file.adjustment.accept
-    too_large = {f.topic for f in beyond if f.rank >= TOO_LARGE} - {*accepted, "camera"}
+    too_large = {f.name for f in beyond if f.rank >= TOO_LARGE} - {*accepted, "camera"}
     if _worst_check_points(figures) < TOO_LARGE:
         too_large.discard(CHECKS)
     return Judgement(
@@ -131,7 +134,7 @@ def judged(
         tuple(determined(figures)),
         drawn,
         trials_made,
-        tuple(finding for finding in ordered if finding.topic in too_large and finding.rank >= 1.0),
+        tuple(finding for finding in ordered if finding.name in too_large and finding.rank >= 1.0),
     )
 
 
@@ -149,7 +152,7 @@ def _bounds(redundancy: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _components(figures: Mapping[str, Any]) -> Iterator[Finding]:
     for c in figures["components"]:
         if c["variance"] is None or c["redundancy"] < 2.0 or c["name"] in ("mounting", DATUM):
             continue
@@ -160,7 +163,7 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
         if factor != 1.0:  # its variances were multiplied
             times = float(np.sqrt(factor))
             if times > 3.0 or times < 1.0 / 3.0:
-                yield Limit(
+                yield ranked(
                     c["name"],
                     1.0 if times > 3.0 else 0.5,
                     f"{c['name']} have {times:.2g} times the standard deviations that were stated",
@@ -171,14 +174,14 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
         v = c["variance"]
         times = float(np.sqrt(v))
         if v > max(high, WORSE**2):
-            yield Limit(
+            yield ranked(
                 c["name"],
                 times,
                 f"{c['name']} contradicts the rest: its residuals are {times:.1f} times what its"
                 f" standard deviations allow (variance {v:.2f}, expected {low:.2f} to {high:.2f})",
             )
         elif v < min(low, 1.0 / WORSE**2):
-            yield Limit(
+            yield ranked(
                 c["name"],
                 0.5,
                 f"{c['name']} is better than stated: its residuals are {times:.2f} times what its"
@@ -186,7 +189,7 @@ def _components(figures: Mapping[str, Any]) -> Iterator[Limit]:
             )
 
 
-def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
+def _rays_apart(component: Mapping[str, Any]) -> Iterator[Finding]:
     """Rays of held poses that do not meet as their covariance promises.
 
     One error that all images share, such as of the heading, moves all residuals alike: there is no
@@ -194,7 +197,7 @@ def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
     """
     times = float(np.sqrt(component["variance"]))
     if times > HELD_WORSE:
-        yield Limit(
+        yield ranked(
             component["name"],
             times,
             f"rays from the held poses pass {times:.1f} times as far from each other as covariances"
@@ -202,7 +205,7 @@ def _rays_apart(component: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Flight lines of relative control that no ground point, tie point or position holds."""
     if not (chains := figures["weakly_held"]):
         return
@@ -216,7 +219,7 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
     if any(chain["attitude"] for chain in chains):
         words.append("how they are turned")
         sigmas.append(f"{options['datum_sigma_deg']:g} deg")
-    yield Limit(
+    yield ranked(
         "relative control",
         0.95,
         f"relative control of {images} image{'s' * (images > 1)} in {len(chains)} flight"
@@ -227,7 +230,7 @@ def _weakly_held(figures: Mapping[str, Any]) -> Iterator[Limit]:
     )
 
 
-def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _checks(figures: Mapping[str, Any]) -> Iterator[Finding]:
     together = figures["check_points_together"]
     if not (degrees := together["degrees_of_freedom"]):
         return
@@ -238,7 +241,7 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
             (c for c in figures["check_points"] if "difference_m" in c),
             key=lambda c: c["normalised_square"],
         )
-        yield Limit(
+        yield ranked(
             CHECKS,
             float(np.sqrt(mean)),
             f"check points lie {np.sqrt(mean):.1f} times as far off as their covariance allows,"
@@ -247,12 +250,12 @@ def _checks(figures: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _disconnected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _disconnected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Ground control that contradicts the rest so much that it has no image observation left."""
     control = figures["ground_control"]
     alone = [point["point"] for point in control if point["images"] == 0]
     if alone:
-        yield Limit(
+        yield ranked(
             GROUND,
             DISCONNECTED * len(alone) / len(control) + 1.0,
             f"{len(alone)} of {len(control)} ground control points do not fit the rest, and all of"
@@ -260,7 +263,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _images(solved: Solved) -> Iterator[Limit]:
+def _images(solved: Solved) -> Iterator[Finding]:
     """Images of whose observations many take no part, which chance does not do."""
     from scipy.stats import binom
 
@@ -281,7 +284,7 @@ def _images(solved: Solved) -> Iterator[Limit]:
         worst = int(beyond[np.argmax(share[beyond])])
         more = f", and such a share in {beyond.size - 1} more" if beyond.size > 1 else ""
         name = block.images[worst]
-        yield Limit(
+        yield ranked(
             IMAGE,
             1.0 + float(share[worst]),
             f"{missing[worst]} of {total[worst]} image observations of {name} do not fit and were"
@@ -290,7 +293,7 @@ def _images(solved: Solved) -> Iterator[Limit]:
         )
 
 
-def _lever_arm(solved: Solved) -> Iterator[Limit]:
+def _lever_arm(solved: Solved) -> Iterator[Finding]:
     """A bore-sight that turned the lever arm to the antenna when the flight was processed."""
     turn = solved.result.values.blocks.get((BORESIGHT, 0))
     flight = processed_with(solved.inputs)
@@ -301,7 +304,7 @@ def _lever_arm(solved: Solved) -> Iterator[Limit]:
     cov = solved.inputs.eo.cov
     sigma = float(np.sqrt(np.median(np.trace(cov[:, :3, :3], axis1=1, axis2=2)) / 3.0))
     if off > SIGNIFICANT * sigma:
-        yield Limit(
+        yield ranked(
             BORESIGHT,
             off / (SIGNIFICANT * sigma),
             f"the bore-sight that the flight was processed with turned the lever arm of"
@@ -311,10 +314,10 @@ def _lever_arm(solved: Solved) -> Iterator[Limit]:
         )
 
 
-def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Limit]:
+def _patterns(figures: Mapping[str, Any], drawn: tuple[Pattern, ...]) -> Iterator[Finding]:
     for camera, pattern in zip(figures["cameras"], drawn, strict=True):
         if pattern.rms > PATTERN_PX and pattern.normalised_square > PATTERN_SIGMA:
-            yield Limit(
+            yield ranked(
                 "camera",
                 1.0 + pattern.rms,
                 f"residuals of camera {camera['name']} repeat from image to image:"
@@ -339,12 +342,12 @@ def _limit(trial: Trial) -> float:
     return float(chi2.isf(HIDDEN, trial.unknowns))
 
 
-def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
+def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Finding]:
     """What the block file leaves out, and the observations show without a contradiction."""
     for trial in trials_made[:1]:
         limit = _limit(trial)
         if trial.gain > limit:
-            yield Limit(
+            yield ranked(
                 trial.name,
                 float(np.sqrt(trial.gain / limit)),
                 f"the observations show a {trial.name} of {shown(trial)} that is not estimated:"
@@ -354,25 +357,24 @@ def _hidden(trials_made: tuple[Trial, ...]) -> Iterator[Limit]:
 
 
 def _explained(
-    finding: Limit, trials_made: tuple[Trial, ...], direct: bool, smoothed: bool
-) -> Limit:
+    finding: Finding, trials_made: tuple[Trial, ...], direct: bool, smoothed: bool
+) -> Finding:
     """Add what explains a contradiction: the best of those that do."""
     if finding.rank < 1.0 or not (trials_made or direct):
         return finding
     good = [trial for trial in trials_made if trial.explains]
     if not good and direct:
         return replace(
-            finding, help="adjust the same files in mode fast_at or iso, which try what explains it"
+            finding,
+            remedy="adjust the same files in mode fast_at or iso, which try what explains it",
         )
     if not good:
         names = ", ".join(trial.name for trial in trials_made)
         weights = "" if smoothed else " (those of aerial_control.relative_weights among them)"
-        return Limit(
-            finding.topic,
-            finding.rank,
-            finding.text,
-            f"tried without success: {names}; look for gross errors, exchanged names, or standard"
-            f" deviations that are too small{weights}",
+        return replace(
+            finding,
+            remedy=f"tried without success: {names}; look for gross errors, exchanged names, or"
+            f" standard deviations that are too small{weights}",
         )
     best = good[0]
     words = f"{best.name} of {shown(best)} explains it: {advice(best)}"
@@ -383,7 +385,7 @@ def _explained(
     )
     if direct:
         words += "; where poses are held, errors of camera constant and bore-sight look alike"
-    return replace(finding, help=words)
+    return replace(finding, remedy=words)
 
 
 def shown(trial: Trial) -> str:
@@ -412,11 +414,11 @@ def advice(trial: Trial) -> str:
     return f"estimate it with {trial.key}"
 
 
-def _control(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _control(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Ground control points with gross errors, which were rejected."""
     for point in figures["rejected_ground_control"]:
         residual = lengths([1e3 * x for x in point["residual_m"]])
-        yield Limit(
+        yield ranked(
             GROUND,
             max(1.0, point["w"] / GROSS_W),
             f"ground control point {point['point']} does not fit and was left out: {residual}"
@@ -425,11 +427,11 @@ def _control(figures: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _rejected(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _rejected(figures: Mapping[str, Any]) -> Iterator[Finding]:
     counts = figures["counts"]
     share = counts["rejected"] / max(1, counts["rejected"] + counts["image_observations"])
     if share > MANY_REJECTED:
-        yield Limit(
+        yield ranked(
             IMAGE,
             share / MANY_REJECTED,
             f"{100 * share:.0f} % of the image observations were rejected as gross errors",
@@ -437,13 +439,13 @@ def _rejected(figures: Mapping[str, Any]) -> Iterator[Limit]:
         )
 
 
-def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _mounting(figures: Mapping[str, Any]) -> Iterator[Finding]:
     for name, own in figures["mounting"].items():
         value, sigma = np.array(own["value"]), np.array(own["sigma"])
         if (np.abs(value) > SIGNIFICANT * sigma).any():
             factor, unit = screen_unit(own["unit"])
             words = " / ".join(f"{factor * v:+.3g}" for v in value)
-            yield Limit(
+            yield ranked(
                 name,
                 0.4,
                 f"the {name} differs from that of the flight file by {words} {unit}"
@@ -452,7 +454,7 @@ def _mounting(figures: Mapping[str, Any]) -> Iterator[Limit]:
             )
 
 
-def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def _correlations(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """The strongest pair of each remedy; coefficients of one polynomial are no finding."""
     seen: set[str] = set()
     for pair in figures["correlations"]:
@@ -460,7 +462,7 @@ def _correlations(figures: Mapping[str, Any]) -> Iterator[Limit]:
         if not strong or pair["remedy"] in seen or pair["remedy"] == NORMAL:
             continue
         seen.add(pair["remedy"])
-        yield Limit(
+        yield ranked(
             "correlation",
             0.3,
             f"unknowns {pair['first']} and {pair['second']} are hardly told apart (correlation"
@@ -495,25 +497,18 @@ def determined(figures: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
                 verdict,
                 f"{own['value']:.6g}{unit}, sigma {own['sigma']:.2g}, moved by {moved:+.2g}",
             )
-    for name, own in figures["mounting"].items():
+    vehicle = figures["vehicle"] or {"parameters": {}}
+    for name, own in (figures["mounting"] | vehicle["parameters"]).items():
         factor, unit = screen_unit(own["unit"])
-        for axis, value, sigma, before in zip(
-            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
-        ):
-            ratio = sigma / before
-            verdict = "determined" if ratio < DETERMINED else "improved"
-            if ratio > UNDETERMINED:
-                verdict = "not determined"
-            yield (
-                f"{name} {axis}".strip(),
-                verdict,
-                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
-                f" {factor * before:.2g})",
-            )
-    yield from determined_of(figures, (DETERMINED, UNDETERMINED))
+        columns = zip(AXES[name], *map(own.get, ("value", "sigma", "sigma_before")), strict=True)
+        for axis, value, sigma, before in columns:
+            one = Estimate(State(name, axis), value, sigma, before)
+            numbers = f"sigma {factor * sigma:.2g} (before {factor * before:.2g})"
+            degree = one.degree("determined", "improved", "not determined")
+            yield one.name, degree, f"{factor * value:+.3g} {unit}, {numbers}"
 
 
-def _headline(figures: Mapping[str, Any], findings: tuple[Limit, ...]) -> str:
+def _headline(figures: Mapping[str, Any], findings: tuple[Finding, ...]) -> str:
     """The most important thing: a contradiction, else the precision."""
     precision = precision_sentence(figures)
     wrong = [finding for finding in findings if finding.rank >= 1.0]

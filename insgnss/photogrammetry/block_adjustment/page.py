@@ -81,7 +81,7 @@ def _mood(judgement: Judgement) -> tuple[str, str]:
     """Return the colour of the bar, and why it has it."""
     worst = [f for f in judgement.findings if f.rank >= 1.0]
     if judgement.contradicted:
-        return "bad", worst[0].text if worst else "observations contradict each other"
+        return "bad", worst[0].found if worst else "observations contradict each other"
     undetermined = [name for name, word, _ in judgement.determined if word == "not determined"]
     if undetermined:
         return "good", (
@@ -159,8 +159,8 @@ def _findings(judgement: Judgement) -> str:
     if not judgement.findings:
         return "<h2>What stands out</h2>\n<p>Nothing.</p>\n"
     items = "".join(
-        f'<li class="{"contradiction" if f.rank >= 1.0 else ""}">{escape(sentence(f.text))}'
-        + (f' <span class="help">{escape(sentence(f.help))}</span>' if f.help else "")
+        f'<li class="{f.verdict}">{escape(sentence(f.found))}'
+        + (f' <span class="help">{escape(sentence(f.advice))}</span>' if f.advice else "")
         + "</li>\n"
         for f in judgement.findings
     )

@@ -45,7 +45,7 @@ class AdjustmentResult:
         """Why no orientation was written; None where it was."""
         if not (refused := self.judgement.refused):
             return None
-        names = ", ".join(dict.fromkeys(f'"{finding.topic}"' for finding in refused))
+        names = ", ".join(dict.fromkeys(f'"{finding.name}"' for finding in refused))
         return DataError(
             f"{refused[0].sentence}; no orientation is written, adjust.html shows the residuals;"
             f" adjustment.accept = [{names}] in the block file overrules"
@@ -123,10 +123,7 @@ def adjust(
     judgement = judged(done, figures, progress)
     figures["headline"] = judgement.headline
     figures["verdict"] = "contradiction" if judgement.contradicted else "consistent"
-    figures["findings"] = [
-        {"topic": f.topic, "rank": f.rank, "text": f.text, "help": f.help}
-        for f in judgement.findings
-    ]
+    figures["findings"] = [f.limit for f in judgement.findings]
     figures["determined"] = [
         {"unknown": name, "verdict": verdict, "value": value}
         for name, verdict, value in judgement.determined

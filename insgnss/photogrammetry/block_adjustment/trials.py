@@ -239,7 +239,7 @@ def converging(inputs: Inputs, progress: Callable[[str], None]) -> Trial | None:
 
 
 @dataclass(frozen=True)
-class _Remedy:
+class _LeftOut:
     """An unknown that the block file leaves out.
 
     name, option, unit : as of `Trial`, with its key of the block file.
@@ -255,14 +255,14 @@ class _Remedy:
     key: Key
 
 
-def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
+def _remedies(inputs: Inputs) -> Iterator[_LeftOut]:
     options, own = inputs.file.aerial_control, inputs.file.vehicle
     mode = inputs.file.adjustment.mode
 
     def one(
         name: str, option: str, unit: str, key: Key, wider: AerialControlTable = options
-    ) -> _Remedy:
-        return _Remedy(name, option, unit, wider, own, key)
+    ) -> _LeftOut:
+        return _LeftOut(name, option, unit, wider, own, key)
 
     if inputs.eo is not None and mode != "indirect":
         if options.time_offset_sigma_s == 0.0 and inputs.eo.velocity_mps is not None:
@@ -280,7 +280,7 @@ def _remedies(inputs: Inputs) -> Iterator[_Remedy]:
         if len(inputs.block.control) > 1:
             yield one("shift of ground control", "ground.crs", "m", DATUM)
     for name, option, unit, vehicle, block in vehicle_remedies(inputs.vehicle, own):
-        yield _Remedy(name, option, unit, options, vehicle, block)
+        yield _LeftOut(name, option, unit, options, vehicle, block)
     if any(not set(USUAL) <= set(camera.free) for camera in inputs.block.cameras):
         key = "camera.file" if mode in CAMERA_HELD else "camera.free"
         yield one("interior orientation", key, "px", (CAMERA, 0))
@@ -304,7 +304,7 @@ def _value(values: Unknowns, key: Key, columns: NDArray[np.int64]) -> Array:
     return vector_from_rotation(raw) if raw.ndim == 2 else raw
 
 
-def _trial_of(solved: Solved, remedy: _Remedy, excess: float) -> Trial:
+def _trial_of(solved: Solved, remedy: _LeftOut, excess: float) -> Trial:
     from scipy.stats import chi2
 
     key, inputs, result = remedy.key, solved.inputs, solved.result

@@ -6,11 +6,11 @@ best of the 24 orientations is ahead of the others, and how sharply the time off
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...records import Finding
 from ..charts.chart import AXES_INKS, Axes, Chart, Layer
 
 Array = NDArray[np.float64]
@@ -34,22 +34,6 @@ _CLOCK = (
 )
 
 
-class Finding(Protocol):
-    """One answer of the recogniser."""
-
-    @property
-    def name(self) -> str:
-        """The question, such as "axes"."""
-
-    @property
-    def value(self) -> str:
-        """The answer."""
-
-    @property
-    def confidence(self) -> float:
-        """Probability that it is right."""
-
-
 def recognition_charts(
     curves: Mapping[str, Array], findings: Sequence[Finding], orientations: Sequence[str]
 ) -> tuple[Chart, ...]:
@@ -62,7 +46,7 @@ def recognition_charts(
     findings : of the recogniser.
     orientations : words of the 24 orientations of curves["orientation"].
     """
-    answers = {f.name: f.value for f in findings if f.confidence}
+    answers = {f.name: f.found for f in findings if f.confidence}
     charts = []
     window = _window(curves)
     if window.any():
@@ -84,7 +68,7 @@ def answers_in_words(findings: Sequence[Finding]) -> str:
         "time offset": "{} to add to the GNSS stamps",
     }
     phrased = [(f, shown[f.name]) for f in findings if f.name in shown]
-    certain = [text.format(f.value) for f, text in phrased if f.confidence]
+    certain = [text.format(f.found) for f, text in phrased if f.confidence]
     unknown = [f.name for f, _ in phrased if not f.confidence]
     least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
     parts = [", ".join(certain) + f" (each at {least:.1%} or more)"] if certain else []

@@ -7,8 +7,10 @@ lines, an IMU of the class of a NavChip); the limits stand below.
 import math
 from collections.abc import Iterator, Sequence
 
+from ...base.findings import Finding, ranked
 from ...records.states import OF_LEVER_ARM
-from .wording import Figures, Limit, degrees, millimetres, tilt
+from ...records.verdicts import REMARK
+from .wording import Figures, degrees, millimetres, tilt
 
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
 GOOD_GYRO_DEG_H = 60.0
@@ -17,7 +19,7 @@ HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
 OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
-REMARK, MOST_NAMED = 0.5, 4
+MOST_NAMED = 4
 USUAL_ARM_SIGMA_M = 0.3  # of filter.lever_arm_sigma_m, which says nothing of this antenna
 # what a right lever arm may come out off by (`navigation.diagnosis.advice`)
 NEGLIGIBLE_ARM_M = 0.02
@@ -28,7 +30,7 @@ LARGE_TURN_DEG = 2.0  # of the heading by a bore-sight, from which on it is more
 EARTH_RATE_DEG_H = 15.041
 
 
-def standing(f: Figures) -> Iterator[Limit]:
+def standing(f: Figures) -> Iterator[Finding]:
     """Yield the accuracy of a sensor at a given position."""
     if not f["standing"]:
         return
@@ -44,7 +46,7 @@ def standing(f: Figures) -> Iterator[Limit]:
         f" deg/h, gyro biases to {bias:.2g} deg/h; tilt sigma {degrees(tilt(attitude))}"
     )
     turn = "repeat it turned by 180 deg about the vertical, which separates gyro bias and heading"
-    yield Limit(
+    yield ranked(
         "standing",
         20.0,
         text,
@@ -52,7 +54,7 @@ def standing(f: Figures) -> Iterator[Limit]:
     )
 
 
-def code(f: Figures) -> Iterator[Limit]:
+def code(f: Figures) -> Iterator[Finding]:
     """Yield the absolute position where no ambiguities were fixed (float ambiguities, code)."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     horizontal = math.hypot(north, east)
@@ -74,7 +76,7 @@ def code(f: Figures) -> Iterator[Limit]:
                 f"{millimetres(math.hypot(*minute[:2]))} and {millimetres(minute[2])} at the worst"
             )
             text += f"; from one minute to the next positions agree to {at_worst}"
-    yield Limit(
+    yield ranked(
         "absolute position",
         horizontal / GOOD_HORIZONTAL_MM,
         text,
@@ -94,7 +96,7 @@ def _relative_mm(f: Figures, axis: int) -> float:
     return 1e3 * math.sqrt(sum(changes))
 
 
-def heights(f: Figures) -> Iterator[Limit]:
+def heights(f: Figures) -> Iterator[Finding]:
     """Yield heights that are much less accurate than the horizontal."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     ratio = down / max(north, east)
@@ -112,10 +114,10 @@ def heights(f: Figures) -> Iterator[Limit]:
             "the fixes are that much weaker there, all satellites being above",
             "let a control point or two carry the heights",
         )
-    yield Limit("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
+    yield ranked("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
 
-def overall_attitude(f: Figures) -> Iterator[Limit]:
+def overall_attitude(f: Figures) -> Iterator[Finding]:
     """Yield heading and tilt of the whole flight against what a good flight shows."""
     if f["standing"]:
         return
@@ -131,7 +133,7 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
             " velocity show it to this IMU"
         )
         help_ = "make sharper and more frequent turns, or use a better gyro or two antennas"
-        yield Limit("heading", median[2] / GOOD_HEADING_DEG, text, help_)
+        yield ranked("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
         text = (
@@ -139,7 +141,7 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
             f" {same:.2g} mg makes it"
         )
         text += f"; these biases are known to {accel:.2g} mg at the end"
-        yield Limit(
+        yield ranked(
             "tilt",
             tilt(median) / GOOD_TILT_DEG,
             text,
@@ -147,7 +149,7 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
         )
 
 
-def boresight(f: Figures) -> Iterator[Limit]:
+def boresight(f: Figures) -> Iterator[Finding]:
     """Yield a bore-sight that turns the heading of the images by more than its sigma.
 
     Nothing in a flight shows whether its signs are right; it is one number that a person can check.
@@ -164,7 +166,7 @@ def boresight(f: Figures) -> Iterator[Limit]:
         f" {abs(turn) / sigma:.1f} sigma, which no data of this flight can tell: check its signs"
     )
     rank = abs(turn) / LARGE_TURN_DEG
-    yield Limit(
+    yield ranked(
         BORESIGHT,
         rank,
         text,
@@ -183,7 +185,7 @@ def _known_boresight(flight: Figures) -> bool:
     return calibrated or BORESIGHT in (flight.get("accept") or ())
 
 
-def gyro_bias(f: Figures) -> Iterator[Limit]:
+def gyro_bias(f: Figures) -> Iterator[Finding]:
     """Yield gyro biases that the flight left undetermined."""
     sigma = f["biases"]["gyro_sigma_deg_h"]
     worst = max(range(3), key=lambda k: sigma[k])
@@ -194,7 +196,7 @@ def gyro_bias(f: Figures) -> Iterator[Limit]:
         f"gyro bias {f['biases']['axes'][worst]} known to {sigma[worst]:.0f} deg/h only at the end,"
         f" {of_minute} a minute"
     )
-    yield Limit(
+    yield ranked(
         "gyro bias",
         sigma[worst] / GOOD_GYRO_DEG_H,
         text,
@@ -208,7 +210,7 @@ def arm_states(f: Figures) -> dict[str, Figures]:
     return {state.axis: named[str(state)] for state in OF_LEVER_ARM if str(state) in named}
 
 
-def lever_arm(f: Figures) -> Iterator[Limit]:
+def lever_arm(f: Figures) -> Iterator[Finding]:
     """Yield a lever arm that was estimated far from what the mounting states.
 
     The flight sees the antenna from the IMU alone: whether the place of the one or of the other is
@@ -243,7 +245,7 @@ def lever_arm(f: Figures) -> Iterator[Limit]:
         f"measure both, and set mounting.imu_m = {imu} or mounting.antenna_m = {antenna}, or state"
         " with mounting.antenna_sigma_m that the antenna's place is known no better"
     )
-    yield Limit("lever arm", max(beyond) / SIGNIFICANT + 1.0, text, help_)
+    yield ranked("lever arm", max(beyond) / SIGNIFICANT + 1.0, text, help_)
 
 
 def _millimetre_list(position: Sequence[float], off: Sequence[float], sign: float) -> str:
@@ -258,7 +260,7 @@ def _in_camera(mounting: Figures, vector: Sequence[float]) -> list[float]:
     return list(vector)
 
 
-def states(f: Figures) -> Iterator[Limit]:
+def states(f: Figures) -> Iterator[Finding]:
     """Yield what became of the constants that the flight was to estimate.
 
     Those that it does not determine come first, then the values of the others.
@@ -282,7 +284,7 @@ def states(f: Figures) -> Iterator[Limit]:
                 else "measure it, or turn on the spot and fly figures of eight"
             )
             rank = max(1.0, 1e3 * state["moves_m"] / typical) if state["requested"] else REMARK
-            yield Limit("constants", rank, text, help_)
+            yield ranked("constants", rank, text, help_)
         elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
             of_antenna = of_antenna or state["name"] in of_arm
             estimated.append(
@@ -290,7 +292,7 @@ def states(f: Figures) -> Iterator[Limit]:
                 f" {unit}"
             )
     if estimated:
-        yield Limit(
+        yield ranked(
             "constants",
             REMARK,
             f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
@@ -300,7 +302,7 @@ def states(f: Figures) -> Iterator[Limit]:
             else "",
         )
     if of_imu:
-        yield Limit(
+        yield ranked(
             "constants",
             REMARK,
             f"not observed by this flight: {_some(of_imu)}",

@@ -10,7 +10,9 @@ where the fixes were made up for a sensor that stands at a given place.
 
 from collections.abc import Iterator
 
-from .wording import AXES, Figures, Limit, lengths, millimetres, span
+from ...base.findings import Finding, ranked
+from ...records.verdicts import ADOPTED, CHECKS, REMARK
+from .wording import AXES, Figures, lengths, millimetres, span
 
 TRUST = 2.0
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
@@ -24,22 +26,8 @@ SEPARATION_ONCE = 6.0
 SEPARATION_WIDE = 0.5  # the same of all axes together, where what chance allows is not smaller
 # an error that lasts longer is one of the absolute position; share of the fixes
 STAYS_S, FEW_MATTER = 300.0, 0.02
-# ranks of notes that stand out: sigmas enlarged without need, a mounting of another camera or time,
-# and images that by the other clock are further away than their sigmas hold
-NOTED = {"sigmas of the fixes": 1.5, "mounting file": 1.5, "exposure clock": 1.5}
-# checks by which the solution is another one than the flight file asks for: they stand out
-ADOPTED = (
-    "antenna lever arm",
-    "GNSS time offset",
-    "clock rate",
-    "GNSS sigmas",
-    "IMU noise",
-    "drift",
-    "incorrect fixes",
-)
-ADOPTED_RANK = 2.0
-# ranks: a contradiction that was overruled, a note, a result that nothing supports
-OVERRULED, REMARK, UNSUPPORTED = 50.0, 0.5, 1000.0
+# ranks: a contradiction that was overruled, and a result that nothing supports
+OVERRULED, UNSUPPORTED = 50.0, 1000.0
 
 
 def judged(consistency: Figures) -> str:
@@ -53,7 +41,7 @@ def judged(consistency: Figures) -> str:
     return str(consistency["verdict"])
 
 
-def residuals(f: Figures) -> Iterator[Limit]:
+def residuals(f: Figures) -> Iterator[Finding]:
     """Yield the minute in which the solution is farthest from its own fixes, beyond all claims."""
     r = f["residuals"]
     if r is None or r["worst"]["sigmas"] <= r["limit"]:
@@ -65,7 +53,7 @@ def residuals(f: Figures) -> Iterator[Limit]:
         f" both allow it (limit {r['limit']:.1f}; beyond it {beyond} of {pieces} pieces)"
     )
     help_ = "do not rely on positions or sigmas there before it is known why"
-    yield Limit("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
+    yield ranked("residuals", UNSUPPORTED + worst["sigmas"], text, help_)
 
 
 def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
@@ -78,7 +66,7 @@ def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
                 yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state
 
 
-def rejected(f: Figures) -> Iterator[Limit]:
+def rejected(f: Figures) -> Iterator[Finding]:
     """Yield the fixes and velocities that the gate rejected.
 
     Fixes that are withheld as incorrect are those of a check, which says why.
@@ -89,7 +77,7 @@ def rejected(f: Figures) -> Iterator[Limit]:
         n, out = f["counts"].get(total, 0), f["counts"].get(key, 0) - withheld
         if n and out == n:
             text = f"all {n} {total} were rejected: they contradict the inertial data"
-            yield Limit("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
+            yield ranked("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
         elif n and out > REJECTED_MATTERS * n:
             some.append(f"{out} of {n} {total} ({100 * out / n:.1f} %)")
             most = max(most, out / n)
@@ -102,10 +90,10 @@ def rejected(f: Figures) -> Iterator[Limit]:
             "see the crosses in the figures; take the receiver's own sigma of each fix where it"
             " gives one"
         )
-        yield Limit("rejected", most / REJECTED_MATTERS, text, help_)
+        yield ranked("rejected", most / REJECTED_MATTERS, text, help_)
 
 
-def covariance_resets(f: Figures) -> Iterator[Limit]:
+def covariance_resets(f: Figures) -> Iterator[Finding]:
     """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
@@ -117,7 +105,7 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
             f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"
             " later fixes support it there"
         )
-        yield Limit(
+        yield ranked(
             "covariance resets",
             TRUST * (1.0 + len(times)),
             text,
@@ -125,16 +113,16 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
         )
 
 
-def barometer(f: Figures) -> Iterator[Limit]:
+def barometer(f: Figures) -> Iterator[Finding]:
     """Yield heights of a barometer that do not agree with their sigmas."""
     c = f["consistency"].get("barometer")
     if c is not None and judged(c) == "overconfident":
         text = f"heights of the barometer: innovations are {c['size']:.2f} times their sigmas"
         help_ = "raise barometer.sigma_m, or barometer.bias_walk where they wander"
-        yield Limit("barometer", REMARK, text, help_)
+        yield ranked("barometer", REMARK, text, help_)
 
 
-def nis(f: Figures) -> Iterator[Limit]:
+def nis(f: Figures) -> Iterator[Finding]:
     """Yield innovations that do not agree with their sigmas (NIS)."""
     for quantity in ("position", "velocity"):
         c = f["consistency"][quantity]
@@ -153,7 +141,7 @@ def nis(f: Figures) -> Iterator[Limit]:
                 f"check lever arm and clock, then raise the sigmas of the {_plural(quantity)} or"
                 " the noise of the IMU"
             )
-            yield Limit(
+            yield ranked(
                 "innovations",
                 TRUST * c["mean_per_dof"] / NIS_MATTERS[1],
                 f"overconfident: {text}; {why}",
@@ -162,7 +150,7 @@ def nis(f: Figures) -> Iterator[Limit]:
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
             rank = UNSUPPORTED if c["size"] < OTHER_UNIT else rank
-            yield Limit(
+            yield ranked(
                 "innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}")
             )
 
@@ -185,7 +173,7 @@ def _plural(quantity: str) -> str:
     return "fixes" if quantity == "position" else "velocities"
 
 
-def whiteness(f: Figures) -> Iterator[Limit]:
+def whiteness(f: Figures) -> Iterator[Finding]:
     """Yield innovations that are not of zero mean, or time-correlated."""
     i = f["innovations"]
     if i["rms_mm"] is None:
@@ -193,7 +181,7 @@ def whiteness(f: Figures) -> Iterator[Limit]:
     for axis, mean, rms in zip(AXES, i["mean_mm"], i["rms_mm"], strict=True):
         if abs(mean) > max(MEAN_MATTERS, i["lag1_bound_99"]) * rms:
             text = f"innovations {axis} have a mean of {millimetres(mean)} (rms {millimetres(rms)})"
-            yield Limit(
+            yield ranked(
                 "mean",
                 TRUST * abs(mean) / rms / MEAN_MATTERS,
                 text,
@@ -216,7 +204,7 @@ def whiteness(f: Figures) -> Iterator[Limit]:
             f"innovations {axes} correlate {lags} with those of the fix before (99 % bound"
             f" {i['lag1_bound_99']:.2f})"
         )
-        yield Limit(
+        yield ranked(
             "correlation",
             max(abs(lag) for lag, _ in beyond) / LAG_ONE_MATTERS,
             *_why_correlated(f, text, sign),
@@ -241,23 +229,23 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
     )
 
 
-def separation(f: Figures) -> Iterator[Limit]:
+def separation(f: Figures) -> Iterator[Finding]:
     """Yield the separation of forward and backward where it exceeds its sigmas."""
     worst = {}
     for size, listed, state in sorted(_apart(f)):
         worst[state] = size, listed  # the largest of each
     if worst:
-        ranked = sorted(worst.values(), reverse=True)
-        listed = ", ".join(text for _, text in ranked)
+        by_size = sorted(worst.values(), reverse=True)
+        listed = ", ".join(text for _, text in by_size)
         why = (
             "the IMU noise model or the GNSS sigmas are too small, or the lever arm or a clock is"
             " wrong"
         )
         text = f"forward and backward disagree by, in sigmas (rms), {listed}: {why}"
-        yield Limit("separation", TRUST * ranked[0][0], text, "see in its figure where")
+        yield ranked("separation", TRUST * by_size[0][0], text, "see in its figure where")
 
 
-def separation_once(f: Figures) -> Iterator[Limit]:
+def separation_once(f: Figures) -> Iterator[Finding]:
     """Yield the instant at which forward and backward disagree, where on the whole they do not."""
     largest = f["separation"]["largest"]
     if largest is None or largest["sigmas"] <= SEPARATION_ONCE or any(_apart(f)):
@@ -268,10 +256,10 @@ def separation_once(f: Figures) -> Iterator[Limit]:
         " the IMU drifted about then, for seconds or minutes, by more than the sigmas there hold"
     )
     help_ = "look at the quality of the fixes there, and at the IMU's temperature"
-    yield Limit("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)
+    yield ranked("separation", TRUST * largest["sigmas"] / SEPARATION_ONCE, text, help_)
 
 
-def separation_below(f: Figures) -> Iterator[Limit]:
+def separation_below(f: Figures) -> Iterator[Finding]:
     """Yield the separation of forward and backward where it is far below its sigmas."""
     separation, below = f["separation"], []
     for state, ratio in separation["of_all_axes"].items():
@@ -289,10 +277,10 @@ def separation_below(f: Figures) -> Iterator[Limit]:
             "look for sigmas of the fixes or a noise model of the IMU that are larger than they"
             " should be"
         )
-        yield Limit("separation", max(rank for rank, _ in below), text, help_)
+        yield ranked("separation", max(rank for rank, _ in below), text, help_)
 
 
-def time_correlated(f: Figures) -> Iterator[Limit]:
+def time_correlated(f: Figures) -> Iterator[Finding]:
     """Yield time-correlated errors of the fixes; `accuracy.code` reports those that stay."""
     near, fixes = f["neighbours"], f["counts"]["fixes"]
     for error in f["time_correlated_errors"]:
@@ -316,7 +304,7 @@ def time_correlated(f: Figures) -> Iterator[Limit]:
                 f": neighbouring images share them, and are known to {lengths(near['position_mm'])}"
                 f" relative to each other, to {lengths(own)} absolutely (E / N / U)"
             )
-        yield Limit(
+        yield ranked(
             "time-correlated errors",
             1.0 + max(error["share"]),
             text,
@@ -324,7 +312,7 @@ def time_correlated(f: Figures) -> Iterator[Limit]:
         )
 
 
-def checks(f: Figures) -> Iterator[Limit]:
+def checks(f: Figures) -> Iterator[Finding]:
     """Yield what the checks of the input found, but for what other rules report with its effect."""
     covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
         f["outages"]
@@ -336,11 +324,11 @@ def checks(f: Figures) -> Iterator[Limit]:
             check["verdict"] == "note" and (made_up or check["name"] in covered)
         ):
             continue
-        rank = OVERRULED if check["verdict"] == "contradiction" else REMARK
-        rank = max(rank, NOTED.get(check["name"], 0.0))
-        if check["name"] in ADOPTED and check["beyond_chance"]:
-            rank = max(rank, ADOPTED_RANK)
-        yield Limit(
+        noted = CHECKS.get(check["name"], REMARK)
+        rank = noted if check["beyond_chance"] or noted != ADOPTED else REMARK
+        if check["verdict"] == "contradiction":
+            rank = OVERRULED
+        yield ranked(
             "checks",
             rank,
             f"{check['name']}: {check['found']} (expected: {check['expected']})",

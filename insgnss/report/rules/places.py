@@ -6,17 +6,18 @@ Each is judged against the rest of the same flight.
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 
-from .wording import Figures, Limit, degrees, image_range, millimetres, span, tilt
+from ...base.findings import Finding, ranked
+from ...records.verdicts import REMARK
+from .wording import Figures, degrees, image_range, millimetres, span, tilt
 
 # of a sigma over the median
 FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = 1.5, 1.5, 3.0, 2.0
 FEWEST_LINES = 3  # that have a median to be compared with
 TURN_DEG = 60.0  # heading range that counts as a turn
 LONG_IMU_GAP_S = 0.2
-REMARK = 0.5
 
 
-def attitude(f: Figures) -> Iterator[Limit]:
+def attitude(f: Figures) -> Iterator[Finding]:
     """Yield the line, and else the first image, whose heading or tilt is least accurate.
 
     What was flown before it is the reason given.
@@ -29,7 +30,7 @@ def attitude(f: Figures) -> Iterator[Limit]:
             yield from _first_image(f, name)
 
 
-def position(f: Figures) -> Iterator[Limit]:
+def position(f: Figures) -> Iterator[Finding]:
     """Yield the line of the least accurate position, but for an outage, which has its own rule."""
     line = _weakest(f, "horizontal_mm")
     if line is not None and _ratio(f, line, "horizontal_mm") > 1.0 and _outage_on(f, line) is None:
@@ -50,7 +51,7 @@ def _ratio(f: Figures, line: Figures, key: str) -> float:
 
 def _on_line(
     f: Figures, line: Figures, name: str, key: str, form: Callable[[float], str]
-) -> Iterator[Limit]:
+) -> Iterator[Finding]:
     median = _median([other[key] for other in f["lines"]])
     images = f", {image_range(line)}" if line["images"] else ""
     where = f"line {line['line']} ({span(line['start_s'], line['end_s'])}{images})"
@@ -58,9 +59,9 @@ def _on_line(
     text = f"{name} sigma {form(line[key])} on {where}, {form(median)} in the median of the lines"
     rank = _ratio(f, line, key)
     yield (
-        Limit(name, rank, f"{text}: {reason}", help_)
+        ranked(name, rank, f"{text}: {reason}", help_)
         if rank > 1.0
-        else Limit(name, rank, f"weakest line: {text}")
+        else ranked(name, rank, f"weakest line: {text}")
     )
 
 
@@ -90,7 +91,7 @@ def _outage_on(f: Figures, line: Figures) -> Figures | None:
     return max(overlapping, key=lambda o: float(o["length_s"]), default=None)
 
 
-def _first_image(f: Figures, name: str) -> Iterator[Limit]:
+def _first_image(f: Figures, name: str) -> Iterator[Finding]:
     e = f["exposures"]
     if e is None:
         return
@@ -110,7 +111,7 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
     text = (
         f"{name} sigma {degrees(sigma)} at the first image, {degrees(usual)} in the median: {why}"
     )
-    yield Limit(
+    yield ranked(
         name,
         sigma / usual / FIRST_IMAGE_RATIO,
         text,
@@ -118,7 +119,7 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
     )
 
 
-def worst_image(f: Figures) -> Iterator[Limit]:
+def worst_image(f: Figures) -> Iterator[Finding]:
     """Yield an image that is much less accurate than the others, but for the first."""
     e = f["exposures"]
     if e is None:
@@ -135,7 +136,7 @@ def worst_image(f: Figures) -> Iterator[Limit]:
                 f"worst {name} at image {worst['image']} (TOW {worst['time_s']:.1f} s): sigma"
                 f" {sigmas}"
             )
-            yield Limit(
+            yield ranked(
                 "image",
                 ratio / WORST_IMAGE_RATIO,
                 text,
@@ -143,7 +144,7 @@ def worst_image(f: Figures) -> Iterator[Limit]:
             )
 
 
-def outage(f: Figures) -> Iterator[Limit]:
+def outage(f: Figures) -> Iterator[Finding]:
     """Yield the outage in which the sigmas grow most, and the number of the others."""
     if not f["outages"] or f["standing"]:
         return
@@ -162,10 +163,10 @@ def outage(f: Figures) -> Iterator[Limit]:
     more = f"; {others} more such {'time' if others == 1 else 'times'}" if others else ""
     rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)
     help_ = "turn on both sides of an outage" if worst["length_s"] > 10.0 else ""
-    yield Limit("outage", rank, f"{text}: {grown}{more}", help_)
+    yield ranked("outage", rank, f"{text}: {grown}{more}", help_)
 
 
-def segments(f: Figures) -> Iterator[Limit]:
+def segments(f: Figures) -> Iterator[Finding]:
     """Yield the segments that were solved by themselves."""
     spans = f["segments"]
     if len(spans) > 1:
@@ -174,10 +175,10 @@ def segments(f: Figures) -> Iterator[Limit]:
             f"the flight falls into {len(spans)} segments that know nothing of each other"
             f" ({missing_s:.0f} s between them without solution)"
         )
-        yield Limit("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
+        yield ranked("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
 
 
-def gaps(f: Figures) -> Iterator[Limit]:
+def gaps(f: Figures) -> Iterator[Finding]:
     """Yield the missing samples of the IMU."""
     bridged = f["imu_gaps"]
     if bridged:
@@ -188,7 +189,7 @@ def gaps(f: Figures) -> Iterator[Limit]:
             else f"{len(bridged)} gaps of the IMU were bridged, the longest"
         )
         text = f"{counted} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
-        yield Limit("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
+        yield ranked("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
 
 
 def _median(x: Sequence[float]) -> float:

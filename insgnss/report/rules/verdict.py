@@ -9,11 +9,12 @@ exceeds what a good flight shows. The rules and their limits are in `fixes`, `ac
 
 from collections.abc import Callable, Iterator, Sequence
 
+from ...base.findings import Finding
 from . import accuracy as rules_accuracy
 from . import fixes as rules_fixes
 from . import places as rules_places
 from .fixes import judged
-from .wording import Figures, Limit, degrees, lengths, tilt
+from .wording import Figures, degrees, lengths, tilt
 
 MOST_SENTENCES = 8
 NOTHING_STANDS_OUT = (
@@ -25,7 +26,7 @@ NOTHING_IN_THE_DATA = (
     " all images are those of a good flight; they cannot tell the bore-sight"
 )
 
-Rule = Callable[[Figures], Iterator[Limit]]
+Rule = Callable[[Figures], Iterator[Finding]]
 
 ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.residuals,
@@ -88,7 +89,7 @@ def _images(count: int) -> str:
     return "1 image" if count == 1 else f"{count} images"
 
 
-def limits(figures: Figures) -> list[Limit]:
+def limits(figures: Figures) -> list[Finding]:
     """All that limits the flight, and remarks, by falling rank."""
     rules = ON_THE_REST if figures["standing"] else ON_FIXES + ON_THE_REST
     return sorted(
@@ -96,7 +97,7 @@ def limits(figures: Figures) -> list[Limit]:
     )
 
 
-def verdict(ranked: Sequence[Limit]) -> list[str]:
+def verdict(ranked: Sequence[Finding]) -> list[str]:
     """The first sentences of `limits`.
 
     Where none of them is more than a remark, one that says so stands before them.
@@ -104,10 +105,10 @@ def verdict(ranked: Sequence[Limit]) -> list[str]:
     sentences = [limit.sentence for limit in ranked[:MOST_SENTENCES]]
     if stands_out(ranked):
         return sentences
-    turned = any(limit.topic == rules_accuracy.BORESIGHT for limit in ranked)
+    turned = any(limit.name == rules_accuracy.BORESIGHT for limit in ranked)
     return [NOTHING_IN_THE_DATA if turned else NOTHING_STANDS_OUT, *sentences]
 
 
-def stands_out(ranked: Sequence[Limit]) -> bool:
+def stands_out(ranked: Sequence[Finding]) -> bool:
     """Whether anything is more than a remark."""
     return any(limit.rank >= 1.0 for limit in ranked)

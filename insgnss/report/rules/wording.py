@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ...base.units import STANDARD_GRAVITY
@@ -15,29 +14,6 @@ AXES = ("north", "east", "down")
 
 DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
 MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
-
-
-@dataclass(frozen=True)
-class Limit:
-    """One thing that limits a flight.
-
-    Parameters
-    ----------
-    topic : what it is about, one word or two.
-    rank : how many times it exceeds what a good flight shows; below 1 it is a remark.
-    text : what, how much, where and why.
-    help : what would help, or nothing.
-    """
-
-    topic: str
-    rank: float
-    text: str
-    help: str = ""
-
-    @property
-    def sentence(self) -> str:
-        """Text and help in one."""
-        return f"{self.text}; {self.help}" if self.help else self.text
 
 
 def millimetres(x: float, unit: bool = True) -> str:

@@ -62,9 +62,9 @@ def test_compiling_ahead_fills_the_cache_and_names_what_fails(
     listed = {"io.formats.text._kernels.count_newlines": ["u1 1 C"]}
     steps: list[str] = []
     finding = compiling.compile_all(steps.append, listed)
-    assert (finding.verdict, finding.value[:4]) == ("good", "1 in")
+    assert (finding.verdict, finding.found[:4]) == ("ok", "1 in")
     assert steps[-1] == "compiled 1 of 1 kernels"
     assert len(list((tmp_path / "cache").rglob("*count_newlines*.nbc"))) == 1
     finding = compiling.compile_all(steps.append, listed | {"io.formats.text._kernels.none": []})
-    assert finding.verdict == "defect"
-    assert "io.formats.text._kernels.none" in finding.value
+    assert finding.verdict == "contradiction"
+    assert "io.formats.text._kernels.none" in finding.found

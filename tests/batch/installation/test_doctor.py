@@ -11,8 +11,8 @@ import pytest
 
 import insgnss
 from insgnss.base.errors import UsageError
+from insgnss.base.findings import Finding, Question
 from insgnss.batch.installation import examination, packages, surroundings
-from insgnss.batch.installation.finding import Finding
 from insgnss.batch.installation.packages import import_failures, module_of, package_findings
 from insgnss.batch.installation.self_test import LIMIT_DEG, LIMIT_M, SelfTest, self_test
 from insgnss.batch.installation.surroundings import engine_finding, grid_findings, kernel_findings
@@ -56,17 +56,17 @@ def test_packages_are_those_of_the_metadata_each_with_what_is_wrong(installed):
     assert module_of("goodone") == "good_one"
     found = {f.name: f for f in package_findings("made-up")}
     assert {name: f.verdict for name, f in found.items()} == {
-        "goodone": "good",
-        "oldone": "defect",
-        "Raising": "defect",
-        "dying-lib": "defect",
+        "goodone": "ok",
+        "oldone": "contradiction",
+        "Raising": "contradiction",
+        "dying-lib": "contradiction",
         "more": "note",
     }
-    assert found["oldone"].value == "2.0.7 is older than 2.1"
+    assert found["oldone"].found == "2.0.7 is older than 2.1"
     assert found["oldone"].advice == "pip install --upgrade 'oldone>=2.1'"
-    assert "cannot be imported (OSError: libfoo.so: not there)" in found["Raising"].value
-    assert "ends its process (code 7)" in found["dying-lib"].value
-    assert found["more"].value == "lacking missing, zz_last 1.0rc1"
+    assert "cannot be imported (OSError: libfoo.so: not there)" in found["Raising"].found
+    assert "ends its process (code 7)" in found["dying-lib"].found
+    assert found["more"].found == "lacking missing, zz_last 1.0rc1"
     assert "made-up[more]" in found["more"].advice
 
 
@@ -109,7 +109,7 @@ def test_the_self_test_agrees_with_its_closed_form():
     assert result.passed
     assert result.off_m < 0.2 * LIMIT_M
     assert result.off_deg < 0.2 * LIMIT_DEG
-    assert result.finding().verdict == "good"
+    assert result.finding().verdict == "ok"
 
 
 def test_the_self_test_sees_an_earth_that_does_not_turn(monkeypatch):
@@ -144,15 +144,15 @@ def test_the_cache_of_kernels_is_told_with_whether_it_can_be_written(tmp_path, m
 
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     (good,) = kernel_findings(kernel(tmp_path / "made"))
-    assert (good.verdict, good.advice) == ("good", "")
-    assert f"{tmp_path / 'made'} (NUMBA_CACHE_DIR), writable" in good.value
+    assert (good.verdict, good.advice) == ("ok", "")
+    assert f"{tmp_path / 'made'} (NUMBA_CACHE_DIR), writable" in good.found
     (tmp_path / "file").write_text("")
     (bad,) = kernel_findings(kernel(tmp_path / "file" / "cache"))
     assert bad.verdict == "note"
-    assert "cannot be written" in bad.value
+    assert "cannot be written" in bad.found
     assert "set NUMBA_CACHE_DIR" in bad.advice
     (none,) = kernel_findings(lambda: None)
-    assert "interpreted" in none.value
+    assert "interpreted" in none.found
 
 
 def test_grids_are_counted_in_the_directories_of_proj(tmp_path, monkeypatch):
@@ -165,8 +165,8 @@ def test_grids_are_counted_in_the_directories_of_proj(tmp_path, monkeypatch):
     monkeypatch.setattr(datadir, "get_data_dir", lambda: str(tmp_path / "none"))
     found = {f.name: f for f in grid_findings()}
     grids = found["geoids and datum shifts"]
-    assert grids.value == f"2 in {tmp_path}, 0 in {tmp_path / 'none'}"
-    assert grids.verdict == "good"
+    assert grids.found == f"2 in {tmp_path}, 0 in {tmp_path / 'none'}"
+    assert grids.verdict == "ok"
     assert "pyproj sync --file" in grids.advice
     monkeypatch.setattr(datadir, "get_user_data_dir", lambda: str(tmp_path / "none"))
     assert {f.name: f for f in grid_findings()}["geoids and datum shifts"].verdict == "note"
@@ -177,7 +177,7 @@ def test_the_engine_is_that_of_ppk(monkeypatch):
     from insgnss.gnss.engine import program
 
     monkeypatch.setattr(program, "engine_command", lambda: ["/opt/rnx2rtkp"])
-    assert engine_finding().value.startswith("/opt/rnx2rtkp, ")
+    assert engine_finding().found.startswith("/opt/rnx2rtkp, ")
 
     def none():
         raise UsageError("no GNSS engine: pip install x")
@@ -192,26 +192,28 @@ def test_the_machine_says_what_it_does_not_know(tmp_path, monkeypatch):
     (tmp_path / "cpuinfo").write_text("processor\t: 0\nmodel name\t: Abacus 3000\n")
     monkeypatch.setattr(surroundings, "available", lambda: None)
     found = {f.name: f for f in surroundings.machine_findings(tmp_path / "cpuinfo")}
-    assert found["processor"].value.startswith("Abacus 3000, ")
+    assert found["processor"].found.startswith("Abacus 3000, ")
     assert found["memory"].verdict == "unknown"
-    assert found["insgnss"].value.startswith(insgnss.__version__)
-    assert sys.executable in found["Python"].value
+    assert found["insgnss"].found.startswith(insgnss.__version__)
+    assert sys.executable in found["Python"].found
 
 
 @pytest.fixture
 def looked(monkeypatch):
     """An examination whose parts are made up; the function sets what the core says."""
-    row = Finding("machine", "Python", "3")
+    row = Finding("Python", "3", topic="machine")
     monkeypatch.setattr(examination, "machine_findings", lambda: [row])
     monkeypatch.setattr(examination, "package_findings", lambda: [])
     monkeypatch.setattr(examination, "grid_findings", lambda: [])
-    monkeypatch.setattr(examination, "engine_finding", lambda: Finding("ppk", "engine", "none"))
+    monkeypatch.setattr(
+        examination, "engine_finding", lambda: Finding("engine", "none", topic="ppk")
+    )
     return lambda core: monkeypatch.setattr(examination, "_core", core)
 
 
 def test_doctor_prints_a_line_a_thing_and_ends_with_code_0(looked, capsys):
     """Oracle: the made-up findings; the exit code of the contract."""
-    looked(lambda: [Finding("kernels", "cache", "here", "note", "set it")])
+    looked(lambda: [Question("cache", topic="kernels").note("here", "set it")])
     assert main(["doctor", "-q"]) == 0
     streams = capsys.readouterr()
     assert streams.err == ""

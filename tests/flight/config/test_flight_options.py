@@ -19,7 +19,7 @@ from insgnss.flight.processing.recording import Recording, read_recording
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.io.formats.gnss.rtklib_pos_write import write_rtklib_pos
-from insgnss.records import StateVerdict
+from insgnss.records import Estimate
 from insgnss.records.states import TIME_OFFSET
 from insgnss.simulation.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulation.description import FIXES, Units, flight_toml, imu_file, true_tables
@@ -116,7 +116,7 @@ def _sigma(result: ProcessResult) -> np.ndarray:
     return np.median(np.sqrt(np.diagonal(result.eo.cov, axis1=1, axis2=2)), axis=0)[:3]
 
 
-def _state(result: ProcessResult, name: str) -> StateVerdict:
+def _state(result: ProcessResult, name: str) -> Estimate:
     return next(state for state in result.diagnostics.states if state.name == name)
 
 

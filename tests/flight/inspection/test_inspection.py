@@ -694,9 +694,9 @@ def test_gravity_tells_the_unit_of_force(unit, factor):
     """Oracle: the unit that was put in; the gyro's is not told."""
     imu = _samples(1e-4, 1e-3)
     alone = by_gravity(ImuSamples(imu.time, imu.gyro, imu.accel * factor), free=True)
-    assert alone.findings[0].value == unit
+    assert alone.findings[0].found == unit
     np.testing.assert_allclose(alone.imu.accel, imu.accel, rtol=1e-9)
-    assert alone.findings[1].value == "unknown"
+    assert alone.findings[1].found == "unknown"
 
 
 def test_vertical_axes_are_right_handed_and_vertical():
@@ -795,7 +795,7 @@ def test_static_counts_are_told_as_such():
     """Oracle: the notes beside the recording: z down, one count of the accelerometers 3.33 mg."""
     result = _inspected("adis16405_static", "adis_16405_imu1.npy")
     assert result.sensing.is_static
-    values = {finding.name: finding.value for finding in result.findings}
+    values = {finding.name: finding.found for finding in result.findings}
     assert values["vertical axis"] == "z down"
     assert float(values["accelerometer unit"].split()[0]) == pytest.approx(3.33e-3 * G, rel=0.03)
     assert "position" in result.missing

@@ -16,7 +16,7 @@ from insgnss.io.formats.images.exif import camera_tags
 from insgnss.io.formats.orientation.mounting_file import MountingFile
 from insgnss.io.options.camera_options import ImageMatch
 from insgnss.records.cameras.mounting import Mounting
-from insgnss.report.rules.fixes import NOTED
+from insgnss.records.verdicts import CHECKS
 
 MADE = MountingFile(
     antenna_m=np.array([0.4, 0.0, 0.0]),
@@ -108,7 +108,7 @@ def test_a_mounting_of_another_camera_or_time_is_told(
     got = check(replace(MADE, **changes), images, flown)
     assert got.verdict == "note"
     assert words in got.found
-    assert NOTED[got.name] >= 1.0  # stands out
+    assert CHECKS[got.name] >= 1.0  # stands out
 
 
 def test_what_cannot_be_known_is_not_told(tmp_path: Path) -> None:

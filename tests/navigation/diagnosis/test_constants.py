@@ -35,7 +35,7 @@ from insgnss.records.states import (
     TIME_OFFSET,
     State,
 )
-from insgnss.records.verdicts import ConstantEstimate
+from insgnss.records.verdicts import Estimate
 
 NAVCHIP = load_noise_model("navchip")
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -266,10 +266,10 @@ def test_estimates_of_a_flight_alone_are_those_of_its_information() -> None:
     expected = wide * (cov @ vector)
     sigma = wide * np.sqrt(np.diag(cov))
     assert [one.state for one in estimates] == list(states)
-    assert [one.correction for one in estimates[:3]] == pytest.approx(expected[:3])
+    assert [one.value for one in estimates[:3]] == pytest.approx(expected[:3])
     assert [one.sigma for one in estimates[:3]] == pytest.approx(sigma[:3])
     same = combined([estimates, estimates])
-    assert [one.correction for one in same] == pytest.approx([one.correction for one in estimates])
+    assert [one.value for one in same] == pytest.approx([one.value for one in estimates])
     assert [one.sigma * 2**0.5 for one in same] == pytest.approx([one.sigma for one in estimates])
     blind = ConstantsEvidence(states, wide, stated, np.zeros((4, 4)), np.zeros(4))
     assert blind.estimates() == ()
@@ -286,20 +286,17 @@ def test_an_offset_that_changes_is_that_of_the_middle() -> None:
     states = (TIME_OFFSET, CLOCK_RATE)
     evidence = ConstantsEvidence(states, wide, stated, A.T @ A, A.T @ value / sigma_s)
     offset, rate = evidence.estimates(100.0)
-    assert offset.correction == pytest.approx(value.mean(), abs=2e-6)
+    assert offset.value == pytest.approx(value.mean(), abs=2e-6)
     assert offset.sigma == pytest.approx(sigma_s / time.size**0.5, rel=1e-3)
-    assert rate.correction == evidence.estimates()[1].correction
+    assert rate.value == evidence.estimates()[1].value
 
 
 def test_segments_that_differ_have_a_mean_that_is_known_no_better() -> None:
     """Oracle: by hand: -10 and -30 ms of 1 and 2 ms weigh 4 to 1, mean -14, X = 36 + 64 = 80 of the
     variance 0.8 ms^2: a sigma of 8 ms; three that agree have the sigma of their weights.
     """
-    apart = [
-        [ConstantEstimate(TIME_OFFSET, -10.0, 1.0)],
-        [ConstantEstimate(TIME_OFFSET, -30.0, 2.0)],
-    ]
+    apart = [[Estimate(TIME_OFFSET, -10.0, 1.0)], [Estimate(TIME_OFFSET, -30.0, 2.0)]]
     (one,) = combined(apart)
-    assert (one.correction, one.sigma) == pytest.approx((-14.0, 8.0))
-    (same,) = combined([*[[ConstantEstimate(TIME_OFFSET, -10.0, 3.0)]] * 3, []])
-    assert (same.correction, same.sigma) == pytest.approx((-10.0, 3.0**0.5))
+    assert (one.value, one.sigma) == pytest.approx((-14.0, 8.0))
+    (same,) = combined([*[[Estimate(TIME_OFFSET, -10.0, 3.0)]] * 3, []])
+    assert (same.value, same.sigma) == pytest.approx((-10.0, 3.0**0.5))

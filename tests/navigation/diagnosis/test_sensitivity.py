@@ -146,7 +146,7 @@ def test_the_evidence_is_that_of_a_filter_with_every_constant_as_a_state(clean):
     for mine, other in zip(settled.estimates(), wide.estimates(), strict=True):
         assert mine.state == other.state
         assert_allclose(mine.sigma, other.sigma, rtol=0.02)
-        assert_allclose(mine.correction, other.correction, atol=0.1 * other.sigma)
+        assert_allclose(mine.value, other.value, atol=0.1 * other.sigma)
     theirs = {one.groups: one.evidence for one in wide.hypotheses}
     for one in settled.hypotheses[:12]:
         assert_allclose(one.evidence, theirs[one.groups], atol=0.3)
@@ -171,7 +171,7 @@ def test_both_say_what_the_stamps_of_the_file_lack(moved_s):
     for found in (beside, pass_):
         assert found is not None
         offset = {one.state: one for one in found.estimates()}[TIME_OFFSET]
-        assert abs(offset.correction - moved_s) < 4.0 * offset.sigma < 0.02
+        assert abs(offset.value - moved_s) < 4.0 * offset.sigma < 0.02
 
 
 def test_a_wrong_lever_arm_is_not_settled(clean):

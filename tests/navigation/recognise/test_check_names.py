@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from insgnss.navigation.recognise.plausibility import NAMES
+from insgnss.records.verdicts import CHECKS
 
 PAGE = Path(__file__).parents[3] / "data_specs" / "flight_file.md"
 
@@ -12,4 +12,4 @@ def test_the_page_lists_what_may_be_accepted() -> None:
     """Oracle: section `accept` of data_specs/flight_file.md, all of it in quotation marks."""
     section = PAGE.read_text().partition("## accept\n")[2].partition("\n## ")[0]
     listed = re.findall(r'"([^"]+)"', section.strip().split("\n\n")[1])
-    assert listed == list(NAMES)
+    assert listed == list(CHECKS)

@@ -12,13 +12,17 @@ from insgnss.geodesy.rotation import right_angle_rotations, vector_from_rotation
 from insgnss.navigation.prepare.axes import parse_axes
 from insgnss.navigation.recognise.axes import axes_words
 from insgnss.navigation.recognise.claims import compare
-from insgnss.navigation.recognise.findings import MOST, NAMES
+from insgnss.navigation.recognise.findings import MOST
 from insgnss.navigation.recognise.recognition import recognise
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
 
 G = 9.80665
 WITH_VELOCITY = GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05))
+PROPERTIES = (
+    *("quantity", "accelerometer unit", "gyro unit", "gyro triad", "force sign"),
+    *("vertical axis", "forward axis", "axes", "time offset", "time scale"),
+)
 UNITS = {("rad/s", "m/s^2"): (1.0, 1.0), ("deg/s", "g"): (180.0 / np.pi, 1.0 / G)}
 
 
@@ -90,7 +94,7 @@ def test_all_orientations_units_and_signs(block, corridor, sign, units):
         found = recognise(as_mounted(imu, C_b_imu, gyro_factor, sign * accel_factor), gnss)
         assert answers(found) == ("mean_rate", *units, sign, axes_words(C_b_imu), "same")
         assert abs(found.time_offset_s) < 3.0 * found.time_offset_sigma_s
-        assert tuple(f.name for f in found.findings) == NAMES
+        assert tuple(f.name for f in found.findings) == PROPERTIES
         assert all(0.98 < f.confidence <= MOST for f in found.findings), [
             (f.name, f.confidence) for f in found.findings
         ]
@@ -173,7 +177,7 @@ def test_gyros_in_other_axes_than_the_accelerometers_are_told(block, gyro_of_for
     imu, gnss = block
     found = recognise(replace(imu, gyro=imu.gyro @ gyro_of_force), gnss)
     assert found.axes is None
-    assert found.finding("gyro triad").value == words
+    assert found.finding("gyro triad").found == words
     check = next(c for c in compare(found, np.eye(3)) if c.name == "recognised axes")
     assert check.verdict == "contradiction"
     assert words in check.advice
@@ -471,7 +475,7 @@ def test_counts_are_not_taken_for_the_nearest_unit(block):
 def test_rates_are_not_called_mean(block):
     """Oracle: the evidence must say what gravity cannot tell."""
     finding = recognise(*block).finding("quantity")
-    assert finding.value == "rates"
+    assert finding.found == "rates"
     assert "instantaneous" in finding.evidence
 
 
@@ -487,7 +491,7 @@ def test_turns_flown_without_fixed_ambiguities_still_tell(block):
         floating[:, None, None], np.diag([0.04, 0.04, 0.16]), np.diag([1.4e-4, 1.4e-4, 6e-4])
     )
     found = recognise(imu, replace(gnss, lat=gnss.lat + 0.2 / 6.4e6 * floating, cov_ned=cov))
-    assert (found.finding("gyro unit").value, found.finding("force sign").value) == (
+    assert (found.finding("gyro unit").found, found.finding("force sign").found) == (
         "rad/s",
         "specific force",
     )

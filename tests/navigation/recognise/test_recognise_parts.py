@@ -157,7 +157,7 @@ def test_force_unit(factor, interval, unit, quantity):
 def test_force_of_no_unit_is_told():
     """Oracle: raw counts, 1 g = 2048."""
     found = force_unit(imu_grid(steady([0.0, 0.0, 0.0], [0.0, 0.0, 200.0])))
-    assert found.of_unit.value == "unknown"
+    assert found.of_unit.found == "unknown"
     assert found.of_unit.confidence == 0.0
     assert found.factor * 200.0 == pytest.approx(9.80665)
 

@@ -149,5 +149,5 @@ def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
         k, j = ((time >= start) & (time < start + 100.0) for time in (imu.time, gnss.time))
         piece = replace(gnss[j], quality=None)
         found = recognise(ImuSamples(imu.time[k], imu.gyro[k], imu.accel[k], imu.quantity), piece)
-        said = {f.name: f.value for f in found.findings if f.confidence > 0.0 and f.name in truth}
+        said = {f.name: f.found for f in found.findings if f.confidence > 0.0 and f.name in truth}
         assert said.items() <= truth.items(), (start, said)

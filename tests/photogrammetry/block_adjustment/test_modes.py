@@ -179,8 +179,8 @@ def test_a_line_that_nothing_holds_is_told(calibrated) -> None:
     result = adjust_block(replace(file, ground=ground), write=False)
     held = result.figures["weakly_held"]
     assert sum(chain["images"] for chain in held) > 40
-    said = [f for f in result.judgement.findings if f.topic == "relative control"]
-    assert "5 m and 2 deg" in said[0].text
+    said = [f for f in result.judgement.findings if f.name == "relative control"]
+    assert "5 m and 2 deg" in said[0].found
     assert max(max(i["sigma_m"]) for i in result.figures["images"]) > 1.0
 
 
@@ -253,7 +253,7 @@ def test_what_explains_nearly_as_well_is_named_once(calibrated, tmp_path) -> Non
     words = " ".join(f.sentence for f in result.judgement.findings if f.rank >= 1.0)
     assert "interior orientation of -6" in words or "interior orientation of -5" in words
     for finding in result.judgement.findings:
-        assert finding.help.count("lever arm of") <= 1
+        assert finding.advice.count("lever arm of") <= 1
 
 
 def test_the_command_line(flown, tmp_path, capsys) -> None:

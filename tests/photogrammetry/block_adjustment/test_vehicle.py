@@ -218,7 +218,7 @@ def test_another_target_size_is_told(made, tmp_path) -> None:
     file = load_block(write(made, tmp_path / "b", VEHICLE + sizes))
     result = adjust(file, write=False)
     assert result.judgement.contradicted
-    assert SIZES in {f.topic for f in result.judgement.findings if f.rank >= 1.0}
+    assert SIZES in {f.name for f in result.judgement.findings if f.rank >= 1.0}
     scaled = replace(file, vehicle=replace(file.vehicle, size_sigma_m=0.1))
     again = adjust(scaled, write=False)
     own = again.figures["vehicle"]["parameters"]["size of the target"]

@@ -27,7 +27,7 @@ import numpy as np
 from ....base.errors import InputError, UsageError
 from ....base.wording import named
 from ....geodesy.gpstime import WEEK_S, gps_from_calendar
-from ....records import Array, CameraEvents, Check
+from ....records import Array, CameraEvents, Finding
 from ..names import DATED, IMAGE_ENDINGS
 from ..text.columns import Columns, TableSpec
 from ..text.layout import Layout, decode, is_comment, shown
@@ -249,7 +249,7 @@ def _evident(table: TextTable) -> Columns:
 
 def _times(
     texts: Sequence[str], title: str, time_scale: str | None, lines: Lines
-) -> tuple[Array, int, float, tuple[Check, ...], str]:
+) -> tuple[Array, int, float, tuple[Finding, ...], str]:
     """Seconds (n,) GPST of a week, that week, the standard deviation (T.1), notes, and the scale
     where the file does not state it.
     """
@@ -278,7 +278,7 @@ def _times(
     return time, week, sigma, notes, "" if stated else scale.strip().lower()
 
 
-def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Check, ...]]:
+def rounded(time: Array, digits: int) -> tuple[Array, float, tuple[Finding, ...]]:
     """Return times in the middle of what their digits leave open, their sigma (T.1), and a note.
 
     Parameters

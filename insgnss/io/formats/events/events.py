@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from ....base.wording import named
-from ....records import Array, CameraEvents, Check
+from ....records import Array, CameraEvents, Finding
 from ..names import EVENTS
 from ..orientation.exported import quoted_names
 from ..text.columns import Columns, TableOut, TableSpec
@@ -69,7 +69,7 @@ def events_in_order(
     lines: Lines,
     source: str,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> CameraEvents:
     """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
@@ -91,7 +91,7 @@ def events_in_order(
     return CameraEvents(images, time, gps_week, source, (*notes, *odd))
 
 
-def numbered(count: int) -> tuple[tuple[str, ...], Check]:
+def numbered(count: int) -> tuple[tuple[str, ...], Finding]:
     """Return numbers from 1 in place of names, and the note that says so."""
     finding = f"no image names; the {count} events are numbered from 1"
     advice = (

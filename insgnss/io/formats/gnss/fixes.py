@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError, UsageError
-from ....records import Check, GnssFixes
+from ....records import Finding, GnssFixes
 from ....records.observations import OF_THE_SOLUTION, UNKNOWN_MPS
 from ..text.clock import clock_of, gps_time
 from ..text.order import Lines, Picked, note, put_in_order, refuse_rows
@@ -56,7 +56,7 @@ def fixes_from_columns(
     sigma_m: ArrayLike | None,
     sigma_velocity: ArrayLike | None,
     undulation_m: float = 0.0,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> GnssFixes:
     """Make fixes of columns, each stamp once, in order.
 
@@ -76,7 +76,7 @@ def fixes_from_columns(
         Standard deviations north, east, down where no columns hold them, m and m/s.
     undulation_m : float
         Geoid above the ellipsoid, m, added to the heights.
-    notes : tuple of Check
+    notes : tuple of Finding
         Notes that come before those of the order.
 
     Returns
@@ -161,7 +161,7 @@ def _apart(cols: Mapping[str, Array]) -> tuple[Mapping[str, Array], Mapping[str,
 
 def with_floors_of_zeros(
     cols: Mapping[str, Array],
-) -> tuple[Mapping[str, Array], tuple[Check, ...]]:
+) -> tuple[Mapping[str, Array], tuple[Finding, ...]]:
     """Return the columns with half of the last printed digit for rounded zeros, and the note.
 
     Only zeros of standard deviations whose other values reach down to the last digit are rounded

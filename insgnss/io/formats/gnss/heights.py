@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from ....base.errors import InputError
 from ....base.files import lines_of
 from ....base.inputs import first_bytes
-from ....records import Check
+from ....records import Finding
 from ..text.headers import normalised
 from ..text.layout import decode, is_comment, shown
 from ..text.order import note
@@ -39,7 +39,7 @@ def settled_undulation(
     fields: Sequence[str],
     undulation_m: float | None,
     commented: bool = False,
-) -> tuple[float, tuple[Check, ...]]:
+) -> tuple[float, tuple[Finding, ...]]:
     """Return what is to be added to the heights of a table, and what is to be said of them.
 
     Parameters
@@ -60,7 +60,7 @@ def settled_undulation(
     -------
     float
         The geoid's height to add, m.
-    tuple of Check
+    tuple of Finding
         A note where the name stands for heights of both kinds.
 
     Raises

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S, gps_from_unix_utc
-from ....records import Check, GnssFixes
+from ....records import Finding, GnssFixes
 from ....records.observations import UNKNOWN_MPS
 from ..text.clock import agree_on_week
 from ..text.layout import shown
@@ -314,7 +314,7 @@ def _first_day(path: Source, log: _Log) -> float:
     return first
 
 
-def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Check, ...]:
+def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Finding, ...]:
     if not (n_bad or n_void or n_without):
         return ()
     finding = (

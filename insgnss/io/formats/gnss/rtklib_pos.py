@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ....base.errors import InputError
 from ....geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ....geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
-from ....records import Check, GnssFixes
+from ....records import Finding, GnssFixes
 from ..text.clock import agree_on_week
 from ..text.layout import sniff
 from ..text.order import note, open_end, put_in_order, refuse_rows
@@ -65,7 +65,7 @@ class PosRows:
         The week of the first row.
     complete : bool
         Whether the last line has its end.
-    notes : tuple of Check
+    notes : tuple of Finding
         Notes on rows left out or sorted.
     """
 
@@ -75,7 +75,7 @@ class PosRows:
     time: Array
     gps_week: int
     complete: bool
-    notes: tuple[Check, ...]
+    notes: tuple[Finding, ...]
 
     @property
     def base_ecef(self) -> Array | None:
@@ -380,7 +380,7 @@ def _quality(table: Table, q: Array) -> NDArray[np.int64]:
 
 
 def _velocity(
-    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Check]
+    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Finding]
 ) -> tuple[Array | None, Array | None]:
     """Return velocity and covariances in north, east, down, where the file has estimated them."""
     names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]

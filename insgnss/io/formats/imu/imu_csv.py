@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError, UsageError
-from ....records import Check, ImuSamples, Quantity
+from ....records import Finding, ImuSamples, Quantity
 from ..names import FINE, IMU, TIME
 from ..text.clock import clock_of, gps_time
 from ..text.columns import Columns, NamedTable, TableSpec
@@ -27,7 +27,7 @@ from ..text.units import imu_kinds, usual_unit
 from .apart import joined
 
 Array = NDArray[np.float64]
-Notes = tuple[Check, ...]
+Notes = tuple[Finding, ...]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 COLUMNS = ("tow", *GYRO, *ACCEL)
@@ -265,7 +265,7 @@ def imu_from_columns(
     scales: Scales,
     quantity: Quantity,
     gps_week: int | None,
-    notes: tuple[Check, ...] = (),
+    notes: tuple[Finding, ...] = (),
 ) -> ImuSamples:
     """Make samples of columns (n,) by canonical name, each stamp once, in order.
 

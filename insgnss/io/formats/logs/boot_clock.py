@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....base.errors import InputError
 from ....geodesy.gpstime import WEEK_S
-from ....records import Check
+from ....records import Finding
 from ..text.order import Lines, note, refuse_rows
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class BootClock:
         refuse_rows(lines, ~((boot_s >= 0.0) & (boot_s < LONGEST_S)), message, boot_s)
         return np.round(boot_s + self.offset_s + self.drift * (boot_s - self.at_s), 6)
 
-    def note(self, name: str) -> Check:
+    def note(self, name: str) -> Finding:
         """Return the note on the clock, for the record `name`."""
         finding = (
             f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ....base.errors import InputError, UsageError
-from ....records import Check
+from ....records import Finding
 from .order import note
 from .units import UNITS, unit_factor, unit_name
 
@@ -177,7 +177,7 @@ class Settled(NamedTuple):
 
     units: dict[str, str]
     factors: dict[str, float]
-    notes: tuple[Check, ...]
+    notes: tuple[Finding, ...]
 
 
 def settled_units(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....base.errors import InputError
-from ....records import Check
+from ....records import Finding, Question
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -88,12 +88,12 @@ def note(
     finding: str,
     expected: str = "each stamp once, in order",
     advice: str = "check the logger, or how the file was put together",
-) -> Check:
+) -> Finding:
     """Return a note on what a reader left out or sorted."""
-    return Check(name, finding, expected, "note", advice)
+    return Question(name, expected).note(finding, advice)
 
 
-def open_end(name: str, complete: bool) -> tuple[Check, ...]:
+def open_end(name: str, complete: bool) -> tuple[Finding, ...]:
     """Return the note on a text file whose last line has no end; none where it has.
 
     Such a line may have been cut in a number.
@@ -112,7 +112,7 @@ def open_end(name: str, complete: bool) -> tuple[Check, ...]:
 
 def put_in_order(
     lines: Lines, time: Array, same: Callable[[int, int], bool], name: str
-) -> tuple[Rows | None, tuple[Check, ...]]:
+) -> tuple[Rows | None, tuple[Finding, ...]]:
     """Return the rows to take, in order of time, or None for all as they stand; and the notes.
 
     Parameters

@@ -17,7 +17,7 @@ where the sensor is a little late: all rows are there, and the stamp between is 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....records import Check
+from ....records import Finding
 from .order import note
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ BLOCK = 1 << 14  # stamps that are looked at together, which a processor's cache
 ODD = 1e-3  # share of the stamps that may lie beyond
 
 
-def spread_evenly(time: Array) -> tuple[Array, tuple[Check, ...]]:
+def spread_evenly(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     """Return stamps (n,), s, spread evenly where they are rounded, with the note on it.
 
     Parameters
@@ -69,7 +69,7 @@ def spread_evenly(time: Array) -> tuple[Array, tuple[Check, ...]]:
     return out, (note("IMU rows", finding, "stamps of more digits than the rate needs", advice),)
 
 
-def unrepeated(time: Array) -> tuple[Array, tuple[Check, ...]]:
+def unrepeated(time: Array) -> tuple[Array, tuple[Finding, ...]]:
     """Return stamps (n,), s, without repetitions beside a skipped stamp, and the note on them.
 
     They stay as they are where more repeat than that explains.

@@ -107,7 +107,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....geodesy.frames import geodetic_to_ecef, rotation_en
-from ....records import Array, Check, GnssFixes
+from ....records import Array, Finding, GnssFixes, Question
 from .numbers import CLASSES, MEASURED, CalibrationNumbers
 
 Index = NDArray[np.int64]
@@ -474,7 +474,7 @@ def _note(
     island: NDArray[np.bool_],
     kind: Index,
     model: CalibrationNumbers,
-) -> Check:
+) -> Finding:
     finding, expected = (
         f"{int(fixed.sum() - rejected.sum())} of {int(fixed.sum())} fixed epochs are validated",
         "fixed epochs that others confirm",
@@ -507,11 +507,7 @@ def _note(
             " else shows"
         )
     if not advice:
-        return Check("GNSS covariance", finding, expected)
-    return Check(
-        "GNSS covariance",
-        finding,
-        expected,
-        "note",
-        f"{'; '.join(advice)}; look at the figure of satellites and ratio",
+        return Question("GNSS covariance", expected).ok(finding)
+    return Question("GNSS covariance", expected).note(
+        finding, f"{'; '.join(advice)}; look at the figure of satellites and ratio"
     )

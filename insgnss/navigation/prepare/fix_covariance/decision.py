@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....base.errors import InputError
+from ....base.findings.remedies import joined
 from ....records import GnssFixes
 from .classes import base_distance, calibrate
 from .numbers import CLASSES, MEASURED, CalibrationNumbers, Triple
@@ -116,7 +117,7 @@ def with_calibration(
     distance = base_distance(fixes, fixes.base_ecef)
     calibrated, kind = calibrate(fixes, satellites, distance, None, numbers)
     *before, last = calibrated.notes
-    last = replace(last, advice=f"{last.advice}; {ADVICE}" if last.advice else "")
+    last = replace(last, remedy=joined((last.remedy, ADVICE), "; ") if last.remedy else "")
     counts = {name: int((kind == k).sum()) for k, name in enumerate(CLASSES)}
     return replace(calibrated, notes=(*before, last)), counts
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....records import Check, GnssFixes
+from ....records import GnssFixes, Question
 
 WORTHLESS = 5.0  # times the horizontal sigma of the fixes on both sides
 BESIDE_S = 1.0  # within which these stand: the IMU carries the position from one to the other
@@ -54,7 +54,7 @@ def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> Gns
         return gnss
     statement = f"standard deviations raised: {', '.join(changed)}"
     codes = "of RTKLIB's codes 1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP"
-    note = Check("GNSS quality", statement, codes, "note", "gnss.quality_sigma_m sets them")
+    note = Question("GNSS quality", codes).note(statement, "gnss.quality_sigma_m sets them")
     return replace(gnss, cov_ned=cov, notes=(*gnss.notes, note))
 
 
@@ -93,12 +93,11 @@ def without_worthless(gnss: GnssFixes) -> GnssFixes:
         f" (sigma {np.median(sigma[worthless & (gnss.quality == code)]):.3g} m)"
         for code in np.unique(gnss.quality[worthless])
     )
-    note = Check(
-        "GNSS quality",
+    note = Question(
+        "GNSS quality", f"less than {WORTHLESS:g} times the sigma of the fixes on both sides"
+    ).note(
         f"{kinds} left out: beside those of quality {gnss.quality[usual[0]]}"
         f" ({np.median(sigma[usual]):.3g} m) they say nothing",
-        f"less than {WORTHLESS:g} times the sigma of the fixes on both sides",
-        "note",
         "gnss.quality_sigma_m says what they are worth",
     )
     kept = gnss[~worthless]

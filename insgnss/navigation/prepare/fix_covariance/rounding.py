@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....geodesy.earth import curvature_radii
-from ....records import Array, Check, GnssFixes
+from ....records import Array, GnssFixes, Question
 from ....records.observations import decimal_step
 
 PROBED = 2000  # positions that show the step
@@ -58,12 +58,11 @@ def with_rounding(gnss: GnssFixes) -> GnssFixes:
     if not any(steps):
         return gnss
     shown = " / ".join(f"{100.0 * step:.2g}" for step in steps)
-    note = Check(
-        "GNSS quality",
+    note = Question(
+        "GNSS quality", f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations"
+    ).note(
         f"positions are rounded to steps of {shown} cm (north, east, height), which their standard"
         " deviations do not cover; the rounding was added to them",
-        f"steps below {COUNTS * np.sqrt(12.0):.1g} standard deviations",
-        "note",
         "write the positions with more digits (9 decimals of a degree, millimetres of height)",
     )
     cov = gnss.cov_ned + more[:, :, None] * np.eye(3)

@@ -37,7 +37,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....base.errors import InputError
-from ....records import Array, Check, ImuSamples, Quantity, Verdict
+from ....base.findings.remedies import Step
+from ....records import Array, Finding, ImuSamples, Quantity, Question
 from ..gaps import LACKING, nominal_interval
 from ._kernels import interpolate, running_sum
 from .parity import Parity, parity_of
@@ -74,7 +75,7 @@ class CombinedImu:
         Shares of each in gyro and accelerometer, of sum 1: a process of density q_j in IMU j
         becomes sqrt(sum (weight q_j)^2).
     parity : Parity
-    checks : tuple of Check
+    checks : tuple of Finding
         Of clocks, gaps and parity.
     """
 
@@ -86,7 +87,7 @@ class CombinedImu:
     accel_noise: float
     weight: Array
     parity: Parity
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
 
 
 def combine(
@@ -143,14 +144,12 @@ def combine(
                 f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
                 " used there"
             )
-            verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
             advice = (
                 "its biases come and go with it: leave it out, or cut the flight with start_tow and"
                 " end_tow"
             )
-            checks.append(
-                Check("IMU overlap", finding, "all IMUs over the whole recording", verdict, advice)
-            )
+            overlap = Question("IMU overlap", "all IMUs over the whole recording")
+            checks.append(overlap.against(finding, advice, np.mean(~there[j]) >= MOST_LACKING))
     weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
@@ -312,41 +311,26 @@ class _Track:
         return rates, inside & (breaks[hi] == breaks[lo])
 
 
-def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Check]:
+def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Finding]:
     """Time offset to add to the stamps of `other`, its standard deviation, and the check (K.3).
 
     first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
     deviation is NaN where the rates do not show the offset.
     """
-    check_name, expected = "IMU clocks", "stamps of one clock, to 1 ms"
+    ask = Question("IMU clocks", "stamps of one clock, to 1 ms")
     grid = np.arange(
         max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
     )
     a, b = _grid_rates(first, grid), _grid_rates(other, grid)
     if min(np.mean(a**2), np.mean(b**2)) < max(TURNING**2, 10.0 * noise**2 / SMOOTH_S):
-        return (
-            0.0,
-            np.nan,
-            Check(
-                check_name,
-                f"{name}: the body hardly turns; taken as one clock with the first",
-                expected,
-            ),
-        )
+        finding = f"{name}: the body hardly turns; taken as one clock with the first"
+        return 0.0, np.nan, ask.ok(finding)
     tau, alike = _coarse_offset(a, b)
     if alike < ALIKE:
         finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
-        return (
-            0.0,
-            np.nan,
-            Check(
-                check_name,
-                finding,
-                f"{ALIKE} and more of one body",
-                "contradiction",
-                "check imu.further: file, axes and clock",
-            ),
-        )
+        ask = replace(ask, expected=f"{ALIKE} and more of one body")
+        advice = Step("check {imu.further}: file, axes and clock")
+        return 0.0, np.nan, ask.contradiction(finding, advice)
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
     inside = slice(
         *np.searchsorted(grid, [grid[0] + abs(tau) + SMOOTH_S, grid[-1] - abs(tau) - SMOOTH_S])
@@ -366,11 +350,8 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
         f" {'added' if applied else 'would fit, not added'} to its stamps"
     )
-    return (
-        tau if applied else 0.0,
-        sigma,
-        Check(check_name, finding, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
-    )
+    check = ask.note(finding, when=applied and abs(tau) > 1e-3)
+    return (tau if applied else 0.0), sigma, check
 
 
 def _grid_rates(angles: _Track, grid: Array) -> Array:

@@ -29,7 +29,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ....records import Array, Check, ImuSamples
+from ....records import Array, Finding, ImuSamples, Question
 from ....records.variances import MAD_TO_SIGMA
 from ..gaps import nominal_interval
 
@@ -46,6 +46,7 @@ STUCK_S, STUCK_RATIO = 0.5, 4.0
 SPIKE = 12.0  # robust standard deviations of a sample against its neighbours
 SPIKES = 5
 NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, against the other's
+PARITY = Question("IMU parity", "all pairs agree within their noise")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Parity:
         Difference of response, gyro and accelerometer.
     faulty : int or None
         Index of the faulty IMU; None where none is named.
-    check : Check
+    check : Finding
         The verdict.
     """
 
@@ -77,7 +78,7 @@ class Parity:
     contradicts: NDArray[np.bool_]
     matrix: Array
     faulty: int | None
-    check: Check
+    check: Finding
 
 
 def parity_of(
@@ -147,12 +148,7 @@ def parity_of(
     )
     faulty, check = None, _agreement(level, turned[:, 0], pairs, names)
     if not np.isfinite(ratio).any():
-        check = Check(
-            "IMU parity",
-            "less than two seconds in common",
-            "all pairs agree within their noise",
-            "note",
-        )
+        check = PARITY.note("less than two seconds in common")
     if (contradicts.sum(axis=1) >= WINDOWS).any():
         faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma)
         check = _fault(contradicts, middle, faulty, why, names)
@@ -230,7 +226,7 @@ def _slow(x: Array) -> Array:
 
 def _agreement(
     level: Array, turned: Array, pairs: tuple[tuple[int, int], ...], names: Sequence[str]
-) -> Check:
+) -> Finding:
     """The check where no pair contradicts.
 
     level : (p, 2) of q. turned : (p,) rad, of one IMU's axes against the other's.
@@ -240,20 +236,14 @@ def _agreement(
         f"pairs differ by {worst[0]:.1f} (gyro) and {worst[1]:.1f} (accelerometer) times their"
         " noise at most"
     )
-    expected = "all pairs agree within their noise"
     if turned[k] < TURN_NOTE:
-        return Check("IMU parity", finding, expected)
+        return PARITY.ok(finding)
     finding += (
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
-    return Check(
-        "IMU parity",
-        finding,
-        expected,
-        "note",
-        "a calibration file with a common reference for both takes it off",
-    )
+    advice = "a calibration file with a common reference for both takes it off"
+    return PARITY.note(finding, advice)
 
 
 def _vote(
@@ -362,7 +352,7 @@ def _fault(
     faulty: int | None,
     why: str,
     names: Sequence[str],
-) -> Check:
+) -> Finding:
     bad = np.flatnonzero(contradicts.any(axis=0))
     span = (
         f"{bad.size} of {contradicts.shape[1]} seconds contradict, from {middle[bad[0]]:.1f} to"
@@ -370,10 +360,6 @@ def _fault(
     )
     who = f"one of {', '.join(names)} is faulty" if faulty is None else f"{names[faulty]} is faulty"
     advice = "process each alone and compare" if faulty is None else f"leave {names[faulty]} out"
-    return Check(
-        "IMU parity",
-        f"{who}: {why}; {span}",
-        "all pairs agree within their noise",
-        "contradiction",
-        advice,
+    return Question("IMU parity", "all pairs agree within their noise").contradiction(
+        f"{who}: {why}; {span}", advice
     )

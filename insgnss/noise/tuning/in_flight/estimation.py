@@ -187,8 +187,7 @@ def _read(flight: Flight) -> Recording:
         if check.verdict == "contradiction" and check.name not in flight.accept
     ]
     if bad:
-        remark = f'; accept = ["{bad[0].name}"] in the flight file overrules'
-        raise refusal(flight, bad[0], remark)
+        raise refusal(flight, bad[0], overruled=[bad[0].name])
     return replace(recording, cameras=())
 
 

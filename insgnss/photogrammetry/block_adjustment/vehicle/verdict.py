@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ....base.findings import Finding, ranked
 from ....base.wording import first_of
 from ....records.block import Array
-from ....report.rules.wording import Limit, lengths, screen_unit
+from ....report.rules.wording import lengths
 from ...adjust.groups import Rescaled
 from ...adjust.kinematic import (
     CLOCK,
@@ -133,7 +134,7 @@ def _parameters(vehicle: Vehicle, precision: Precision) -> Iterator[tuple[str, d
         )
 
 
-def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def left_out(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Say which measurements of the target do not fit, and that they are too many.
 
     Parameters
@@ -143,7 +144,7 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
     Yields
     ------
-    Limit
+    Finding
         The finding.
     """
     own = figures["vehicle"]
@@ -155,14 +156,14 @@ def left_out(figures: Mapping[str, Any]) -> Iterator[Limit]:
     share = k / n
     text = f"{k} of {n} measurements of the vehicle's target do not fit and were left out: {some}"
     if k > 1 and share > MANY_LEFT_OUT:
-        yield Limit(KINEMATIC, DISCONNECTED * share + 1.0, text)
+        yield ranked(KINEMATIC, DISCONNECTED * share + 1.0, text)
     else:
-        yield Limit(
+        yield ranked(
             KINEMATIC, 0.6, text, "see these images: another target, a shadow, a wrong name"
         )
 
 
-def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
+def few_sizes(figures: Mapping[str, Any]) -> Iterator[Finding]:
     """Say that sizes of the target are all off by one factor, where they are.
 
     Parameters
@@ -172,7 +173,7 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
 
     Yields
     ------
-    Limit
+    Finding
         The finding.
     """
     own = figures["vehicle"]
@@ -183,47 +184,13 @@ def few_sizes(figures: Mapping[str, Any]) -> Iterator[Limit]:
     if len(share) < 5 or abs(np.median(off)) < 3.0:
         return
     middle = float(np.median(share))
-    yield Limit(
+    yield ranked(
         SIZES,
         float(abs(np.median(off))) / 3.0,
         f"the target looks {100 * middle:+.1f} % larger than vehicle.size_m in the middle of"
         f" {len(share)} images",
         "give its diameter, or estimate it with vehicle.size_sigma_m",
     )
-
-
-def determined_of(
-    figures: Mapping[str, Any], limits: tuple[float, float]
-) -> Iterator[tuple[str, str, str]]:
-    """Say of each unknown of the vehicle whether the block determines it.
-
-    Parameters
-    ----------
-    figures : mapping
-        Figures of the block.
-    limits : tuple of float
-        Of its standard deviation before: below the first it is determined, above the second not.
-
-    Yields
-    ------
-    tuple of str
-        Its name, a verdict, and its value with standard deviation.
-    """
-    if figures["vehicle"] is None:
-        return
-    for name, own in figures["vehicle"]["parameters"].items():
-        factor, unit = screen_unit(own["unit"])
-        for axis, value, sigma, before in zip(
-            AXES[name], own["value"], own["sigma"], own["sigma_before"], strict=True
-        ):
-            ratio = sigma / before
-            word = "determined" if ratio < limits[0] else "improved"
-            yield (
-                f"{name} {axis}".strip(),
-                "not determined" if ratio > limits[1] else word,
-                f"{factor * value:+.3g} {unit}, sigma {factor * sigma:.2g} (before"
-                f" {factor * before:.2g})",
-            )
 
 
 def remedy(vehicle: Vehicle | None, key: Key, value: Array, sigma: Array) -> str:
