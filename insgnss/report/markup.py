@@ -1,4 +1,4 @@
-"""Pieces of HTML: escaped text, tables, values of three axes."""
+"""Pieces of HTML: escaped text, tables, the frame of a page."""
 
 import html
 import re
@@ -19,12 +19,12 @@ _POLICY = (
 )
 
 
-def document(
+def whole_page(
     title: str,
     headline: str,
     mood: str,
     body: Iterable[str],
-    heading: str | None = None,
+    heading: str = "",
     charts: Sequence[Chart] = (),
     report_sha256: str = "",
 ) -> Iterator[str]:
@@ -103,11 +103,6 @@ def with_contents(body: str, short: Mapping[str, str]) -> str:
     return f'<nav class="contents" aria-label="contents">{"".join(entries)}</nav>\n{body}'
 
 
-def explained(term: str, meaning: str) -> str:
-    """A term that says on pointing at it what it means."""
-    return f'<abbr title="{escape(meaning)}">{escape(term)}</abbr>'
-
-
 def escape(value: object) -> str:
     """Text without meaning to HTML."""
     return html.escape(str(value))
@@ -143,12 +138,3 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
 def folded(title: str, content: str) -> str:
     """Content behind a line that opens it."""
     return f"<details><summary>{escape(title)}</summary>\n{content}</details>\n"
-
-
-def three(values: Sequence[float | None] | None, form: str) -> str:
-    """Values of the axes, one beside the other; a dash for what is not determined."""
-    return (
-        "–"
-        if values is None
-        else " / ".join("–" if v is None else format(v, f"z{form}") for v in values)
-    )

@@ -18,7 +18,8 @@ from ..base.inputs import sha256
 from ..base.provenance import circumstances
 from ..records import Check
 from .charts.chart import Chart
-from .markup import charted, document, escape, folded, sentence, table, with_contents
+from .markup import charted, escape, folded, sentence, table, with_contents
+from .markup import whole_page as document
 
 MOST_ROWS = 20  # of a table that is not folded
 

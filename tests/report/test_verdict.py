@@ -10,13 +10,13 @@ import pytest
 
 from insgnss.records import Check, MeanResidual, StateVerdict, TimeCorrelatedError
 from insgnss.records.cameras.mounting import boresight_from_angles
-from insgnss.report.mood import mood
 from insgnss.report.rules.verdict import (
     MOST_SENTENCES,
     NOTHING_IN_THE_DATA,
     NOTHING_STANDS_OUT,
 )
 from insgnss.report.summary import run_summary
+from insgnss.report.verdict import run_verdict
 
 START = 205200.0
 STANDING = {"name": "laser", "gnss": {"stationary": [60.0, 8.0, 400.0]}}
@@ -267,7 +267,7 @@ def test_a_lever_arm_far_from_its_statement_leaves_the_images_in_doubt(
     flight = {"name": "f", "mounting": mounting, "filter": options}
     s = run(diagnostics(states=states), eo(), flight)
     assert ("the place of the images is in doubt" in s["headline"]) == doubtful
-    assert (mood(s)[0] == "doubtful") == doubtful
+    assert (run_verdict(s)[0] == "doubtful") == doubtful
     if doubtful:
         limit = said(s, "lever arm")
         assert limit["rank"] > 2.0

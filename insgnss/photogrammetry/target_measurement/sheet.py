@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...base.files import atomic_write
-from ...report.markup import document, escape, sentence
+from ...report.markup import escape, sentence, whole_page
 from .inputs import Inputs
 from .windows import Window
 
@@ -49,7 +49,7 @@ def write_sheet(
         The file, written whole or not at all.
     """
     title = f"{inputs.request.ground.name}: targets in images"
-    atomic_write(path, document(title, headline, mood, _body(inputs, windows, notes)))
+    atomic_write(path, whole_page(title, headline, mood, _body(inputs, windows, notes)))
 
 
 def _body(inputs: Inputs, windows: Sequence[Window], notes: Sequence[str]) -> Iterator[str]:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from insgnss.records import Check, MeanResidual
-from insgnss.report.mood import mood
+from insgnss.report.verdict import run_verdict
 
 
 def test_a_good_flight_says_what_is_good(diagnostics, eo, summary) -> None:
     """Oracle: by hand."""
-    verdict, reason = mood(summary(diagnostics(), eo()))
+    verdict, reason = run_verdict(summary(diagnostics(), eo()))
     assert verdict == "good"
     assert "no check found a contradiction" in reason
 
@@ -26,7 +26,7 @@ def test_every_bad_mood_has_the_reason_with_its_number(diagnostics, eo, summary)
         "2.0 times as large as their sigmas": diagnostics(2.0),
     }
     for words, d in cases.items():
-        verdict, reason = mood(summary(d, eo()))
+        verdict, reason = run_verdict(summary(d, eo()))
         assert verdict == "bad"
         assert words in reason
 
@@ -34,7 +34,7 @@ def test_every_bad_mood_has_the_reason_with_its_number(diagnostics, eo, summary)
 def test_a_doubtful_mood_names_what_stands_out(diagnostics, eo, summary) -> None:
     """Oracle: the list of limits; their number of rank one and more, and the first topic."""
     s = summary(diagnostics(0.5), eo(0.31))
-    verdict, reason = mood(s)
+    verdict, reason = run_verdict(s)
     standing_out = [limit for limit in s["limits"] if limit["rank"] >= 1.0]
     assert verdict == "doubtful"
     assert reason.startswith(f"{len(standing_out)} figure")
@@ -44,4 +44,4 @@ def test_a_doubtful_mood_names_what_stands_out(diagnostics, eo, summary) -> None
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
 def test_every_reason_ends_without_full_stop(diagnostics, eo, summary, scale: float) -> None:
     """Oracle: the page puts it."""
-    assert not mood(summary(diagnostics(scale), eo()))[1].endswith(".")
+    assert not run_verdict(summary(diagnostics(scale), eo()))[1].endswith(".")
