@@ -37,7 +37,7 @@ from .markup import (
 from .rules.wording import Limit
 from .verdict import Verdict
 
-WIDTH = 110  # most characters of a line: 110, because wider ones wrap in usual terminal windows
+WIDTH = 110  # most characters of a row of a table: 110, because usual terminals wrap wider ones
 LEAST_WIDTH = 40  # least characters of the last column: 40, because narrower ones are hard to read
 MOST_ROWS = 20  # most rows of a table that is not folded: 20, because more fill a screen
 PLAIN = str.maketrans({"±": "+-", "–": "-"})  # consoles of all encodings have these
@@ -165,7 +165,7 @@ class Section:
                 yield from part.lines()
             elif isinstance(part, str):
                 text = f"{part}; {part.help}" if isinstance(part, Marked) and part.help else part
-                yield from wrapped(text)
+                yield text.translate(PLAIN)
 
 
 FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
@@ -337,14 +337,6 @@ def pairs(title: str, of: Mapping[str, object]) -> Section:
 def strong(text: str, is_strong: bool) -> str:
     """Return a cell that stands out where `is_strong`."""
     return Marked(text, "strong") if is_strong else text
-
-
-def wrapped(text: str) -> list[str]:
-    """Return a sentence in lines that a terminal holds, further lines indented."""
-    plain = text.translate(PLAIN)
-    return textwrap.wrap(
-        plain, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-    )
 
 
 def _paragraph(text: str) -> bool:

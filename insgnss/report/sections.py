@@ -127,7 +127,12 @@ def fixes_by_line(s: Summary) -> Section:
         )
         for line in (lines if any(line["fixes"] for line in lines) else ())
     ]
-    head: tuple[str, ...] = ("Line", "fixes used", "rejected", Marked("fixed / float, %", tip=FIXED))
+    head: tuple[str, ...] = (
+        "Line",
+        "fixes used",
+        "rejected",
+        Marked("fixed / float, %", tip=FIXED),
+    )
     head += ("satellites (least)", Marked("PDOP (largest)", tip=PDOP))
     head += ("mean innovation N / E / D, mm", "sigma of one, mm")
     stated = [k for k in range(len(head)) if any(row[k] not in ("–", "– / –") for row in rows)]

@@ -10,7 +10,6 @@ adjust.json   everything that was found
 adjust.html   the page
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import InputError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write
 from ...base.inputs import sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, paths_named_by
@@ -35,10 +34,11 @@ from ...io.formats.orientation.pose_covariance import FILE as COVARIANCE
 from ...io.formats.orientation.pose_covariance import write_pose_covariance
 from ...records import ExteriorOrientation
 from ...records.block import INTERIOR, Array, BrownCamera, InteriorCovariance
+from ...report.document import write_with_page
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from ..adjust.unknowns import CAMERA, POSE
 from .judgement import Judgement
-from .page import write_page
+from .page import charts_of, document_of
 from .processed import processed_with
 from .solve import Solved
 
@@ -85,9 +85,8 @@ def written(
         start = file.path.absolute().parent
         figures |= made_from(_input_files(solved), into / DOCUMENT, [*into.iterdir()], start)
         figures["products"] = sorted([*(entry.name for entry in into.iterdir()), DOCUMENT, PAGE])
-        document = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(into / DOCUMENT, document + "\n")
-        write_page(into / PAGE, solved, figures, judgement, document + "\n")
+        page = document_of(solved, figures, judgement, charts_of(solved, figures, judgement))
+        write_with_page(page, figures, into / DOCUMENT, into / PAGE)
         files = staging.goals()
         _refuse_overwriting(solved, files)
     return files
