@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..base.files import json_ready
-from .console import Parser, Progress
+from .console import Parser, Progress, fitted
 
 
 class Result(Protocol):
@@ -86,7 +86,7 @@ def show(
     if options.json:
         print_json(document())
     else:
-        print(summary())
+        print(fitted(summary(), None if sys.stdout.isatty() else 0))
     return 0
 
 

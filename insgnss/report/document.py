@@ -168,6 +168,7 @@ class Section:
                 yield text.translate(PLAIN)
 
 
+MARKS = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 FEW = 3  # most remarks that are not folded: 3, because they do not hide what stands below them
 
 
@@ -301,10 +302,18 @@ def checked(checks: Iterable[Check], title: str = "Checks") -> Section:
     """
     rows = []
     for c in checks:
-        text = f"{c.found} (expected: {c.expected})" if c.expected else c.found
-        says = f"{text}; {c.advice}" if c.advice else text
+        says = f"{c.found}; {c.advice}" if c.advice else c.found
+        says += f" (expected: {c.expected})" if c.expected else ""
         rows.append((c.name, Marked(c.verdict, c.verdict), says))
-    return Section(title, [Table(rows, ("check", "verdict", "found"))])
+    return Section(title, [_Checks(rows, ("check", "verdict", "found"), name="checks")])
+
+
+class _Checks(Table):
+    """The table of checks; on the terminal a sentence a check."""
+
+    def lines(self) -> Iterator[str]:
+        """Yield the verdict and the check in one line each."""
+        return (f"{MARKS[verdict]}  {name}: {says}" for name, verdict, says in self.rows)
 
 
 def limited(limits: Iterable[Limit], worst: str = "") -> list[Marked]:
@@ -350,7 +359,7 @@ def _block(part: "str | Table | Drawing") -> str:
     if isinstance(part, Drawing):
         return part.html
     assert isinstance(part, Marked)
-    return f'<p class="{part.kind}">{escape(sentence(part))}</p>\n'
+    return f'<p class="{part.kind}">{_escaped(sentence(part))}</p>\n'
 
 
 def _listed(texts: Iterable[Any]) -> str:
@@ -358,15 +367,20 @@ def _listed(texts: Iterable[Any]) -> str:
     items = []
     for text in texts:
         marked = text if isinstance(text, Marked) else Marked(text)
-        more = f' <span class="help">{escape(sentence(marked.help))}</span>' if marked.help else ""
-        kind = f' class="{marked.kind}"' if marked.kind else ""
-        items.append(f"<li{kind}>{escape(sentence(text))}{more}</li>\n")
+        said = _escaped(sentence(text))
+        if marked.help:
+            said += f' <span class="help">{_escaped(sentence(marked.help))}</span>'
+        items.append(f'<li class="{marked.kind}">{said}</li>\n'.replace(' class=""', "", 1))
     return f"<ul>\n{''.join(items)}</ul>\n" if items else ""
+
+
+def _escaped(text: str) -> str:
+    return escape(text.replace("+-", "±"))
 
 
 def _inline(cell: str) -> str:
     """Return a cell as HTML."""
-    text = escape(cell)
+    text = _escaped(cell)
     if not isinstance(cell, Marked):
         return text
     if cell.link:

@@ -9,7 +9,7 @@ from ..estimation.estimates import Estimate
 from ..estimation.gmwm import Fit
 from ..moments.theory import haar_variance_parts
 from .fits import Tuned, TuneData
-from .products.table import summary
+from .products.page import static_document
 from .recordings import AXES, StaticRecording
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ class TuneResult(TuneData):
     """The result of a tuning with its texts."""
 
     def summary(self) -> str:
-        """The table that a person reads."""
-        return summary(self)
+        """Return the text for the terminal."""
+        return static_document(self).text()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....base.files import json_ready
 from .data import FlightTuningData
-from .words import summary
+from .words import flight_document
 
 if TYPE_CHECKING:
     from ....navigation.innovations.innovation_noise import Innovations
@@ -19,8 +19,8 @@ class FlightTuning(FlightTuningData):
     """What a flight says of its noise, with its texts."""
 
     def summary(self) -> str:
-        """Return the text that a person reads."""
-        return summary(self)
+        """Return the text for the terminal."""
+        return flight_document(self).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return a JSON-able document."""

@@ -12,10 +12,10 @@ from .table import duration
 from .words import FITS, goodness_p
 
 if TYPE_CHECKING:
-    from ..result import Tuned, TuneResult
+    from ..fits import Tuned, TuneData
 
 
-def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
+def sensor_chart(result: "TuneData", sensor: str) -> Chart | None:
     """Chart of a sensor, None where it was not tuned."""
     tuned = [t for t in result.tuned if t.sensor == sensor]
     if not tuned:
@@ -23,7 +23,7 @@ def sensor_chart(result: "TuneResult", sensor: str) -> Chart | None:
     return noise_chart(cast(Sensor, sensor), [_panel(t, result.recordings) for t in tuned])
 
 
-def sensor_words(result: "TuneResult", sensor: str) -> tuple[str, str]:
+def sensor_words(result: "TuneData", sensor: str) -> tuple[str, str]:
     """The verdict on a sensor in a few words, and what it is of."""
     tuned = [t for t in result.tuned if t.sensor == sensor]
     off = [t for t in tuned if goodness_p(t) < FITS]
@@ -44,7 +44,7 @@ def sensor_words(result: "TuneResult", sensor: str) -> tuple[str, str]:
     return f"{NAMES[cast(Sensor, sensor)]}: {title}", f"{several}, {length}{levels}"
 
 
-def sensor_figure(result: "TuneResult", sensor: str) -> bytes:
+def sensor_figure(result: "TuneData", sensor: str) -> bytes:
     """PNG of a sensor, empty where it was not tuned."""
     from ....report.charts.drawn import draw_sheet
 

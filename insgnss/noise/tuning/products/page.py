@@ -1,92 +1,80 @@
-"""The page of a tuning on static recordings: verdicts, deviations, parameters, recordings."""
+"""What a tuning on static recordings says: verdicts, deviations, parameters, recordings."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ....report.verb_page import VerbPage, checks_table, listed, tabulated
+from ....report.charts.chart import Chart
+from ....report.document import Document, Section, Table, checked
+from ....report.verdict import Verdict, worst_of
 from ...estimation.goodness import p_text
 from ..options import TuneOptions
 from ..recordings import SENSORS
-from .figures import sensor_chart, sensor_words
+from .figures import sensor_words
 from .table import duration, interval, kind_of, symbol, unit_text, value_text
 from .words import FITS, goodness_p, sentences, trends
 
 if TYPE_CHECKING:
-    from ..fits import Tuned
-    from ..result import TuneResult
+    from ..fits import Tuned, TuneData
 
 
-def static_page(result: "TuneResult", twin: str) -> VerbPage:
-    """Return the page of a tuning.
+def static_document(result: "TuneData", charts: Sequence[Chart] = ()) -> Document:
+    """Return what a tuning says.
 
     Parameters
     ----------
-    result : TuneResult
+    result : TuneData
         With the names of its files.
-    twin : str
-        Text of the table for machines.
-
-    Returns
-    -------
-    VerbPage
-        With a chart a sensor.
+    charts : sequence of Chart
+        A chart a sensor, for the page.
     """
-    sensors = [sensor for sensor in SENSORS if any(t.sensor == sensor for t in result.tuned)]
-    charts = [chart for s in sensors if (chart := sensor_chart(result, s)) is not None]
-    words = [sensor_words(result, sensor) for sensor in sensors]
-    mood, why = _mood(result)
-    usual = asdict(TuneOptions())
-    changed = {key: value for key, value in asdict(result.options).items() if value != usual[key]}
-    return VerbPage(
+    recordings, usual = result.recordings, asdict(TuneOptions())
+    by_sensor = {s: [t for t in result.tuned if t.sensor == s] for s in SENSORS}
+    by_sensor = {sensor: tuned for sensor, tuned in by_sensor.items() if tuned}
+    remarks = [f"{t.name}: {text}" for t in result.tuned for text in sentences(t, recordings)]
+    for sensor, tuned in by_sensor.items():
+        remarks += trends(sensor, tuned, recordings)
+    head = ("axes", "parameter", "estimate", "unit", "95 % interval", "J test")
+    rows = [row for t in result.tuned for row in _rows(t)]
+    lengths = [
+        f"{r.name}: {r.source.samples} samples at {r.source.sampling_rate_hz:g} Hz,"
+        f" {duration(r.length_s)}"
+        for r in recordings
+    ]
+    return Document(
         f"{result.files[0].stem if result.files else 'noise'}: noise of an IMU at rest",
-        "; ".join(f"{title} ({of})" for title, of in words),
-        mood,
-        why,
-        charts,
-        parts=tuple(_parts(result, sensors)),
-        hashes={r.source.file: r.source.sha256 for r in result.recordings},
-        settings=changed,
-        twin=twin,
+        "; ".join("{} ({})".format(*sensor_words(result, sensor)) for sensor in by_sensor),
+        _verdict(result),
+        (
+            *charts,
+            Section("Parameters, each with its standard error", [Table(rows, head)]),
+            Section("What is to be said of it", [*remarks, *result.turn_on, *result.notes]),
+            Section("Recordings", lengths),
+            checked(check for r in recordings for check in r.checks),
+        ),
+        hashes={r.source.file: r.source.sha256 for r in recordings},
+        settings={k: value for k, value in asdict(result.options).items() if value != usual[k]},
+        files=result.files,
     )
 
 
-def _mood(result: "TuneResult") -> tuple[str, str]:
-    """Return the colour of the bar, and why it has it."""
+def _verdict(result: "TuneData") -> Verdict:
+    """Return how far the models explain the recordings."""
     tested = [t for t in result.tuned if math.isfinite(goodness_p(t))]
-    off = [t for t in tested if goodness_p(t) < FITS]
-    by_chance = f"by chance one in {1.0 / FITS:.0f} does"
-    if off:
-        names = ", ".join(t.name for t in off)
-        return "doubtful", (
-            f"the J test contradicts {len(off)} of {len(tested)} models ({names}; {by_chance});"
-            " below it is said by how much of the deviation"
+    good = f"the J test contradicts none of {len(tested)} models"
+    if not tested:
+        good = "every axis has a model; none has so many scales that it could be tested"
+    doubtful = []
+    if misfits := [t.name for t in tested if goodness_p(t) < FITS]:
+        doubtful.append(
+            f"the J test contradicts {len(misfits)} of {len(tested)} models ({', '.join(misfits)};"
+            f" by chance one in {1.0 / FITS:.0f} does); below it is said by how much of the"
+            " deviation"
         )
     if result.model is None:
-        return "doubtful", "no noise model was written: a sensor or an axis is missing"
-    if not tested:
-        return "good", "every axis has a model; none has so many scales that it could be tested"
-    return "good", f"the J test contradicts none of {len(tested)} models"
-
-
-def _parts(result: "TuneResult", sensors: list[str]) -> Iterator[str]:
-    head = ("axes", "parameter", "estimate", "unit", "95 % interval", "J test")
-    rows = [row for t in result.tuned for row in _rows(t)]
-    yield tabulated("Parameters", rows, head)
-    remarks = [
-        f"{t.name}: {text}" for t in result.tuned for text in sentences(t, result.recordings)
-    ]
-    for sensor in sensors:
-        tuned = [t for t in result.tuned if t.sensor == sensor]
-        remarks += trends(sensor, tuned, result.recordings)
-    yield listed("What is to be said of it", [*remarks, *result.turn_on, *result.notes])
-    lengths = [
-        (r.name, str(r.source.samples), f"{r.source.sampling_rate_hz:g}", duration(r.length_s))
-        for r in result.recordings
-    ]
-    yield tabulated("Recordings", lengths, ("file", "samples", "Hz", "length"), numbers=True)
-    yield checks_table([check for r in result.recordings for check in r.checks])
+        doubtful.append("no noise model was written: a sensor or an axis is missing")
+    return worst_of(good, doubtful)
 
 
 def _rows(t: "Tuned") -> Iterator[tuple[str, ...]]:
@@ -95,6 +83,6 @@ def _rows(t: "Tuned") -> Iterator[tuple[str, ...]]:
     test = p_text(p) if math.isfinite(p) else "no test"
     for e in t.inference.estimates:
         name = f"{symbol(e.name)} {kind_of(e.name).replace('_', ' ')}"
-        estimate = value_text(t.sensor, e).replace("+-", "±")
+        estimate = value_text(t.sensor, e)
         unit = unit_text(t.sensor, e.name)
         yield (t.name, name, estimate, unit, interval(t.sensor, e), test)
