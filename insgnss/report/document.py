@@ -284,10 +284,20 @@ def write_with_page(
     json_file, page : Path
         The files; each appears whole or not at all.
     """
-    ready = json_ready(dict(numbers))
-    twin = json.dumps(ready, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    twin = json_text(numbers)
     atomic_write(page, document.html(twin_sha256=text_sha256(twin)))
     atomic_write(json_file, twin)
+
+
+def write_json(path: Path, numbers: Mapping[str, Any]) -> None:
+    """Write what a verb found as a JSON file, whole or not at all."""
+    atomic_write(path, json_text(numbers))
+
+
+def json_text(numbers: Mapping[str, Any]) -> str:
+    """Return the text of a JSON file."""
+    ready = json_ready(dict(numbers))
+    return json.dumps(ready, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def checked(checks: Iterable[Check], title: str = "Checks") -> Section:

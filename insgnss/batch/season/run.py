@@ -15,7 +15,7 @@ from ...base.output.staging import together
 from ...base.wording import relative
 from .forecast import PROGRAM_BYTES
 from .gathering import SeasonFlight, gather, refuse_shared_outputs
-from .page import SeasonPage, is_ours
+from .page import is_ours, page_html, season_document
 from .pool import processors, run_alone, run_side_by_side
 from .row import COLUMNS, Row, with_own_names
 from .tables import HEAD, csv_text, parquet_bytes, refuse_without_parquet
@@ -101,14 +101,9 @@ class SeasonResult:
         return 0 if not codes else codes.pop() if len(codes) == 1 else MIXED
 
     def summary(self) -> str:
-        """Return a few lines for the terminal."""
-        broken = [one for one in self.outcomes if one.status == FAILED]
-        lines = [f"{self.headline}, in {duration(self.seconds)}"]
-        lines += [f"failed: {one.name}: {one.reason}" for one in broken]
-        lines += [f"kept: {o.name}: {o.reason}" for o in self.outcomes if o.is_changed]
-        lines += [trend.sentence() for trend in self.trends if trend.odd]
-        lines += [f"wrote {file}" for file in self.files]
-        return "\n".join(lines)
+        """Return the text for the terminal."""
+        said = f"{self.headline}, in {duration(self.seconds)}"
+        return season_document(self.rows, self.trends, said, files=self.files).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -319,14 +314,14 @@ def _written(request: SeasonRequest, outcomes: Sequence[Outcome], seconds: float
     directory = request.directory
     rows = tuple(_relative(row, directory) for row in with_own_names([o.row for o in outcomes]))
     found_trends = tuple(trends(rows))
-    settings = [("flights", " ".join(request.sources))]
-    settings += [("scheduler", request.scheduler)] if request.scheduler else []
-    page = SeasonPage(rows, found_trends, headline(outcomes), settings)
+    settings = {"flights": " ".join(request.sources)}
+    settings |= {"scheduler": request.scheduler} if request.scheduler else {}
+    document = season_document(rows, found_trends, headline(outcomes), settings)
     files = [directory / TABLE, directory / PAGE]
     with together() as staging:
         into = staging.tree(directory)
         atomic_write(into / TABLE, csv_text(rows))
-        atomic_write(into / PAGE, page.html())
+        atomic_write(into / PAGE, page_html(document))
         if request.parquet:
             atomic_write(into / PARQUET, parquet_bytes(rows))
             files.append(directory / PARQUET)

@@ -89,10 +89,10 @@ class Outcome:
         """Why it failed, or what limits it; empty of a good flight."""
         return str(self.row.get("reason") or "")
 
-    @property
-    def is_changed(self) -> bool:
-        """Whether it was kept although somebody changed its products."""
-        return self.status == KEPT and self.reason.startswith(CHANGED)
+
+def is_changed(row: Row) -> bool:
+    """Whether a flight was kept although somebody changed its products."""
+    return row["status"] == KEPT and str(row.get("reason") or "").startswith(CHANGED)
 
 
 Tell = Callable[[Outcome], None]

@@ -1,6 +1,5 @@
 """The two jobs of `insgnss targets`: predict and measure."""
 
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -11,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, UsageError
-from ...base.files import atomic_write, json_ready
+from ...base.files import atomic_write
 from ...base.output.staging import together
 from ...base.provenance import made_from, paths_named_by, refuse_other_results
+from ...report.document import Document, Section, write_json
+from ...report.verdict import worst_of
 from ..targets.measurement import Rules
 from .inputs import Inputs, inputs_of
 from .photographs import Photographs, photographs_in
 from .products import PREDICTIONS, write_measured, write_predictions, write_rejected
 from .products import REJECTED as REJECTED_TABLE
 from .request import DIRECTORY, Request
-from .sheet import PAGE, write_sheet
+from .sheet import PAGE, sheet_sections
 from .trials import advice
 from .windows import Window, windows_of
 
@@ -58,9 +59,13 @@ class PredictionResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        lines = [str(self.figures["headline"])]
-        lines += [f"note: {note}" for note in self.figures["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+        return Document(
+            "targets in images",
+            self.figures["headline"],
+            worst_of("this is where to expect them, before anything is measured"),
+            (Section("Notes", self.figures["notes"]),),
+            files=self.files,
+        ).text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -93,11 +98,8 @@ class MeasurementResult:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        lines = [str(self.figures["headline"])]
-        reasons: Mapping[str, int] = self.figures["rejected_by"]
-        lines += [f"  {count} rejected: {reason}" for reason, count in reasons.items()]
-        lines += [f"note: {note}" for note in self.figures["notes"]]
-        return "\n".join([*lines, *(f"wrote {file}" for file in self.files)])
+        found = document_of(self.inputs, self.figures, self.refusal, files=self.files)
+        return found.text()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
@@ -176,8 +178,7 @@ def predict_targets(
             write_predictions(inputs, table)
             document = table.with_suffix(".json")
             figures |= made_from(paths_named_by(request), document, [table])
-            text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-            atomic_write(document, text + "\n")
+            write_json(document, figures)
             for new, goal in () if force else staging.changed():
                 _refuse_foreign(new, goal)
         files = (path, path.with_suffix(".json"))
@@ -408,20 +409,55 @@ def _written(
         if refusal is None:
             figures["notes"] += write_measured(inputs, windows, into)
         write_rejected(inputs, windows, into / REJECTED_TABLE)
-        rejected = figures["windows"] - figures["measured"]
-        mood = "bad" if refusal else "good" if not rejected else "doubtful"
-        headline = f"{figures['headline']}{': no observations are written' if refusal else ''}"
-        write_sheet(inputs, windows, headline, mood, figures["notes"], into / PAGE)
+        sheet = tuple(sheet_sections(inputs, windows))
+        page = document_of(inputs, figures, refusal, sheet)
+        atomic_write(into / PAGE, page.html())
         seen = np.unique(inputs.predictions.image[[w.row for w in windows]])
         looked = [photographs.files[k] for k in seen.tolist()]
         own = (*paths_named_by(inputs.request), *(path for path in looked if path is not None))
         figures |= made_from(own, into / DOCUMENT, [*into.iterdir()])
         figures["products"] = sorted([*(p.name for p in into.iterdir()), DOCUMENT])
-        text = json.dumps(json_ready(figures), indent=1, allow_nan=False, ensure_ascii=False)
-        atomic_write(into / DOCUMENT, text + "\n")
+        write_json(into / DOCUMENT, figures)
         files = staging.goals()
         _refuse_overwriting(inputs.request, files)
     return files
+
+
+def document_of(
+    inputs: Inputs,
+    figures: Mapping[str, Any],
+    refusal: DataError | None,
+    sheet: Sequence[Section] = (),
+    files: Sequence[Path] = (),
+) -> Document:
+    """Return what a measurement of targets says, with its contact sheet.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        The flight and its ground points.
+    figures : mapping
+        What targets.json holds.
+    refusal : DataError or None
+        Why no observations are written.
+    sheet : sequence of Section
+        The contact sheet, for the page.
+    files : sequence of Path
+        What was written.
+    """
+    reasons = [f"{count} rejected: {reason}" for reason, count in figures["rejected_by"].items()]
+    return Document(
+        f"{inputs.request.ground.name}: targets in images",
+        f"{figures['headline']}{': no observations are written' if refusal else ''}",
+        worst_of("every target was measured", reasons, [str(refusal)] if refusal else []),
+        (
+            Section("Rejected", reasons),
+            Section("Notes", figures["notes"]),
+            *sheet,
+        ),
+        [inputs.request.eo, inputs.request.ground],
+        files=files,
+    )
 
 
 def _refuse_overwriting(request: Request, goals: Sequence[Path]) -> None:
