@@ -98,6 +98,11 @@ def json_ready(value: Any) -> Any:
     return json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)
 
 
+def picked(of: object, *names: str) -> dict[str, Any]:
+    """Return attributes of a record by name, as its JSON has them."""
+    return {name: getattr(of, name) for name in names}
+
+
 def is_pattern(name: str | Path) -> bool:
     """Return whether a path is one of several files: it has * or ? and is no file itself."""
     return any(sign in str(name) for sign in "*?") and not Path(name).is_file()

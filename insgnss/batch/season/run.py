@@ -10,7 +10,7 @@ from typing import Any
 
 from ...base.ahead import compile_ahead
 from ...base.errors import InsgnssError, UsageError
-from ...base.files import atomic_write
+from ...base.files import atomic_write, picked
 from ...base.output.staging import together
 from ...base.wording import relative
 from .forecast import PROGRAM_BYTES
@@ -108,16 +108,14 @@ class SeasonResult:
     def as_dict(self) -> dict[str, Any]:
         """Return the document for machines."""
         return {
-            "headline": self.headline,
-            "exit_code": self.exit_code,
+            **picked(self, "headline", "exit_code", "seconds"),
             "flights": list(self.rows),
             "trends": [
                 {
-                    "equipment": t.equipment,
+                    **picked(t, "equipment", "finding"),
                     "constant": t.quantity.name,
                     "unit": t.quantity.unit,
                     "flights": int(t.days.size),
-                    "finding": t.finding,
                     "per_day": t.slope,
                     "per_day_sigma": t.slope_sigma,
                     "chi_square_per_dof": t.chi_square,
@@ -126,7 +124,6 @@ class SeasonResult:
                 for t in self.trends
             ],
             "files": [str(file) for file in self.files],
-            "seconds": self.seconds,
         }
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.files import picked
 from ...base.units import STANDARD_GRAVITY
 from ...navigation.prepare.calibration import ImuCalibration, TriadCalibration
 from ...navigation.prepare.stationarity import StationaryPeriods
@@ -220,12 +221,8 @@ class MultiPosition:
     def as_dict(self) -> dict[str, Any]:
         """Return a JSON-able document: parameters in SI, covariances, residual statistics."""
         document: dict[str, Any] = {
-            "source": self.source,
             "stretches": len(self.stationary),
-            "positions": self.positions,
-            "turns": self.turns,
-            "gravity": self.gravity,
-            "gravity_sigma": self.gravity_sigma,
+            **picked(self, "source", "positions", "turns", "gravity", "gravity_sigma"),
         }
         for estimate in (self.accel, self.gyro):
             document[estimate.sensor] = {

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from ...base.files import json_ready
-from ..estimation.estimates import Estimate
+from ...base.files import json_ready, picked
 from ..estimation.gmwm import Fit
 from ..moments.theory import haar_variance_parts
 from .fits import Tuned, TuneData
@@ -56,7 +55,10 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "how": t.how,
         "diagonal_weights": _objective(t.first),
         "kept_weights": _objective(t.kept),
-        "estimates": [_estimate(e) for e in t.inference.estimates],
+        "estimates": [
+            picked(e, "name", "value", "standard_error", "low", "high", "at_bound")
+            for e in t.inference.estimates
+        ],
         "intervals": t.inference.intervals,
         "j_test": asdict(t.goodness),
         "verdicts": [asdict(v) for v in t.inference.verdicts],
@@ -79,17 +81,6 @@ def _objective(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _estimate(e: Estimate) -> dict[str, Any]:
-    return {
-        "name": e.name,
-        "value": e.value,
-        "standard_error": e.standard_error,
-        "low": e.low,
-        "high": e.high,
-        "at_bound": e.at_bound,
-    }
-
-
 def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, Any]]:
     """Wavelet variances with what the model says of them."""
     out = []
@@ -99,14 +90,8 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
             {
                 "recording": recordings[i % len(recordings)].name,
                 "axis": AXES[t.axes[i // len(recordings)]],
-                "rate_hz": curve.rate_hz,
-                "samples": curve.samples,
-                "robust": curve.robust,
-                "level": curve.level,
-                "scale_s": curve.scale_s,
+                **picked(curve, "rate_hz", "samples", "robust", "level", "scale_s", "low", "high"),
                 "wavelet_variance": curve.variance,
-                "low": curve.low,
-                "high": curve.high,
                 "modelled": modelled,
                 "parts": parts,
                 "residual_sigma": t.inference.goodness.residuals[i],
@@ -117,17 +102,13 @@ def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, A
 
 def _ranking(ranking: "Ranking") -> dict[str, Any]:
     """The models that competed, best first."""
+    numbers = ("wic", "difference", "p_value", "cross_validated", "equivalent", "remarks")
     models = [
         {
             "composition": str(c.composition),
             "parameters": c.composition.size,
             "objective": c.fit.objective,
-            "wic": c.wic,
-            "difference": c.difference,
-            "p_value": c.p_value,
-            "cross_validated": c.cross_validated,
-            "equivalent": c.equivalent,
-            "remarks": list(c.remarks),
+            **picked(c, *numbers),
         }
         for c in ranking.candidates
     ]
@@ -143,7 +124,7 @@ def _stationarity(
 ) -> dict[str, Any]:
     """Whether one parameter set serves all recordings."""
     numbers = ("statistic", "degrees", "p_value", "bootstrapped", "bootstrapped_error", "draws")
-    return {name: getattr(test, name) for name in numbers} | {
+    return picked(test, *numbers) | {
         "shares": {r.name: float(share) for r, share in zip(recordings, test.shares, strict=True)},
         "spread": [
             {"parameter": name, "found": scatter, "by_chance": chance}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.files import picked
 from ...report.document import Document, Section, Table
 from ...report.verdict import Verdict, worst_of
 
@@ -77,15 +78,10 @@ class Finding:
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            "name": self.name,
-            "statement": self.statement,
             "part": self.aspect,
-            "unit": self.unit,
             "rms_before": self.before,
             "rms_after": self.after,
-            "explained": self.explained,
-            "values": dict(self.values),
-            "alternatives": list(self.alternatives),
+            **picked(self, "name", "statement", "unit", "explained", "values", "alternatives"),
         }
 
 
@@ -224,10 +220,7 @@ class Comparison:
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            **{
-                name: getattr(self, name)
-                for name in ("a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by")
-            },
+            **picked(self, "a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by"),
             "matched": self.n,
             "without_partner": {"a": self.left_a, "b": self.left_b},
             "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError, near
+from ...base.files import picked
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.measured_block import MeasuredBlock
 from ...io.formats.blocks.pose_table import NamedPositions, read_position_table
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
 from ...records.cameras.camera import rays_of
 from ...records.cameras.mounting import ANTENNA_SIGMA_M
@@ -30,7 +30,7 @@ from ..lever_arm.materialisation import (
     receiver_targets,
 )
 from .poses import CameraPoses, PoseSigma, is_block, read_camera_poses
-from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .products import CalibratedMounting, calibrated, lever_arm_alone, provenance
 from .readings import advice, named_reading, position_readings
 
 ANTENNA = "antenna"
@@ -387,40 +387,27 @@ def _calibrated(
         )
     elif sigma.max() > RULER_M:
         reason = f"standard error {sigma.max():.3f} m (limit {RULER_M:g} m)"
-    value = f"{millimetres(arm)} +- {millimetres(sigma, '')}"
     verdict = f"{'before the flight: ' if len(results) > 1 else ''}{result.summary()}"
-    mounting = MountingFile(
-        verb="calibrate materialise",
-        antenna_m=None if reason else arm,
-        antenna_cov=None if reason else cov,
-        verdict=(verdict, *notes),
-        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **origin,
+    mounting, component = lever_arm_alone(
+        "calibrate materialise", arm, cov, reason, (verdict, *notes), origin
     )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
+    document = {
+        "lever_arms_m": [r.lever_arm_m for r in results],
+        "lever_arm_m": arm,
+        "sigma_m": sigma,
+        "cov_m2": cov,
+        **picked(result, "two_step_m", "scale", "variance_factor", "factor_limit"),
+        "phase_centres_apart_m": receiver.apart_m,
+        "inputs": inputs,
+    }
+    title = "Lever arm by targets on camera and receiver"
+    return calibrated(
         mounting,
-        "Lever arm by targets on camera and receiver",
+        title,
         verdict,
-        (
-            ("antenna_m", "not determined", reason)
-            if reason
-            else ("antenna_m", "determined", value),
-            ("imu_m", "not determined", NO_IMU),
-        ),
-        (*notes, *([line] if line else [])),
-        {
-            "lever_arms_m": [r.lever_arm_m for r in results],
-            "lever_arm_m": arm,
-            "sigma_m": sigma,
-            "cov_m2": cov,
-            "two_step_m": result.two_step_m,
-            "scale": result.scale,
-            "variance_factor": result.variance_factor,
-            "factor_limit": result.factor_limit,
-            "phase_centres_apart_m": receiver.apart_m,
-            "inputs": inputs,
-        },
+        component,
+        tuple(notes),
+        document,
         lambda: _charts(results, receiver),
     )
 

@@ -1,7 +1,7 @@
 """What every calibration of the mounting leaves: mounting.toml, a page, and its text."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...base.errors import DataError, InputError, UsageError
+from ...base.files import picked
 from ...base.inputs import is_file, opened, sha256
 from ...base.output.staging import together
 from ...base.provenance import made_from, other_results
@@ -182,17 +183,77 @@ class CalibratedMounting:
         """Return the document for machines."""
         return {
             "verb": self.mounting.verb,
-            "headline": self.headline,
+            **picked(self, "headline", "details", "files"),
             "components": [
                 {"component": name, "verdict": word, "text": text}
                 for name, word, text in self.components
             ],
             "mounting": self.mounting.values(),
             "not_determined": dict(self.mounting.not_determined),
-            "details": list(self.details),
-            "files": list(self.files),
             **self.document,
         }
+
+
+def calibrated(
+    mounting: MountingFile,
+    title: str,
+    headline: str,
+    components: Sequence[tuple[str, str, str]],
+    details: Sequence[str],
+    document: Mapping[str, Any],
+    charts: Callable[[], Sequence[Chart]],
+) -> CalibratedMounting:
+    """Return the result of a calibration that sees no IMU, with what Metashape takes of it.
+
+    Parameters are those of `CalibratedMounting`.
+    """
+    mounting = replace(mounting, not_determined={"imu_m": NO_IMU} | dict(mounting.not_determined))
+    line = metashape_line(mounting)
+    return CalibratedMounting(
+        mounting,
+        title,
+        headline,
+        (*components, ("imu_m", "not determined", NO_IMU)),
+        (*details, *([line] if line else [])),
+        dict(document),
+        charts,
+    )
+
+
+def lever_arm_alone(
+    verb: str,
+    arm: Array,
+    cov: Array,
+    reason: str,
+    verdict: Sequence[str],
+    origin: Mapping[str, Any],
+) -> tuple[MountingFile, list[tuple[str, str, str]]]:
+    """Return the file of a lever arm to the antenna and its verdict.
+
+    Parameters
+    ----------
+    verb : str
+        Name of the calibration.
+    arm, cov : ndarray
+        (3,) m and (3, 3).
+    reason : str
+        Why it is not determined; empty where it is.
+    verdict : sequence of str
+        Sentences for the file.
+    origin : mapping
+        Inputs, camera and date, as `Provenance.given` has them.
+    """
+    mounting = MountingFile(
+        verb=verb,
+        antenna_m=None if reason else arm,
+        antenna_cov=None if reason else cov,
+        verdict=tuple(verdict),
+        not_determined={"antenna_m": reason} if reason else {},
+        **origin,
+    )
+    value = f"{millimetres(arm)} +- {millimetres(np.sqrt(np.diag(cov)), '')}"
+    word = "not determined" if reason else "determined"
+    return mounting, [("antenna_m", word, reason or value)]
 
 
 def written(result: CalibratedMounting, out: Path, force: bool = False) -> CalibratedMounting:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
+from ...base.files import picked
 from ...geodesy.frames import TangentPlane
 from ...geodesy.similarity import similarity
 from ...io.formats.blocks.camera_toml import read_camera_toml
 from ...io.formats.blocks.ground_points import read_ground_points
 from ...io.formats.blocks.pose_table import NamedPositions
 from ...io.formats.blocks.reading import read_measured_block
-from ...io.formats.orientation.mounting_file import MountingFile
 from ...records import Array
 from ...records.cameras.camera import rays_of
 from ...report.charts.chart import Chart
@@ -44,7 +44,7 @@ from .poses import (
     read_camera_poses,
     read_positions,
 )
-from .products import NO_IMU, CalibratedMounting, metashape_line, provenance
+from .products import CalibratedMounting, calibrated, lever_arm_alone, provenance
 from .readings import advice, attitude_readings, named_reading, position_readings
 
 ANTENNA_M = (0.02, 0.03)  # horizontal, vertical, where the table has no standard deviations
@@ -488,28 +488,21 @@ def _calibrated(
         )
     parts = result.summary().split("; ")
     headline = f"{parts[0]}; {parts[-1] if parts[-1].startswith('res') else '; '.join(parts[-2:])}"
-    undetermined = {"imu_m": NO_IMU}
-    if reasons:
-        words = ", ".join(
-            f"{'xyz'[axis]} {text}" if word == "determined" else f"{'xyz'[axis]} {word} {text}"
-            for axis, (_, word, text) in enumerate(components)
-        )
-        undetermined["antenna_m"] = words
-    mounting = MountingFile(
-        verb="calibrate similarity",
-        antenna_m=None if reasons else result.lever_arm_m,
-        antenna_cov=None if reasons else result.cov[ARM, ARM],
-        verdict=(headline, *(f"{name} {word}: {text}" for name, word, text in components)),
-        not_determined=undetermined,
-        **origin,
+    words = (
+        f"{'xyz'[axis]} {text}" if word == "determined" else f"{'xyz'[axis]} {word} {text}"
+        for axis, (_, word, text) in enumerate(components)
     )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
+    verdict = (headline, *(f"{name} {word}: {text}" for name, word, text in components))
+    reason = ", ".join(words) if reasons else ""
+    mounting, _ = lever_arm_alone(
+        "calibrate similarity", result.lever_arm_m, result.cov[ARM, ARM], reason, verdict, origin
+    )
+    return calibrated(
         mounting,
         "Lever arm in flight",
         headline,
-        (*components, ("imu_m", "not determined", NO_IMU)),
-        (*notes, *([line] if line else [])),
+        components,
+        notes,
         _document(result, direction, images, inputs),
         lambda: _charts(result, direction, poses),
     )
@@ -522,14 +515,9 @@ def _document(
     inputs: Sequence[Path],
 ) -> dict[str, Any]:
     document: dict[str, Any] = {
-        "lever_arm_m": result.lever_arm_m,
-        "sigma_m": result.sigma_m,
-        "determined": result.determined,
-        "vertical_correlation": result.vertical_correlation,
-        "translation_correlation": result.translation_correlation,
+        **picked(result, "lever_arm_m", "sigma_m", "determined", "vertical_correlation"),
+        **picked(result, "translation_correlation", "variance_factor", "factor_limit"),
         "scale": result.frame.scale,
-        "variance_factor": result.variance_factor,
-        "factor_limit": result.factor_limit,
         "images": len(images),
         "ground_points": len(result.ground_residual_m),
         "residual_rms_m": np.sqrt((result.residual_m**2).mean(axis=0)),

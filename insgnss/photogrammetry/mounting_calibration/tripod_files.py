@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import DataError, InputError
-from ...io.formats.orientation.mounting_file import MountingFile
+from ...base.files import picked
 from ...records import Array
 from ...report.charts.chart import Chart
 from ..lever_arm.tripod import TripodLeverArm, TripodSetups, tripod_lever_arm
@@ -21,7 +21,7 @@ from .poses import (
     read_camera_poses,
     read_positions,
 )
-from .products import NO_IMU, CalibratedMounting, metashape_line, millimetres, provenance
+from .products import CalibratedMounting, calibrated, lever_arm_alone, provenance
 from .readings import advice, attitude_readings, named_reading, position_readings
 
 LONGEST_M = 5.0  # from a camera to an antenna on an aircraft that stands on a tripod
@@ -99,28 +99,16 @@ def calibrate_tripod(poses: Path, pins: Path, options: TripodOptions) -> Calibra
     cameras = () if camera.block is None else camera.block.cameras
     origin = provenance(inputs, cameras, options.photo, options.date or camera.date)
     reason = _undetermined(result)
-    value = f"{millimetres(result.lever_arm_m)} +- {millimetres(result.sigma_m, '')}"
     verdict = result.summary().split("; ")
-    mounting = MountingFile(
-        verb="calibrate tripod",
-        antenna_m=None if reason else result.lever_arm_m,
-        antenna_cov=None if reason else result.cov,
-        verdict=tuple(verdict),
-        not_determined={"imu_m": NO_IMU} | ({"antenna_m": reason} if reason else {}),
-        **origin.given,
+    mounting, component = lever_arm_alone(
+        "calibrate tripod", result.lever_arm_m, result.cov, reason, verdict, origin.given
     )
-    line = metashape_line(mounting)
-    return CalibratedMounting(
+    return calibrated(
         mounting,
         "Lever arm from a tripod",
         verdict[0],
-        (
-            ("antenna_m", "not determined", reason)
-            if reason
-            else ("antenna_m", "determined", value),
-            ("imu_m", "not determined", NO_IMU),
-        ),
-        (*verdict[1:], *notes, *([line] if line else [])),
+        component,
+        (*verdict[1:], *notes),
         _document(result, camera.images, inputs),
         lambda: _charts(result, setups, camera.images),
     )
@@ -234,12 +222,8 @@ def _document(
     result: TripodLeverArm, names: Sequence[str], inputs: tuple[Path, ...]
 ) -> dict[str, Any]:
     return {
-        "lever_arm_m": result.lever_arm_m,
-        "sigma_m": result.sigma_m,
+        **picked(result, "lever_arm_m", "sigma_m", "spread_m", "variance_factor", "factor_limit"),
         "cov_m2": result.cov,
-        "spread_m": result.spread_m,
-        "variance_factor": result.variance_factor,
-        "factor_limit": result.factor_limit,
         "attitude_span_deg": result.attitude_span_deg,
         "setups": [
             {"setup": name, "lever_arm_m": each, "left_out": bool(out)}

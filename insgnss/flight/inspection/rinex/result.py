@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....base.errors import DataError, InsgnssError
+from ....base.files import picked
 from ....base.wording import command_line
 from ....geodesy.frames import ecef_to_geodetic
 from ....report.document import Document, Section, Table
@@ -113,18 +114,11 @@ def _document(receiver: Receiver, survey: Survey) -> Mapping[str, Any]:
     return {
         "role": _role(receiver, survey),
         "files": [str(path) for path in receiver.files],
-        "marker": receiver.header.marker,
-        "receiver": receiver.header.receiver,
-        "antenna": receiver.header.antenna,
+        **picked(receiver.header, "marker", "receiver", "antenna"),
         "antenna_delta_m": receiver.header.antenna_delta_m.tolist(),
         "rinex": receiver.header.version,
-        "interval_s": receiver.interval_s,
-        "epochs": receiver.epochs,
-        "gaps": receiver.gaps,
-        "events": receiver.events,
         "minutes": (receiver.last_s - receiver.first_s) / 60.0,
-        "satellites": receiver.satellites,
-        "bands": receiver.bands,
+        **picked(receiver, "interval_s", "epochs", "gaps", "events", "satellites", "bands"),
     }
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.files import json_ready
+from ....base.files import json_ready, picked
 from .data import FlightTuningData
 from .words import flight_document
 
@@ -33,10 +33,7 @@ class FlightTuning(FlightTuningData):
             }
             for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
         }
-        innovations = {
-            key: _innovations(getattr(n, key))
-            for key in ("before", "after", "at_best", "static_at_best")
-        }
+        four = picked(n, "before", "after", "at_best", "static_at_best")
         document = {
             "name": self.name,
             "verdict": "accept" if self.accepted else "keep",
@@ -48,7 +45,7 @@ class FlightTuning(FlightTuningData):
             "likelihood_gain": n.gain,
             "chance": n.chance,
             "duration_s": n.duration_s,
-            "innovations": innovations,
+            "innovations": {key: _innovations(one) for key, one in four.items()},
             "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
             "straight_flight": None if s is None else _spectrum(s),
             "notes": self.notes,
@@ -65,16 +62,12 @@ def _innovations(innovations: "Innovations") -> dict[str, Any]:
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
     """Return all of the spectrum but the curves."""
-    keys = (
+    keys: tuple[str, ...] = (
         "rate_hz",
         "duration_s",
         "windows",
         "mean_with_lines",
         "mean_without_lines",
-        "upper_limit",
-        "level",
-        "level_from_hz",
     )
-    return {key: getattr(straight, key) for key in keys} | {
-        "lines": [asdict(line) for line in straight.lines]
-    }
+    keys += ("upper_limit", "level", "level_from_hz")
+    return picked(straight, *keys) | {"lines": [asdict(line) for line in straight.lines]}
