@@ -21,7 +21,7 @@ Paths and commands are written as the system's shell takes them (`relative`, `co
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
@@ -81,6 +81,13 @@ def command_line(words: Sequence[str]) -> str:
     import shlex
 
     return shlex.join(words)
+
+
+def some(items: Iterable[object], most: int = 3, mark: str = ", ") -> str:
+    """The first of many in one phrase, "a, b, c and 4 more"; all where they are not many."""
+    words = [*map(str, items)]
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return f"{mark.join(words[:most])}{more}"
 
 
 def listed(words: Sequence[object]) -> str:

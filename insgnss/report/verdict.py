@@ -6,6 +6,7 @@ The page colours the bar beside its headline by it, the terminal prints it below
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
+from ..base.wording import some
 from .rules.verdict import MOST_SENTENCES
 
 # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
@@ -42,8 +43,7 @@ def worst_of(good: str, doubtful: Sequence[str] = (), bad: Sequence[str] = ()) -
         Findings of either kind, the most important first, without full stop.
     """
     found = bad or doubtful
-    more = f"; and {len(found) - NAMED} more" if len(found) > NAMED else ""
-    why = "; ".join(found[:NAMED]) + more if found else good
+    why = some(found, NAMED, "; ") if found else good
     return Verdict("bad" if bad else "doubtful" if doubtful else "good", why)
 
 
@@ -64,11 +64,10 @@ def run_verdict(summary: Mapping[str, Any]) -> Verdict:
     if reason or not standing_out:
         return worst_of(good, bad=[reason] if reason else [])
     topics = list(dict.fromkeys(limit["topic"] for limit in standing_out[:MOST_SENTENCES]))
-    named = ", ".join(topics[:NAMED]) + (" and more" if len(topics) > NAMED else "")
     n = len(standing_out)
     beyond = (
-        f"{f'{n} figures are' if n > 1 else '1 figure is'} beyond those of a good flight ({named}),"
-        " see What limits this flight; nothing contradicts the result"
+        f"{f'{n} figures are' if n > 1 else '1 figure is'} beyond those of a good flight"
+        f" ({some(topics, NAMED)}), see What limits this flight; nothing contradicts the result"
     )
     return worst_of(good, [beyond])
 

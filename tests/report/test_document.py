@@ -118,7 +118,7 @@ def test_the_verdict_is_that_of_the_worst_finding() -> None:
     assert worst_of("well") == ("good", "well")
     assert worst_of("well", ["a", "b"]) == ("doubtful", "a; b")
     assert worst_of("well", ["a"], ["c"]) == ("bad", "c")
-    assert worst_of("well", list("abcde")) == ("doubtful", "a; b; c; and 2 more")
+    assert worst_of("well", list("abcde")) == ("doubtful", "a; b; c and 2 more")
 
 
 def test_nothing_to_say_leaves_no_heading() -> None:

@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from ...base.wording import some
 from ...records import Array
 from ...report.charts.chart import Axes, Chart, Ink, Layer
 from ...report.document import Document, Marked, Section, Table
@@ -101,18 +102,12 @@ def _verdict(rows: Sequence[Row], trends: Sequence[Trend]) -> Verdict:
     }
     return worst_of(
         "every flight has a result, and no constant of an equipment drifts",
-        *([f"{text}: {_some(of)}" for text, of in kind.items() if of] for kind in (doubtful, bad)),
+        *([f"{text}: {some(of)}" for text, of in kind.items() if of] for kind in (doubtful, bad)),
     )
 
 
 def _is(row: Row, *status: str) -> bool:
     return row["status"] in status
-
-
-def _some(names: Sequence[str], most: int = 3) -> str:
-    """Return names, the first few of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{', '.join(names[:most])}{more}"
 
 
 def _cells(row: Row) -> tuple[str, ...]:

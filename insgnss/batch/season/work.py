@@ -20,7 +20,7 @@ from ...base.errors import DataError, InputError, InsgnssError
 from ...base.inputs import sha256
 from ...base.provenance import PRODUCTS, changed_products
 from ...base.received.trusted import trusting
-from ...base.wording import relative
+from ...base.wording import relative, some
 from ...flight.config.flight_file import Flight
 from .row import COLUMNS, Row, boresight_of, equipment_of, known_from_refusal, read_report, row_of
 
@@ -254,9 +254,8 @@ def changed_since(names: Sequence[str]) -> str:
     names : sequence of str
         Of the products.
     """
-    others = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return (
-        f"{CHANGED} {', '.join(names[:MOST_NAMED])}{others}: not what the run wrote, and kept as"
+        f"{CHANGED} {some(names, MOST_NAMED)}: not what the run wrote, and kept as"
         " changed; `insgnss process` of this flight, or `batch --again`, writes what it wrote"
     )
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import InputError
+from ...base.wording import some
 from ...navigation.prepare.clock import NO_WEEK
 from ...records import CameraEvents, GnssFixes, ImuSamples
 from ..processing.progress import Progress, quiet
@@ -189,10 +190,9 @@ def _choose(
             " columns in a flight file"
         )
     if len(samples) > 1:
-        names = ", ".join(source.title for source in samples[:MOST_LISTED])
-        more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
+        names = some((source.title for source in samples), MOST_LISTED)
         raise InputError(
-            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of"
+            f"{where}: {len(samples)} recordings of an IMU: {names}; name the files of one of"
             " them ([[imu.further]] joins others)"
         )
     imu = samples[0]
@@ -216,8 +216,7 @@ def _listed(discovery: Discovery) -> str:
         *(f"{source.path.name} ({source.what})" for source in discovery.sources),
         *others,
     ]
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return "; ".join(names[:MOST_LISTED]) + more
+    return some(names, MOST_LISTED, "; ")
 
 
 def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, InsgnssError, near
 from ...base.tables import Columns
+from ...base.wording import some
 from ...flight.config.block_file import BlockFile
 from ...geodesy.frames import TangentPlane
 from ...io.formats.blocks.camera_toml import read_camera_covariance, read_camera_toml
@@ -135,8 +136,8 @@ def inputs_of(file: BlockFile, progress: Callable[[str], None]) -> Inputs:
     if eo is not None and (unseen := len(eo.images) - int((rows >= 0).sum())):
         own = set(rows[rows >= 0].tolist())
         names = [name for k, name in enumerate(eo.images) if k not in own]
-        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
-        notes.append(f"{unseen} images of the aerial control have no image observations: {some}")
+        named = some(names)
+        notes.append(f"{unseen} images of the aerial control have no image observations: {named}")
     notes += _left_out(ground, block)
     notes += _seen_once(block, moving)
     return Inputs(file, block, eo, rows, tuple(notes), calibrated(file, block), vehicle)
@@ -263,10 +264,10 @@ def _oriented_only(
     if not few.any():
         return source
     names = [images[k] for k in np.flatnonzero(few)]
-    some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
+    named = some(names)
     notes.append(
         f"{len(names)} images are left out, which see fewer than {FEWEST_POINTS} points and have no"
-        f" aerial control: {some}"
+        f" aerial control: {named}"
     )
     return _without_images(source, names)
 
@@ -436,7 +437,7 @@ def _left_out(ground: GroundTable | None, block: ImageBlock) -> list[str]:
     missing = [name for name in ground.points if name not in names]
     if not missing:
         return []
-    some = ", ".join(missing[:5]) + (" ..." if missing[5:] else "")
+    named = some(missing, 5)
     return [
-        f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {some}"
+        f"{len(missing)} of {len(ground.points)} ground points are measured in no image: {named}"
     ]

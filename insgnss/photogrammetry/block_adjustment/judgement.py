@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.wording import some
 from ...report.rules.wording import Limit, lengths, screen_unit
 from ..adjust.aerial import BORESIGHT, LEVER_ARM, TIME_OFFSET
 from .aerial.relative import DATUM
@@ -249,7 +250,7 @@ def _disconnected(figures: Mapping[str, Any]) -> Iterator[Limit]:
     control = figures["ground_control"]
     alone = [point["point"] for point in control if point["images"] == 0]
     if alone:
-        words = ", ".join(alone[:3]) + (" ..." if alone[3:] else "")
+        words = some(alone)
         yield Limit(
             GROUND,
             DISCONNECTED * len(alone) / len(control) + 1.0,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
 from ...base.inputs import is_file
+from ...base.wording import some
 from ...geodesy.frames import TangentPlane, ecef_to_geodetic
 from ...geodesy.gpstime import calendar_from_gps
 from ...geodesy.rotation import NED_ENU
@@ -484,9 +485,8 @@ def joined(
         (len(names), second, names, rows[:, 1]),
     ):
         if missing := sorted(set(range(count)) - set(taken.tolist())):
-            some = ", ".join(own[k] for k in missing[:MOST_NAMED])
-            more = " ..." if len(missing) > MOST_NAMED else ""
-            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {some}{more}")
+            named = some((own[k] for k in missing), MOST_NAMED)
+            notes.append(f"{len(missing)} of {count} in {path.name} without partner: {named}")
     return rows[:, 0], rows[:, 1], tuple(notes)
 
 

@@ -13,6 +13,7 @@ from ...base.errors import DataError, UsageError
 from ...base.files import atomic_write
 from ...base.output.staging import together
 from ...base.provenance import made_from, paths_named_by, refuse_other_results
+from ...base.wording import some
 from ...report.document import Document, Section, write_json
 from ...report.verdict import worst_of
 from ..targets.measurement import Rules
@@ -152,11 +153,11 @@ def predict_targets(
     rows = np.flatnonzero(seen.visible)
     ellipse = seen.ellipse[rows]
     count = np.bincount(seen.point[rows], minlength=len(inputs.ground.points))
-    some = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
+    size = f"{np.median(ellipse[:, 0]):.1f} px (at most {ellipse[:, 0].max():.1f})"
     headline = (
         f"{int((count > 0).sum())} of {len(count)} {_noun(inputs)} lie in"
         f" {np.unique(seen.image[rows]).size} of {len(inputs.eo.images)} images, {len(rows)} times;"
-        f" larger semi-axis of their ellipses {some}"
+        f" larger semi-axis of their ellipses {size}"
     )
     figures: dict[str, Any] = {
         "headline": headline,
@@ -268,8 +269,8 @@ def _unseen_points(inputs: Inputs, count: Any) -> list[str]:
     names = [name for name, n in zip(inputs.ground.points, count, strict=True) if not n]
     if not names:
         return []
-    some = ", ".join(names[:5]) + (" ..." if names[5:] else "")
-    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {some}"]
+    named = some(names, 5)
+    return [f"{len(names)} of {len(count)} {_noun(inputs)} lie in no image: {named}"]
 
 
 def _noun(inputs: Inputs) -> str:
@@ -296,8 +297,8 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         notes.append(f"{without} images that show ground points have no photograph")
     if photographs.strangers:
         names = [path.name for path in photographs.strangers]
-        some = ", ".join(names[:3]) + (" ..." if names[3:] else "")
-        notes.append(f"{len(names)} photographs have no pose in the orientation: {some}")
+        named = some(names)
+        notes.append(f"{len(names)} photographs have no pose in the orientation: {named}")
     notes += _size(inputs, windows)
     never = [
         name
@@ -305,9 +306,9 @@ def _figures(inputs: Inputs, photographs: Photographs, windows: list[Window]) ->
         if looked and not measured
     ]
     if never and good:
-        some = ", ".join(never[:5]) + (" ..." if never[5:] else "")
+        named = some(never, 5)
         notes.append(
-            f"{len(never)} of {len(count)} ground points were measured in no photograph: {some}"
+            f"{len(never)} of {len(count)} ground points were measured in no photograph: {named}"
         )
     headline = (
         f"{len(good)} of {len(windows)} targets measured, of"

@@ -7,6 +7,7 @@ lines, an IMU of the class of a NavChip); the limits stand below.
 import math
 from collections.abc import Iterator, Sequence
 
+from ...base.wording import some
 from .wording import Figures, Limit, degrees, millimetres, tilt
 
 GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
@@ -290,7 +291,8 @@ def states(f: Figures) -> Iterator[Limit]:
         yield Limit(
             "constants",
             REMARK,
-            f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
+            "estimated from the flight, beside what the flight file has:"
+            f" {some(estimated, MOST_NAMED)}",
             "it sees the antenna from the IMU alone: where imu_m is wrong instead, the images are"
             " off by as much; measure both"
             if of_antenna and not any(lever_arm(f))
@@ -300,12 +302,6 @@ def states(f: Figures) -> Iterator[Limit]:
         yield Limit(
             "constants",
             REMARK,
-            f"not observed by this flight: {_some(of_imu)}",
+            f"not observed by this flight: {some(of_imu, MOST_NAMED)}",
             "they may as well not be estimated",
         )
-
-
-def _some(items: list[str]) -> str:
-    return ", ".join(items[:MOST_NAMED]) + (
-        f" and {len(items) - MOST_NAMED} more" if len(items) > MOST_NAMED else ""
-    )

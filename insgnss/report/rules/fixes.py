@@ -10,6 +10,7 @@ where the fixes were made up for a sensor that stands at a given place.
 
 from collections.abc import Iterator
 
+from ...base.wording import some
 from .wording import AXES, Figures, Limit, lengths, millimetres, span
 
 TRUST = 2.0
@@ -124,9 +125,7 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
     """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
-        instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (
-            " ..." if len(times) > 5 else ""
-        )
+        instants = some((f"{time:.1f}" for time in times), 5)
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
             f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"

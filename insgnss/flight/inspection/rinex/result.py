@@ -9,7 +9,7 @@ import numpy as np
 
 from ....base.errors import DataError, InsgnssError
 from ....base.files import picked
-from ....base.wording import command_line
+from ....base.wording import command_line, some
 from ....geodesy.frames import ecef_to_geodetic
 from ....report.document import Document, Section, Table
 from ....report.verdict import worst_of
@@ -67,10 +67,9 @@ class RinexInspection:
         s, refusal = self.survey, self.refusal
         files = []
         for r in s.receivers:
-            names = ", ".join(file.name for file in r.files[:4])
-            more = f" and {len(r.files) - 4} more" if len(r.files) > 4 else ""
+            names = some((file.name for file in r.files), 4)
             marker = r.header.marker or "no marker"
-            files.append((_role(r, s), f"{names}{more} ({marker}): {r.words}"))
+            files.append((_role(r, s), f"{names} ({marker}): {r.words}"))
         if s.navigation:
             named = ", ".join(f"{SYSTEMS.get(k, k)} {n}" for k, n in s.messages.items())
             of = ", ".join(file.name for file in s.navigation)
